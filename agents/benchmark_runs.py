@@ -31,13 +31,14 @@ from wt_gym.runs.progress import ProgressLine
 from wt_gym.runs.table import make_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     import gymnasium as gym
 
     from wt_gym.agents.trained_agent import TrainedAgent
     from wt_gym.benchmark import BenchmarkTask, BenchmarkWind
     from wt_gym.control.controllers import Name
+    from wt_gym.envs.episode import Agent
     from wt_gym.runs.executors import Executor
 
 __all__ = ["Entry", "Job", "definition_of", "entries_of", "entry_of", "jobs_of", "results_of", "run_jobs"]
@@ -45,7 +46,7 @@ __all__ = ["Entry", "Job", "definition_of", "entries_of", "entry_of", "jobs_of",
 
 @dataclass(frozen=True)
 class Entry:
-    """An agent with the environment it wants.
+    """An agent with the environment it requires.
 
     Attributes
     ----------
@@ -64,10 +65,10 @@ class Entry:
     definition: dict[str, Any]
     interface: dict[str, Any] = field(default_factory=dict)
 
-    def make(self, env: gym.Env):
+    def make(self, env: gym.Env) -> Agent:
         """Make the agent for an environment; it has stable-baselines3's ``predict``."""
         layout = layout_of(env)
-        if self.definition["kind"] == "controller":  # which runs beneath
+        if self.definition["kind"] == "controller":  # the base controller, which the environment runs
             return ConstantAgent(layout)
         agent = load_agent(self.choice, layout, env)
         if self.definition["kind"] == "trained":
@@ -115,8 +116,8 @@ def _entry(label: str, name: Name) -> Entry:
         source = {"class": known["class"], "parameters": name.parameters, "sha256": [*known["sha256"].values()]}
         if not is_base_controller(text):
             return Entry(label, text, {"kind": "class", **source}, env_choices_of(text))
-        beneath = {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]}
-        return Entry(label, text, {"kind": "controller", **source}, beneath)
+        residual = {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]}
+        return Entry(label, text, {"kind": "controller", **source}, residual)
     definition = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
     return Entry(label, text, definition, {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]})
 
@@ -127,7 +128,7 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
     Raises
     ------
     ValueError
-        If one is no agent, or two different ones have the same name.
+        If one is not an agent, or two different ones have the same name.
     """
     entries: dict[str, Entry] = {}
     for label, text in each_named(texts, default=_default_name, groups=GROUPS):
@@ -172,7 +173,7 @@ def jobs_of(tasks: Iterable[BenchmarkTask], entries: Sequence[Entry]) -> list[Jo
     return [Job(task, wind, entry) for task in tasks for entry in entries for wind in task.winds]
 
 
-def _run(job: Job, on_step=None) -> dict[str, Any]:
+def _run(job: Job, on_step: Callable[[float], None] | None = None) -> dict[str, Any]:
     """Make one run."""
     result = play(job.task, job.wind, job.entry.make, job.entry.interface, on_step)
     return {"definition": definition_of(job), "agent": job.entry.name, **result}

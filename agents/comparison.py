@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from wt_gym.runs.executors import Executor
+    from wt_gym.simulation import Fidelity
     from wt_gym.simulation.contract import TurbineSimulator
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
@@ -66,7 +67,7 @@ COLUMNS = (
 """Metrics of `wt_gym.analysis.metrics` and their short names."""
 
 LEAST_MEASURED = 2.0
-"""Shortest time of which metrics are taken, and longest interval of a controller [s]."""
+"""Shortest time that metrics are taken of, and longest interval of a controller [s]."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class ControllerRuns:
         return (*self.metrics, *self.failures)
 
 
-def inflow_of(turbine: Turbine, case: Case, shear_exponent: float = 0.2):
+def inflow_of(turbine: Turbine, case: Case, shear_exponent: float = 0.2) -> Inflow:
     """Wind of a case: sheared, with Kaimal turbulence of the turbine's class if there is a seed."""
     steady = _steady(turbine, case, shear_exponent)
     if case.seed is None:
@@ -125,16 +126,16 @@ def check_times(duration: float, skip: float, control_dt: float | None = None) -
     check_duration("the duration", duration, LEAST_MEASURED)
     check_duration("the skipped start", skip)
     if control_dt is not None and not 0.0 < control_dt <= LEAST_MEASURED:
-        raise ValueError(f"the control step must lie above 0 and at most at {LEAST_MEASURED:g} s, got {control_dt!r}")
+        raise ValueError(f"the control step must be above 0 and at most {LEAST_MEASURED:g} s, got {control_dt!r}")
 
 
 def run_cases(
     turbine: Turbine,
-    controllers: Mapping[str, tuple[str, dict]],
+    controllers: Mapping[str, tuple[str, dict[str, Any]]],
     cases: Iterable[Case],
     duration: float,
     skip: float = 30.0,
-    fidelity="training",
+    fidelity: str | Fidelity = "training",
     control_dt: float | None = None,
     progress: Callable[[str, Case], None] | None = None,
     runs: list[ControllerRuns] | None = None,
@@ -143,8 +144,8 @@ def run_cases(
 ) -> list[ControllerRuns]:
     """Run every controller in every wind.
 
-    Where one is an agent with ``predict``, all run in environments, controllers beneath actions that rest: so that all
-    start alike.
+    Where one is an agent with ``predict``, all run in environments, controllers as base controllers of zero actions:
+    so that all start alike.
 
     Parameters
     ----------
@@ -257,13 +258,13 @@ def run_agent(
     name: Name,
     inflow: Inflow,
     duration: float,
-    fidelity="training",
+    fidelity: str | Fidelity = "training",
     control_dt: float | None = None,
     simulator: Any = OWN,
 ) -> xr.Dataset:
     """Simulate under an agent in an environment: that of its training, or the one that it chooses.
 
-    A controller runs beneath actions that rest, and so do words without an environment of their own.
+    A controller is the base controller of zero actions, and so are words without an environment of their own.
 
     Parameters
     ----------

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
     from wt_gym.envs.layout import EnvLayout
 
 __all__ = ["ConstantAgent"]
@@ -28,11 +30,13 @@ class ConstantAgent:
         If the action does not fit the environment.
     """
 
-    def __init__(self, layout: EnvLayout, action=None):
-        values = np.zeros(layout.action.size) if action is None else action
-        self._action = layout.action.validate(values).astype(np.float32)
+    def __init__(self, layout: EnvLayout, action: ArrayLike | None = None):
+        values = np.zeros(layout.action.size) if action is None else np.asarray(action)
+        self._action: NDArray[np.float32] = layout.action.validate(values).astype(np.float32)
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], Any]:
         """Return the constant action for each observation, and the state as it came."""
         observation = np.asarray(observation)
         if observation.ndim == 1:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections import deque
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import checked_demand, lidar_of, make_controller
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.layout import EnvLayout
 
@@ -87,17 +89,17 @@ class ControllerAgent:
         If the observation lacks a channel that the controller reads, or a demand.
     ValueError
         If a controller of individual pitch meets an environment with collective pitch, the actions are neither rates
-        nor absolute demands, a controller runs beneath them already, or the lidar of the controller is not that of the
+        nor absolute demands, they have a base controller already, or the lidar of the controller is not that of the
         observation.
     """
 
-    def __init__(self, layout: EnvLayout, controller: str | Controller = "discon", **parameters):
+    def __init__(self, layout: EnvLayout, controller: str | Controller = "discon", **parameters: Any):
         self.layout = layout
         self.controller = make_controller(controller, layout.turbine, **parameters)
         action = layout.action
         if action.needs_controller or action.turns_with_rotor:
             raise ValueError(
-                "a ControllerAgent needs rate or absolute actions for the pitch of blades and for torque, got "
+                "actions for a ControllerAgent must be rates or absolute demands of blade pitch and torque, got "
                 f"action_mode {action.mode!r} with pitch {action.pitch!r} and components {action.components}; for "
                 "others make it the base controller, controller=..."
             )
@@ -107,7 +109,7 @@ class ControllerAgent:
                 f"the controller reads {lidar}, the observation has {layout.lidar}: give both the same, lidar=..."
             )
         if "azimuth" in self.controller.channels and action.pitch != "individual":
-            raise ValueError(f"a controller of individual pitch needs pitch='individual', got {action.pitch!r}")
+            raise ValueError(f"pitch must be 'individual' for a controller of individual pitch, got {action.pitch!r}")
         if action.pitch == "individual":
             self._pitch_names = tuple(f"pitch_demand_{b + 1}" for b in range(action.n_blades))
         else:
@@ -120,7 +122,7 @@ class ControllerAgent:
         self.reset()
 
     @classmethod
-    def from_env(cls, env, controller: str | Controller = "discon", **parameters) -> ControllerAgent:
+    def from_env(cls, env: Any, controller: str | Controller = "discon", **parameters: Any) -> ControllerAgent:
         """Build the agent for a Gymnasium environment, a vector environment or a stable-baselines3 VecEnv."""
         from wt_gym.envs.layout import layout_of
 
@@ -132,7 +134,9 @@ class ControllerAgent:
         # of an environment: what it was asked for, from the demand that the next observation shows to the present one
         self._asked: list[deque[AgentSetpoint | Demand]] = []
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], Any]:
         """Action for an observation, as stable-baselines3's models give it.
 
         Parameters

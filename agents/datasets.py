@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from minari import MinariDataset
+    from numpy.typing import NDArray
 
     from wt_gym.envs.episode import Agent
 
@@ -72,7 +73,7 @@ class DatasetConfig:
     random_episodes: int = 2
     allow_other_environment: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.episodes < 1 or self.random_episodes < 1:
             raise ValueError(
                 f"episodes and random_episodes must be at least 1, got {self.episodes} and {self.random_episodes}"
@@ -129,7 +130,9 @@ def record_dataset(
     return dataset
 
 
-def _write(config: DatasetConfig, folder: Path, env: gym.Env, played: list, lowest: list) -> MinariDataset:
+def _write(
+    config: DatasetConfig, folder: Path, env: gym.Env, played: list[dict[str, Any]], lowest: list[dict[str, Any]]
+) -> MinariDataset:
     """Write the episodes that were played, with the mean returns of random ones for comparison."""
     import minari
     from minari.data_collector.episode_buffer import EpisodeBuffer
@@ -162,7 +165,7 @@ def _datasets_in(folder: Path) -> Iterator[None]:
             os.environ[_ROOT] = before
 
 
-def _agent(config: DatasetConfig):
+def _agent(config: DatasetConfig) -> tuple[str, dict[str, Any], Callable[[gym.Env], Agent]]:
     """Environment, its arguments, and what makes the agent for it."""
     name = read_name(config.agent)
     if name.kind == "trained":
@@ -170,10 +173,10 @@ def _agent(config: DatasetConfig):
         of_training = (trained.record or {}).get("config", {})
         env_id = config.env_id or of_training.get("env_id")
         if env_id is None:
-            raise ValueError(f"{config.agent} has no record of its training: say which environment it is for")
+            raise ValueError(f"the environment must be given for {config.agent}, which has no record of its training")
         env_id = env_id if config.env_id else present_id(env_id)
 
-        def make_trained(env):
+        def make_trained(env: gym.Env) -> Agent:
             trained.enter(layout_of(env))
             if not config.allow_other_environment:
                 check_environment(trained.record or {}, env)
@@ -194,7 +197,9 @@ class _Noisy:
     def __init__(self, agent: Agent, noise: float, seed: int):
         self._agent, self._noise, self._rng = agent, noise, np.random.default_rng(seed)
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], Any]:
         action, state = self._agent.predict(observation, state, episode_start, deterministic)
         noisy = action + self._noise * self._rng.standard_normal(action.shape)
         return np.clip(noisy, -1.0, 1.0).astype(np.float32), state

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import time
 from contextlib import nullcontext
@@ -24,6 +23,7 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.files import json_values
 from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.playing import play
 from wt_gym.runs.progress import ProgressLine, clock
@@ -33,6 +33,8 @@ from wt_gym.wind.iec import REFERENCE_SPEED
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
+
+    import xarray as xr
 
     from wt_gym.envs.episode import Agent, EpisodeStep
     from wt_gym.envs.layout import EnvLayout
@@ -92,7 +94,9 @@ def evaluate(
     """
     executor = SerialExecutor() if executor is None else executor
     if executor.beside and (objects := [name for name, agent in agents.items() if not isinstance(agent, str)]):
-        raise ValueError(f"agents by word or path can run in other processes; {', '.join(objects)} came as objects")
+        raise ValueError(
+            f"agents that run in other processes must be names or paths, got objects for {', '.join(objects)}"
+        )
     store = None if folder is None else EvaluationFolder(folder, agents, config)
     where = config.env_id, config.env_kwargs, config.duration
     with store or nullcontext(), AgentPool(agents, *where, allow_other_environment) as pool:
@@ -213,7 +217,7 @@ def _options(env: WindTurbineEnv, asked: Wind, config: EvaluationConfig) -> dict
     return options
 
 
-def _metrics(data, turbine: Turbine, skip: float, duration: float) -> dict[str, float]:
+def _metrics(data: xr.Dataset, turbine: Turbine, skip: float, duration: float) -> dict[str, float]:
     """Metrics of a run, none if it ended before there was something to measure."""
     return run_metrics(data, turbine, skip) if duration >= skip + LEAST_MEASURED else {}
 
@@ -233,4 +237,4 @@ def _settings(config: EvaluationConfig, layout: EnvLayout, env: gym.Env) -> dict
         "numpy": np.__version__,
         "gymnasium": gym.__version__,
     }
-    return json.loads(json.dumps(settings, default=str))
+    return json_values(settings)

@@ -38,7 +38,7 @@ class EvaluationConfig:
     skip : float
         Start left out of the metrics [s].
     seed : int
-        Of what the wind seeds do not decide: gusts, directions, one's own inflows, measurement noise; counted from
+        Of what the wind seeds do not decide: gusts, directions, your own inflows, measurement noise; counted from
         `FIRST_SEED` on, so that no training has met it.
     replay : float
         Length of the end of the runs in the first wind whose shapes are kept for a replay [s]; 0: none.
@@ -67,22 +67,22 @@ class EvaluationConfig:
     mean_wind_speed: float | None = None
     weibull_shape: float = 2.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (self.skip >= 0.0 and self.duration >= self.skip + LEAST_MEASURED):
             raise ValueError(
-                f"nothing is left to evaluate: the duration of {self.duration:g} s must exceed the skipped start of "
-                f"{self.skip:g} s (at least 0) by {LEAST_MEASURED:g} s or more"
+                f"the skipped start must be at least 0 and the duration {LEAST_MEASURED:g} s longer or more, got "
+                f"{self.skip:g} and {self.duration:g} s"
             )
         check_duration("the duration", self.duration)
         check_duration("the length of the replay", self.replay)
         if not 0 <= self.seed <= _MOST_SEED:
-            raise ValueError(f"the seed must lie between 0 and {_MOST_SEED}, got {self.seed!r}")
+            raise ValueError(f"the seed must be from 0 to {_MOST_SEED}, got {self.seed!r}")
         if not self.winds or len(set(self.winds)) < len(self.winds):
             raise ValueError(f"winds must be given, each once, got {', '.join(wind.label for wind in self.winds)}")
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
         for seed in (wind.seed for wind in self.winds if wind.seed is not None):
             if not 0 <= seed <= LARGEST_WIND_SEED:
-                raise ValueError(f"a wind seed must lie between 0 and {LARGEST_WIND_SEED}, got {seed!r}")
+                raise ValueError(f"a wind seed must be from 0 to {LARGEST_WIND_SEED}, got {seed!r}")
         for name in ("episode_length", "max_episode_steps"):
             if name in self.env_kwargs:
                 raise ValueError(f"{name} follows from the duration of the evaluation; leave it out of env_kwargs")

@@ -1,4 +1,4 @@
-"""The folder of an evaluation: runs are kept as they come, and a stopped evaluation goes on where it was."""
+"""The folder of an evaluation: runs are kept as they come, and a stopped evaluation resumes where it was."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wt_gym.agents.names import fingerprint
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing, sources_digest
 from wt_gym.envs.wind_files import wind_files_of
-from wt_gym.files import write_text_whole
+from wt_gym.files import json_values, write_text_whole
 from wt_gym.runs.definition import RunDefinition, digest
 from wt_gym.runs.store import SWEEP_FILE, RunStore
 
@@ -69,7 +69,7 @@ class EvaluationFolder(RunStore):
     Raises
     ------
     ValueError
-        If an agent is an object, of which a file cannot say which it was.
+        If an agent is an object, which a file cannot identify.
         On entering, if another process evaluates there.
     FileNotFoundError
         If an agent's model does not exist.
@@ -79,8 +79,8 @@ class EvaluationFolder(RunStore):
         objects = [name for name, agent in agents.items() if not isinstance(agent, str)]
         if objects:
             raise ValueError(
-                f"an evaluation that is kept in a folder takes agents by word or path; {', '.join(objects)} came as "
-                "objects: leave the folder out and save the result"
+                f"agents of an evaluation that is kept in a folder must be names or paths, got objects for "
+                f"{', '.join(objects)}: leave the folder out and save the result"
             )
         super().__init__(path, "evaluation")
         self._config = config
@@ -90,10 +90,10 @@ class EvaluationFolder(RunStore):
             "wind_files": wind_files_of(config.env_kwargs),
         }
         # through JSON, so that it can be compared with what a file says
-        self._configuration: dict[str, Any] = json.loads(json.dumps(configuration, default=str))
+        self._configuration = json_values(configuration)
 
     def begin(self, code: dict[str, str], overwrite: bool) -> None:
-        """Make the folder ready: empty for a new evaluation, as it is for one to go on with.
+        """Make the folder ready: empty for a new evaluation, as it is for one to resume.
 
         Parameters
         ----------

@@ -190,12 +190,12 @@ def front_distance(
     )  # fmt: skip
 
 
-def _least_duty(duty: np.ndarray, flap: np.ndarray, wanted: float) -> float:
+def _least_duty(duty: np.ndarray, flap: np.ndarray, required: float) -> float:
     """Least duty cycle at which a curve comes down to a flap DEL; infinite if it never does."""
-    if flap[0] <= wanted:
+    if flap[0] <= required:
         return float(duty[0])
-    for k in np.flatnonzero(flap[1:] <= wanted):
-        share = (flap[k] - wanted) / (flap[k] - flap[k + 1])
+    for k in np.flatnonzero(flap[1:] <= required):
+        share = (flap[k] - required) / (flap[k] - flap[k + 1])
         return float(duty[k] + share * (duty[k + 1] - duty[k]))
     return np.inf
 

@@ -51,7 +51,7 @@ if not TYPE_CHECKING:  # which would take every name for one of this module
 
 WORDS = ("zero", "random", "planner")
 """Agents by word: zero actions, which leave everything to the base controller; even draws; planning on a copy of the
-simulator. A controller, a class of one's own and a path are read by `wt_gym.control.controllers.names.parse_name`."""
+simulator. A controller, a class of yours and a path are read by `wt_gym.control.controllers.names.parse_name`."""
 LEVELS = (0.03, 0.06, 0.1, 0.15, 0.2)
 """Bands of constrained individual pitch in the word "baselines", in `reference_flap_moment`."""
 GROUPS = {
@@ -61,7 +61,7 @@ GROUPS = {
 }  # fmt: skip
 """Words of the benchmark that stand for several agents."""
 RESIDUAL_INTERFACE: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
-"""Arguments of an environment in which a controller runs beneath actions that rest."""
+"""Arguments of an environment in which a controller is the base controller of zero actions."""
 _WORD_ALIASES = {"constant": "zero", "Constant action": "zero"}
 _MODEL_PARAMETERS = ("algo", "env", "trust")
 
@@ -79,9 +79,7 @@ def read_name(choice: str) -> Name:
     if name.kind == "trained" or (name.kind == "word" and name.target != "planner"):
         for key in name.parameters:
             if key not in allowed:
-                raise ValueError(
-                    f"{choice!r} takes {', '.join(allowed) or 'no parameters'} behind its name, got {key!r}"
-                )
+                raise ValueError(f"parameters of {choice!r} must be among {', '.join(allowed) or 'none'}, got {key!r}")
     return name
 
 
@@ -116,7 +114,7 @@ def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
 
 
 def is_base_controller(choice: str) -> bool:
-    """Whether a choice is a controller, of the library or of one's own; loads the class in the latter case."""
+    """Whether a choice is a controller, of the library or a class of yours, which is loaded."""
     name = read_name(choice)
     return name.kind == "controller" or (name.kind == "class" and not is_agent_class(load_class(name.target)))
 
@@ -149,7 +147,7 @@ def checked_choices(given: Any, choice: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If they are no table, or one is not the agent's to choose.
+        If they are not a table, or one is not the agent's to choose.
     """
     from wt_gym.benchmark import INTERFACE
 
@@ -173,7 +171,7 @@ def split_name(text: str) -> tuple[str, str]:
 
 
 def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
-    """What "baseline" means in an environment: what it runs beneath residual actions, else `BASELINE`.
+    """What "baseline" means in an environment: the base controller of residual actions, else `BASELINE`.
 
     Parameters
     ----------
@@ -185,8 +183,8 @@ def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
 
     arguments = registered_arguments(env_id, env_kwargs)
     given = arguments.get("controller", BASELINE)
-    beneath = arguments.get("action_mode") == "residual" and isinstance(given, str)
-    return parse_name(given).text if beneath else BASELINE
+    residual = arguments.get("action_mode") == "residual" and isinstance(given, str)
+    return parse_name(given).text if residual else BASELINE
 
 
 def with_model_options(choices: Iterable[str], algo: str | None = None, trust: bool = False) -> list[str]:
@@ -213,7 +211,7 @@ def with_model_options(choices: Iterable[str], algo: str | None = None, trust: b
 
 
 def _is_model(choice: str) -> bool:
-    """Whether a choice is a trained model; what is no name at all is refused by whoever reads it for good."""
+    """Whether a choice is a trained model; what is not a name at all is refused where it is used."""
     try:
         return read_name(choice).kind == "trained"
     except (ValueError, FileNotFoundError):
@@ -319,7 +317,7 @@ def _folders_of_seeds(folder: Path) -> dict[int, Path]:
 
 
 def fingerprint(choice: str) -> dict[str, Any]:
-    """What an agent is, to tell whether a stopped evaluation can go on with it.
+    """What an agent is, to tell whether a stopped evaluation can resume with it.
 
     Parameters
     ----------
@@ -328,7 +326,7 @@ def fingerprint(choice: str) -> dict[str, Any]:
     Returns
     -------
     dict
-        The choice; for a trained model or a class of one's own the SHA-256 sums of its files too, and what else makes
+        The choice; for a trained model or a class of yours the SHA-256 sums of its files too, and what else makes
         it up.
 
     Raises
@@ -367,5 +365,5 @@ def default_name(name: Name) -> str:
     for folder in (path, path.parent, *_folders_of_seeds(path).values()):
         record = folder / RECORD_FILE
         if record.is_file():
-            return read_record(record)["algorithm"]
+            return str(read_record(record)["algorithm"])
     return path.stem

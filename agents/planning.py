@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import gymnasium as gym
+    from numpy.typing import NDArray
+
+    from wt_gym.envs.snapshot import EnvSnapshot
 
 __all__ = ["ShootingPlanner", "check_settings"]
 
@@ -25,7 +28,7 @@ LONGEST_HORIZON = 600.0
 """[s]; a plan takes its horizon once a sample and round, at every action."""
 MOST_ACTIONS = MOST_SAMPLES = MOST_ROUNDS = 1000
 """Of a plan, of a round, and of a search."""
-_LEAST_SPREAD = 0.05  # of the samples, so that the search goes on
+_LEAST_SPREAD = 0.05  # of the samples, so that the search continues
 
 
 def check_settings(settings: Mapping[str, Any]) -> None:
@@ -46,7 +49,7 @@ def check_settings(settings: Mapping[str, Any]) -> None:
     _check(**{**known, **settings})
 
 
-def _check(horizon, hold, samples, elites, rounds, spread, seed) -> None:
+def _check(horizon: float, hold: float, samples: int, elites: int, rounds: int, spread: float, seed: int) -> None:
     """Refuse times and numbers without meaning."""
     times = {"horizon": horizon, "hold": hold, "spread": spread}
     horizon, hold, spread = (check_number(name, value) for name, value in times.items())
@@ -77,7 +80,7 @@ class ShootingPlanner:
     """Chooses the actions whose rewards over the next seconds are best.
 
     A plan is a sequence of actions, each held for a while. Plans are drawn around the one that was best before, tried
-    in the environment, and drawn anew around the best of them; zero actions are always among them. The first action of
+    in the environment, and drawn again around the best of them; zero actions are always among them. The first action of
     the best plan is done, then everything begins again. The environment is left as it was found.
 
     Parameters
@@ -126,11 +129,13 @@ class ShootingPlanner:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the plan and begin the draws anew."""
+        """Forget the plan and begin the draws again."""
         self._rng = np.random.default_rng(self._seed)
         self._plan, self._left = np.zeros(self._shape), 0
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], Any]:
         """Action for the present instant of the environment, as stable-baselines3's models give it.
 
         Parameters
@@ -149,7 +154,9 @@ class ShootingPlanner:
             As it came.
         """
         if np.ndim(observation) != 1:
-            raise ValueError(f"a planner controls one environment, got observations of shape {np.shape(observation)}")
+            raise ValueError(
+                f"observations of a planner must be those of one environment, got shape {np.shape(observation)}"
+            )
         if episode_start is not None and np.any(episode_start):
             self.reset()
         if self._left == 0:
@@ -178,7 +185,7 @@ class ShootingPlanner:
             self._env.restore(here)
         return cast(np.ndarray, best)
 
-    def _value(self, plan: np.ndarray, here) -> float:
+    def _value(self, plan: np.ndarray, here: EnvSnapshot) -> float:
         """Sum of the rewards of a plan from a snapshot on, until the episode ends."""
         self._env.restore(here)
         total = 0.0

@@ -14,12 +14,12 @@ import gymnasium as gym
 from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.names import BASELINE, PREFIX, Name, env_choices_of, fingerprint, is_base_controller, read_name
+from wt_gym.agents.names import BASELINE, PREFIX, env_choices_of, fingerprint, is_base_controller, read_name
 from wt_gym.agents.planning import ShootingPlanner
 from wt_gym.agents.trained_environment import check_environment, controller_of_training, interface_of_training
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.benchmark.fingerprint import differing
-from wt_gym.control.controllers.names import ALIASES
+from wt_gym.control.controllers.names import ALIASES, Name
 from wt_gym.control.controllers.own_class import load_class
 from wt_gym.deprecated import renamed_names
 from wt_gym.envs.layout import layout_of
@@ -46,9 +46,9 @@ def load_agent(choice: str, layout: EnvLayout, env: gym.Env | None = None) -> Ag
     ----------
     choice : str
         As of `wt_gym.agents.names.read_name`: ``"zero"``, ``"random"``, ``"planner"``, a controller or a class of
-        one's own that makes one (beneath residual actions it is the environment's matter, and its agent is the one of
-        zero actions), a class with ``predict``, or the path of a trained model. ``"baseline"`` is the controller
-        beneath residual actions, else the turbine's own.
+        yours that makes one (under residual actions the environment runs it, and its agent gives zero actions), a
+        class with ``predict``, or the path of a trained model. ``"baseline"`` is the base controller of residual
+        actions, else the turbine's own.
     layout : EnvLayout
         Of the environment that it runs in.
     env : gymnasium.Env, optional
@@ -98,14 +98,14 @@ def _of_own_class(name: Name, layout: EnvLayout) -> Agent:
     """Agent of a class of the user's, which gets the layout where it takes one."""
     maker = load_class(name.target)
     given = {"layout": layout} if "layout" in inspect.signature(maker).parameters else {}
-    agent = maker(**given, **name.parameters)
+    agent: Agent = maker(**given, **name.parameters)
     if not callable(getattr(agent, "predict", None)):
         raise ValueError(f"{name.target} must make an agent with predict, got {agent!r}")
     return agent
 
 
 class Environments:
-    """An environment, and those like it with another controller beneath residual actions or another observation.
+    """An environment, and those like it with another base controller or another observation.
 
     Parameters
     ----------
@@ -127,10 +127,10 @@ class Environments:
         self.plain = self._make(None, {})
 
     def environment_of(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
-        """Environment for an agent: the plain one, except for a controller that has to run beneath the actions.
+        """Environment for an agent: the plain one, except for an agent that brings its base controller.
 
-        A trained model sees what it saw in its training, and its residual actions mean what they meant. An agent of
-        one's own, or a model of another training, has what it chooses for itself
+        A trained model sees what it saw in its training, and its residual actions mean what they meant. A class
+        of yours, or a model of another training, has what it chooses for itself
         (`wt_gym.agents.names.env_choices_of`).
 
         Parameters
@@ -139,7 +139,7 @@ class Environments:
             Word, path or agent.
         record : mapping
             Of the agent's training, empty without one: a trained model runs on the controller of its training, a
-            controller by name beneath actions that rest.
+            controller by name is the base controller of zero actions.
         as_given : bool
             A trained model runs on the controller that is there, and its actions mean what they mean there.
         """
@@ -274,12 +274,17 @@ class AgentPool:
     def __enter__(self) -> AgentPool:
         return self
 
-    def __exit__(self, *exception) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close the environments."""
         self._environments.close()
 
 
-def _warm(where: tuple, models: dict[str, dict[str, Any]], code_of, code: dict[str, str]) -> None:
+def _warm(
+    where: tuple[str, dict[str, Any], float | None],
+    models: dict[str, dict[str, Any]],
+    code_of: Callable[..., dict[str, str]],
+    code: dict[str, str],
+) -> None:
     """Have the kernels in the cache of a machine.
 
     Raises

@@ -75,7 +75,7 @@ def read_data(model_file: Path) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If it is no such file.
+        If it is not such a file.
     """
     try:
         with zipfile.ZipFile(model_file) as archive:

@@ -285,7 +285,7 @@ def _by_wind(runs: Sequence[Mapping[str, Any]], agent: str) -> dict[tuple[str, s
     return {(run["part"], run["wind"]): run for run in runs if run["agent"] == agent}
 
 
-def _cell(study: Study, column: Column, own: Mapping, base: Mapping, first: bool) -> str:
+def _cell(study: Study, column: Column, own: Mapping[Any, Any], base: Mapping[Any, Any], first: bool) -> str:
     """A figure over the winds that both agents came through; that of the first in its unit, of the others a change."""
     winds = [wind for wind in base if all(runs[wind]["ending"] == "time" for runs in (own, base))]
     if not winds:

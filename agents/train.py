@@ -45,13 +45,14 @@ def train(
     *,
     progress: bool = True,
     overwrite: bool = False,
-    on_evaluation: Callable[[int, dict], bool] | None = None,
+    on_evaluation: Callable[[int, dict[str, Any]], bool] | None = None,
     stop: StopRequest | None = None,
     learner: Learner | None = None,
 ) -> dict[str, Any]:
     """Train a policy.
 
-    SIGINT and SIGTERM end the training after the step in which they come; everything is written, and `resume` goes on.
+    SIGINT and SIGTERM end the training after the step in which they come; everything is written, and `resume`
+    continues it.
 
     Parameters
     ----------
@@ -138,21 +139,24 @@ def resume(
         changes: dict[str, Any] = {"total_steps": total_steps, "max_seconds": max_seconds}
         config = replace(config, **{name: value for name, value in changes.items() if value is not None})
         if (engine := record.get("engine", LocalLearner.engine)) != learner.engine:
-            raise ValueError(f"the training in {run.path} began with the engine {engine}: go on with --engine {engine}")
+            raise ValueError(
+                f"the engine of the training in {run.path} must be {engine}, got {learner.engine}: resume with "
+                f"--engine {engine}"
+            )
         learner.check(config)
         arguments = with_pay(resolved_arguments(config.env_id, config.env_kwargs))
         before = with_pay(record.get("environment", arguments))
         if differing := [name for name in {**before, **arguments} if before.get(name) != arguments.get(name)]:
             raise ValueError(
                 f"{config.env_id} has other arguments now than when the training in {run.path} began: "
-                f"{', '.join(differing)}; start anew, or give those of then by --env-kwargs"
+                f"{', '.join(differing)}; start a new one, or give those of then by --env-kwargs"
             )
         with closing(_environments(config, learner)) as venv:
             model = load_model(config, venv, run, buffered=learner.samples_here)
             # one that was stopped at its last step still lacks its last evaluation: that is made up for
             if model.num_timesteps >= config.total_steps and record.get("status") == "finished":
                 raise ValueError(
-                    f"the training in {run.path} has done its {config.total_steps} steps: give it more to go on"
+                    f"the training in {run.path} has done its {config.total_steps} steps: give it more to resume"
                 )
             return _Session(config, run, venv, model, record, None, learner).learn(progress, stop)
 
@@ -172,11 +176,11 @@ class _Session:
         venv: VecNormalize,
         model: BaseAlgorithm,
         before: dict[str, Any],
-        on_evaluation: Callable[[int, dict], bool] | None,
+        on_evaluation: Callable[[int, dict[str, Any]], bool] | None,
         learner: Learner,
     ):
         self._learner = learner
-        self._config, self._run, self._venv, self._model = config, run, venv, model
+        self._config, self._run, self._model = config, run, model
         # The networks are small: more threads only take time from the simulations.
         torch.set_num_threads(1)
         self._layout, self._wind = layout_of(venv), venv.get_attr("wind")[0]
@@ -222,7 +226,7 @@ class _Session:
 
     @contextmanager
     def _logger(self) -> Iterator[None]:
-        """Write to TensorBoard, if it is wanted and there."""
+        """Write to TensorBoard, if it is asked for and installed."""
         if self._config.tensorboard is False or importlib.util.find_spec("tensorboard") is None:
             self._model.set_logger(Logger(None, []))
             yield
@@ -235,13 +239,13 @@ class _Session:
             logger.close()
 
     def _save(self, record: dict[str, Any]) -> None:
-        """Write all that is needed to go on."""
+        """Write all that resuming needs."""
         self._learner.save(self._model, self._run)
         save_model(self._model, self._run.model, self._run.normalization)
         self._run.write_record(record)
 
     def _checkpoint(self) -> None:
-        """Keep the model of this step, and write all that is needed to go on."""
+        """Keep the model of this step, and write all that resuming needs."""
         folder, prefix, steps = self._run.checkpoints, self._config.algorithm.lower(), self._model.num_timesteps
         folder.mkdir(exist_ok=True)
         statistics = folder / f"{prefix}_vecnormalize_{steps}_steps.pkl"
@@ -307,7 +311,7 @@ def _entry(record: dict[str, Any], name: str, kind: type, missing: Any) -> Any:
     return value
 
 
-def _curve(record: dict[str, Any], names: tuple[str, ...], steps: int) -> dict[str, list]:
+def _curve(record: dict[str, Any], names: tuple[str, ...], steps: int) -> dict[str, list[Any]]:
     """Curve of an earlier session up to the steps of its model, or an empty one.
 
     Raises

@@ -22,6 +22,7 @@ from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_keys
 from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     from wt_gym.envs.layout import EnvLayout
@@ -284,8 +285,8 @@ class TrainedAgent:
             shapes of both; or with the control steps of both.
         """
         for what, offered in (("observation", layout.observation.names), ("action", layout.action.names)):
-            wanted = (self.record or {}).get(what, offered)
-            for k, (trained, found) in enumerate(zip_longest(wanted, offered)):
+            required = (self.record or {}).get(what, offered)
+            for k, (trained, found) in enumerate(zip_longest(required, offered)):
                 if trained != found:
                     raise ValueError(
                         f"the model was trained with {trained or 'nothing'} as component {k} of the {what}, the "
@@ -297,11 +298,11 @@ class TrainedAgent:
                 f"the model was trained with a control step of {trained_at} s, the environment has "
                 f"{layout.control_dt} s"
             )
-        wanted = (self.model.observation_space.shape, self.model.action_space.shape)
+        required = (self.model.observation_space.shape, self.model.action_space.shape)
         offered = ((len(layout.observation),), (layout.action.size,))
-        if wanted != offered:
+        if required != offered:
             raise ValueError(
-                f"the model takes observations and actions of shapes {wanted}, the environment has {offered}"
+                f"the model takes observations and actions of shapes {required}, the environment has {offered}"
             )
 
     def enter(self, layout: EnvLayout) -> None:
@@ -325,7 +326,9 @@ class TrainedAgent:
             signs = layout.observation.parity, layout.action.parity
             self._signs = signs[0].astype(np.float32), signs[1].astype(np.float32)
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], Any]:
         """Action for an observation of the environment, not normalized yet.
 
         Returns

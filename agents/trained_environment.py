@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -12,6 +11,7 @@ from wt_gym.agents.names import read_name
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options.environment import argument_default, flat_arguments, registered_arguments
 from wt_gym.envs.rewards import DEFAULT_WEIGHTS
+from wt_gym.files import json_values
 from wt_gym.ids import present_id
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ __all__ = [
 
 KEPT = ("action_spans", "residual_fade", "residual_washout", "controller", "sensor_noise", "sensor_delay")
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
-inflow and wind are no part of them: to carry an agent over to others is an experiment."""
+inflow and wind are not among them: to carry an agent over to others is an experiment."""
 _SEEN = ("observation", "history")
 _MEANT = ("action_spans", "residual_fade", "residual_washout")
 
@@ -45,7 +45,7 @@ def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, 
     gymnasium.error.Error
         If the environment is not registered.
     """
-    return json.loads(json.dumps(registered_arguments(env_id, env_kwargs), default=str))
+    return json_values(registered_arguments(env_id, env_kwargs))
 
 
 def with_pay(arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def with_pay(arguments: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     arguments : mapping
-        As of `resolved_arguments`; a reward of one's own terms stays as it is.
+        As of `resolved_arguments`; a reward of your own terms stays as it is.
     """
     weights, penalty = arguments.get("reward"), argument_default("termination_penalty")
     if weights is None or isinstance(weights, dict):
@@ -108,9 +108,9 @@ def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> 
 
 
 def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | None:
-    """Controller by name on top of which a model was trained, where another one runs in an environment.
+    """Base controller by name of the training of a model, where an environment has another one.
 
-    Beneath residual actions it belongs to the agent: the model without it is not what was trained.
+    Under residual actions it belongs to the agent: the model without it is not what was trained.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | Non
     Returns
     -------
     str or None
-        None where nothing runs beneath the actions, the controllers are the same, or the record has no name for it.
+        None where the actions have no base controller, the controllers are the same, or the record has no name for it.
     """
     if not (record.get("config") and layout_of(env).action.needs_controller):
         return None
@@ -179,7 +179,7 @@ def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
         return
     trained, here = _kept(trained_arguments(record)), _kept(flat_arguments(cast(EnvSpec, env.spec).kwargs))
     if not layout_of(env).action.needs_controller:
-        del trained["controller"], here["controller"]  # nothing runs beneath the actions
+        del trained["controller"], here["controller"]  # the actions have no base controller
     differing = [f"{name} {trained[name]!r}, here {here[name]!r}" for name in trained if trained[name] != here[name]]
     if differing:
         raise ValueError(
@@ -197,4 +197,4 @@ def _kept(arguments: Mapping[str, Any]) -> dict[str, Any]:
 def _with_defaults(arguments: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """Arguments of these names, the environment's defaults where they are not given, as JSON values."""
     values = {name: arguments.get(name, argument_default(name)) for name in names}
-    return json.loads(json.dumps(values, default=str))
+    return json_values(values)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,13 +28,13 @@ def training_notes(agents: Mapping[str, Agent], winds: Iterable[Wind]) -> dict[s
     Returns
     -------
     dict
-        By the name of the agent; nothing of agents of which nothing is to be said.
+        By the name of the agent; nothing for agents without a note.
     """
     seeds = list(dict.fromkeys(wind.seed for wind in winds if wind.seed is not None))
     notes = {}
     for name, agent in agents.items():
         if not isinstance(record := getattr(agent, "record", False), Mapping | None):
-            continue  # no trained model
+            continue  # not a trained model
         if note := _met(name, record, seeds) if record else _unknown(name):
             notes[name] = note
     return notes
@@ -47,7 +47,7 @@ def _unknown(name: str) -> str:
     )
 
 
-def _met(name: str, record: Mapping, seeds: Iterable[int]) -> str:
+def _met(name: str, record: Mapping[str, Any], seeds: Iterable[int]) -> str:
     """Which seeds a training had; empty for none."""
     of_training = set(record.get("wind_seeds") or ())
     met = [str(seed) for seed in seeds if seed in of_training]
@@ -56,5 +56,5 @@ def _met(name: str, record: Mapping, seeds: Iterable[int]) -> str:
     more = f" and {len(met) - _MOST_NAMED} more" if len(met) > _MOST_NAMED else ""
     return (
         f"{name} was trained on wind seed{'s' if len(met) > 1 else ''} {', '.join(met[:_MOST_NAMED])}{more} of this "
-        "evaluation: its figures there are no test in unseen winds."
+        "evaluation: its figures there do not test unseen winds."
     )

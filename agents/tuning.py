@@ -29,6 +29,7 @@ from wt_gym.files import require_writable, write_text_whole
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from wt_gym.agents.comparison import ControllerRuns
     from wt_gym.turbines import Turbine
 
 __all__ = ["SPACES", "Cost", "Range", "TuningTask", "tune"]
@@ -122,7 +123,7 @@ class TuningTask:
     Attributes
     ----------
     controller : str
-        Names of the catalogue, or a class of one's own as ``path/file.py:Class``.
+        Names of the catalogue, or a class of yours as ``path/file.py:Class``.
     reference : str
         Controller that the cost compares with.
     winds : tuple of float
@@ -134,7 +135,7 @@ class TuningTask:
     fidelity : str
     cost : Cost
     space : dict of Range, optional
-        By default those of the parts of the name in `SPACES`; of a class of one's own its attribute ``SPACE``: low
+        By default those of the parts of the name in `SPACES`; of a class of yours its attribute ``SPACE``: low
         and high by name.
 
     Raises
@@ -153,10 +154,10 @@ class TuningTask:
     cost: Cost = field(default_factory=Cost)
     space: dict[str, Range] | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         held_back = sorted(set(self.seeds) - set(TRAINING_WIND_SEEDS))
         if held_back:
-            raise ValueError(f"tuning takes training seeds (1 … 24) only, got {held_back}")
+            raise ValueError(f"seeds of a tuning must be training seeds (1 … 24), got {held_back}")
         check_times(self.duration, self.skip)
         for name in ("controller", "reference"):
             object.__setattr__(self, name, read_name(getattr(self, name)).text)
@@ -185,7 +186,7 @@ def tune(
     trials: int,
     seed: int = 0,
     output: Path | None = None,
-    progress: Callable[[int, float, dict], None] | None = None,
+    progress: Callable[[int, float, dict[str, float]], None] | None = None,
 ) -> dict[str, Any]:
     """Search the parameters of least cost.
 
@@ -211,7 +212,7 @@ def tune(
     Raises
     ------
     ValueError
-        If there is no trial to make, or the cost weighs what runs have no number of.
+        If there is no trial to make, or the cost weighs what is not a metric of a run.
     SimulationError
         If the reference does not run to the end.
     OSError
@@ -220,12 +221,12 @@ def tune(
     import optuna  # in the extra "tune"
 
     if trials < 1:
-        raise ValueError(f"at least 1 trial is needed, got {trials}")
+        raise ValueError(f"the number of trials must be at least 1, got {trials}")
     if output is not None:
         require_writable(output.parent)
     cases = [Case(wind, number) for wind in task.winds for number in task.seeds]
 
-    def runs(choice: str, parameters: dict):
+    def runs(choice: str, parameters: dict[str, float]) -> ControllerRuns:
         name = read_name(choice)
         given = {choice: (name.target, name.parameters | parameters)}
         return run_cases(turbine, given, cases, task.duration, task.skip, task.fidelity)[0]
@@ -237,11 +238,11 @@ def tune(
     unknown = [name for name in task.cost.weights if any(name not in found for found in reference.metrics.values())]
     if unknown:
         known = ", ".join(next(iter(reference.metrics.values())))
-        raise ValueError(f"the cost weighs {', '.join(unknown)}, of which a run has no number; there are {known}")
+        raise ValueError(f"weights of the cost must be some of {known}, got {', '.join(unknown)}")
 
     space = cast("dict[str, Range]", task.space)  # found by the name where none was given
 
-    def cost(trial) -> float:
+    def cost(trial: optuna.Trial) -> float:
         parameters = {
             name: trial.suggest_float(name, interval.low, interval.high, log=interval.log)
             for name, interval in space.items()
@@ -265,13 +266,13 @@ def tune(
         "trials": [],
     }
 
-    def note(_, trial) -> None:
+    def note(_: optuna.Study, trial: optuna.trial.FrozenTrial) -> None:
         record["trials"].append({"cost": trial.value, "parameters": trial.params})
         record["best"] = min(record["trials"], key=lambda row: row["cost"])
         if output is not None:
             write_text_whole(output, json.dumps(record, indent=1) + "\n")
         if progress is not None:
-            progress(trial.number, trial.value, trial.params)
+            progress(trial.number, cast("float", trial.value), trial.params)
 
     study.optimize(cost, n_trials=trials, callbacks=[note])
     return record

@@ -35,6 +35,6 @@ if __name__ == "__main__":
         "../../pyproject.toml",
         "--cache-dir",
         "../of_package",
-        *(sys.argv[1:] or ("wt_gym", "fuzzing")),
+        *(sys.argv[1:] or ("wt_gym", "fuzzing", "validation")),
     ]
     sys.exit(subprocess.run(command, cwd=COPY).returncode)

@@ -47,7 +47,7 @@ def order(values, exact):
 
 
 @case("body-sphere", "Sphere in a stream: surface speed 3/2 V sin θ, flow around, convergence", LAMB)
-def sphere():
+def sphere() -> CaseResult:
     """Meshes of n x n panels whose poles lie across the stream, n = 8, 16, 32."""
     stream, sizes = np.array([0.0, 0.0, 1.0]), (8, 16, 32)
     speed, moment, ahead, curves = [], [], [], []
@@ -98,7 +98,7 @@ def spheroid_integrals(long, short, x=None):
 
 
 @case("body-spheroid", "Prolate spheroid 4:1: added mass, moment of Munk, flow around at an angle", LAMB)
-def spheroid():
+def spheroid() -> CaseResult:
     """Against closed forms; Lamb's table gives k1 = 0.082 and k2 = 0.860 for this slenderness."""
     long, short, sizes = 4.0, 1.0, (12, 24)
     own = spheroid_integrals(long, short)
@@ -138,7 +138,7 @@ def spheroid():
 
 
 @case("body-no-force", "Pear in an oblique stream: no net source, no force (d'Alembert)", LAMB)
-def no_force():
+def no_force() -> list[Check]:
     """Body of revolution without symmetry fore and aft, widest radius about 1 m, length 4 m, stream at 30°."""
     stream, sizes, forces = np.array([np.cos(np.pi / 6.0), 0.0, 0.5]), (16, 32), []
     for n in sizes:
@@ -152,14 +152,14 @@ def no_force():
     extrapolated = np.linalg.norm(2.0 * forces[1] - forces[0])
     return [
         Check("net source / (V m²)", 0.0, abs(float(s @ bodies.area)), 1e-12),
-        Check("force of the pressure / (½ ρ V² π m²), extrapolated", 0.0, extrapolated, 0.005),
+        Check("force of the pressure / (½ ρ V² π m²), extrapolated", 0.0, float(extrapolated), 0.005),
         Check("ratio of that force with 32 and 16 panels", 0.5, np.divide(*np.linalg.norm(forces[::-1], axis=1)), 0.05,
               source="first order of the speed at the surface"),
     ]  # fmt: skip
 
 
 @case("body-cylinder", "Long cylinder in cross flow: deficit a²/r², flow around, surface speed 2 V sin θ", KATZ)
-def cylinder():
+def cylinder() -> list[Check]:
     """Cylinder 120 radii long, at its middle, where its ends count for less than 0.2 %."""
     stream, length, sizes = np.array([1.0, 0.0, 0.0]), 120.0, (12, 24)
     speed, ahead = [], []
@@ -203,7 +203,9 @@ def ring_velocity(corners, points):
 
 def box_body(edges):
     """Box of panels between the coordinates ``edges`` (three increasing arrays)."""
-    vertices, quads, known = [], [], {}
+    vertices: list[list[float]] = []
+    quads: list[list[int]] = []
+    known: dict[tuple[int, ...], int] = {}
 
     def vertex(index):
         if index not in known:
@@ -227,7 +229,7 @@ def box_body(edges):
 
 
 @case("body-wall", "A vortex ring before a wall: box of panels against the mirror image; bodies over a ground", KATZ)
-def wall():
+def wall() -> list[Check]:
     """The ring, 1 m square and tilted by 20°, stands 1 m over the middle of a box of 16 m × 16 m × 6 m."""
     tilt, height = np.radians(20.0), 1.0
     flat = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
@@ -267,16 +269,16 @@ class _Uniform:
 
 def _rotor(planform, center, azimuth, speed):
     """Nodes of three rigid blades and their velocities for a rotor that turns about x."""
-    nodes = []
+    turned = []
     for k in range(3):
         c, s = np.cos(azimuth + 2.0 * np.pi * k / 3.0), np.sin(azimuth + 2.0 * np.pi * k / 3.0)
-        nodes.append(planform.nodes @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]).T)
-    nodes = np.array(nodes)
+        turned.append(planform.nodes @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]).T)
+    nodes = np.array(turned)
     return nodes + center, np.cross([speed, 0.0, 0.0], nodes)
 
 
 @case("body-tower-passage", "NREL 5-MW blade passing its tower: closed body against the flow past a cylinder", KATZ)
-def tower_passage():
+def tower_passage() -> CaseResult:
     """Circulation of the blade's strips with the wind disturbed by either model, 8 m/s, 9.15 rpm, steps of 3°."""
     turbine = load_turbine("nrel_5mw")
     tower, speed, rotor_speed, step = turbine.tower, 8.0, 9.15 * np.pi / 30.0, np.radians(3.0)
@@ -288,9 +290,14 @@ def tower_passage():
     bodies = BodySet([body], ground=tower.base_height)
     s = stream_strengths(bodies, stream)
     flow = TowerFlow(base, tower.diameter_station, tower.diameter)
+
+    def past_cylinder(nodes, wind):
+        flow.add(nodes, wind, top)
+        return wind
+
     models = {
         "no tower": lambda nodes, wind: wind,
-        "cylinder": lambda nodes, wind: flow.add(nodes, wind, top) or wind,
+        "cylinder": past_cylinder,
         "body": lambda nodes, wind: wind + bodies.velocity(nodes, s),
     }
     options = AeroOptions(n_chord=2, n_span=12, wake_rows=60, full_rows=60, fresh_rows=3, refresh_stride=6)
@@ -316,8 +323,10 @@ def tower_passage():
     middle = 0.5 * (planform.span_edges[1:] + planform.span_edges[:-1]) + turbine.hub.radius
     checks, curves = [], []
     for j in np.searchsorted(middle, (25.0, 35.0, 45.0, 55.0)):
-        deepest = [float(change[name][:, j].min()) for name in ("cylinder", "body")]
-        checks.append(Check(f"deepest change of circulation at r = {middle[j]:.1f} m", *deepest, 0.1, source=KATZ))
+        cylinder, closed = (float(change[name][:, j].min()) for name in ("cylinder", "body"))
+        checks.append(
+            Check(f"deepest change of circulation at r = {middle[j]:.1f} m", cylinder, closed, 0.1, source=KATZ)
+        )
         curves += [
             Curve(np.degrees(azimuth), 100.0 * change[name][:, j], f"{name}, r = {middle[j]:.1f} m", style)
             for name, style in (("cylinder", "-"), ("body", "o"))

@@ -137,7 +137,7 @@ def five_megawatt_elements() -> DynamicRotor:
 
 @case("carried-gust", "Rigid 5-MW rotor at constant speed, wind step 8 → 9 m/s at once and carried along", SOURCE,
       slow=True)  # fmt: skip
-def carried_gust():
+def carried_gust() -> CaseResult:
     """Thrust by its lasting change: at once within 0.04 of Øye's filter, what carrying adds within 0.03 of theory."""
     rotor = five_megawatt_elements()
     elements = rotor.respond(WIND, lambda time: 0.0 * time, ROTOR_SPEED, 100.0)

@@ -18,11 +18,14 @@ import importlib
 import math
 import pkgutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = [
     "Case", "CaseResult", "Check", "Curve", "Figure", "absolute", "all_cases", "case", "load_cases", "run_case",
@@ -101,7 +104,17 @@ class Check:
         }
 
 
-def worst(quantity, where, at, expected, obtained, tolerance, unit="", source="", chosen=None) -> Check:
+def worst(
+    quantity: str,
+    where: str,
+    at: Sequence[float] | NDArray[np.float64],
+    expected: NDArray[np.float64],
+    obtained: NDArray[np.float64],
+    tolerance: float,
+    unit: str = "",
+    source: str = "",
+    chosen: NDArray[np.bool_] | None = None,
+) -> Check:
     """Check of a curve where it fits worst.
 
     Parameters
@@ -194,9 +207,10 @@ class Case:
 
 
 _CASES: dict[str, Case] = {}
+Run = TypeVar("Run", bound="Callable[[], list[Check] | CaseResult]")
 
 
-def case(name: str, title: str, source: str, *, slow: bool = False) -> Callable:
+def case(name: str, title: str, source: str, *, slow: bool = False) -> Callable[[Run], Run]:
     """Register the decorated function (no arguments; returns checks or a `CaseResult`) as the case ``name``.
 
     Raises
@@ -205,7 +219,7 @@ def case(name: str, title: str, source: str, *, slow: bool = False) -> Callable:
         If another function already carries the name.
     """
 
-    def register(function: Callable[[], list[Check] | CaseResult]) -> Callable:
+    def register(function: Run) -> Run:
         known = _CASES.get(name)
         if known is not None and (known.run.__module__, known.run.__qualname__) != (
             function.__module__,

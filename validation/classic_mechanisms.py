@@ -34,7 +34,7 @@ def trajectory(system, y, step, times):
     "Simple pendulum released horizontally: energy drift, period and angle over 10 s",
     "IFToMM Multibody Benchmark Library A01 (L = 1 m, m = 1 kg); exact solution by Jacobi's elliptic functions",
 )
-def simple_pendulum():
+def simple_pendulum() -> CaseResult:
     """θ(t) = 2 asin(k sn(K − ω t, k)) with k = sin(θ₀/2), ω = √(g/L); energy criterion of the library 5e-5 J."""
     system = MultibodySystem()
     bob = FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), np.zeros((3, 3)))
@@ -111,7 +111,7 @@ def lagrange_top(mass, length, axial, transverse, theta, body_rate, times):
     "Fast symmetric top: steady precession and nutation",
     "Lagrange's top (Goldstein, Classical Mechanics, ch. 5)",
 )
-def heavy_top_precession():
+def heavy_top_precession() -> CaseResult:
     """Precession Ω of the steady top: (A − C) Ω² cos θ − C ω Ω + m g l = 0; fast top: nutation at C ω₃/A."""
     mass, length, axial, transverse, spin, theta = 2.0, 0.5, 0.3, 0.8, 40.0, 0.4
     system = top_system(mass, length, axial, transverse)
@@ -155,7 +155,7 @@ def heavy_top_precession():
     "Heavy top on a ball joint, horizontal start, spin 150 rad/s",
     "Géradin & Cardona 2001; Brüls & Cardona 2010, J. Comput. Nonlinear Dyn. 5; exact by Lagrange's integrals",
 )
-def heavy_top_spherical():
+def heavy_top_spherical() -> CaseResult:
     """Mass 15 kg, center at 1 m, J = diag(0.234375, 0.46875, 0.234375) about it, Ω₀ = (0, 150, −4.61538) rad/s.
 
     The published top lies along the global y axis; here it starts along x, with the same spin of 150 rad/s about its
@@ -241,16 +241,16 @@ def exact_slider_crank(times, speed):
 def slider_crank_system():
     """Crank on a hinge, rod on the slider by a universal joint, and a ball constraint at the pin to close the loop."""
     system = MultibodySystem((0.0, 0.0, -GRAVITY), stabilization=100.0)
-    ends = {"origin": np.zeros(3), "pin": (0.0, 0.0, CRANK)}
-    crank = FlexibleBody.rigid("crank", 0.12, np.zeros(3), np.diag([CRANK_INERTIA, 1e-5, 1e-4]), ends)
-    crank = system.add(crank, Joint("revolute", (1.0, 0.0, 0.0), offset=tuple(PIVOT), name="crank"))
-    slider = FlexibleBody.rigid("slider", SLIDER_MASS, np.zeros(3), 1e-4 * np.eye(3))
-    slider = system.add(slider, Joint("prismatic", (1.0, 0.0, 0.0), name="slider"))
-    cross = FlexibleBody.rigid("cross", 0.0, np.zeros(3), np.zeros((3, 3)))
-    cross = system.add(cross, Joint("revolute", (1.0, 0.0, 0.0), name="cross"), slider)
-    ends = {"origin": np.zeros(3), "pin": (0.0, 0.0, ROD)}
-    rod = FlexibleBody.rigid("rod", ROD_MASS, (0.0, 0.0, ROD / 2), np.diag([ROD_INERTIA, ROD_INERTIA, ROD_AXIAL]), ends)
-    rod = system.add(rod, Joint("revolute", (0.0, 1.0, 0.0), name="rod"), cross)
+    ends = {"origin": np.zeros(3), "pin": np.array([0.0, 0.0, CRANK])}
+    arm = FlexibleBody.rigid("crank", 0.12, np.zeros(3), np.diag([CRANK_INERTIA, 1e-5, 1e-4]), ends)
+    crank = system.add(arm, Joint("revolute", (1.0, 0.0, 0.0), offset=tuple(PIVOT), name="crank"))
+    block = FlexibleBody.rigid("slider", SLIDER_MASS, np.zeros(3), 1e-4 * np.eye(3))
+    slider = system.add(block, Joint("prismatic", (1.0, 0.0, 0.0), name="slider"))
+    spider = FlexibleBody.rigid("cross", 0.0, np.zeros(3), np.zeros((3, 3)))
+    cross = system.add(spider, Joint("revolute", (1.0, 0.0, 0.0), name="cross"), slider)
+    ends = {"origin": np.zeros(3), "pin": np.array([0.0, 0.0, ROD])}
+    bar = FlexibleBody.rigid("rod", ROD_MASS, (0.0, 0.0, ROD / 2), np.diag([ROD_INERTIA, ROD_INERTIA, ROD_AXIAL]), ends)
+    rod = system.add(bar, Joint("revolute", (0.0, 1.0, 0.0), name="rod"), cross)
     system.add_constraint(Constraint("ball", name="pin"), crank, rod, "pin", "pin")
     return system.build()
 
@@ -272,7 +272,7 @@ def slider_crank_state(system, speed):
 
 
 @case("spatial-slider-crank", "Spatial slider-crank: 0.08 m crank, 0.3 m rod, 6 rad/s", HAUG)
-def spatial_slider_crank():
+def spatial_slider_crank() -> CaseResult:
     """Loop closed by constraint equations, five seconds of free motion under gravity along −z.
 
     Exact solution: with closed-form positions the mechanism has one degree of freedom, and its energy gives its speed.

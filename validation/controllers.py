@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, cast
+
 import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, case
@@ -10,6 +12,10 @@ from wt_gym.control.controllers import WindEstimator, make_controller
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
+
+if TYPE_CHECKING:
+    from wt_gym.wind import TurbulentInflow
+
 
 WINDS = (12.0, 15.0, 18.0)
 SEEDS = tuple(range(1001, 1007))
@@ -75,10 +81,11 @@ def wind_estimate() -> CaseResult:
     turbine, checks, lines, figures = load_turbine("nrel_5mw"), [], [], {}
     simulator, dt, skip = None, 0.1, 300
     for wind in (8.0, 12.0, 16.0):
-        inflow = inflow_of(turbine, Case(wind, SEEDS[0]))
+        inflow = cast("TurbulentInflow", inflow_of(turbine, Case(wind, SEEDS[0])))
         simulator = simulator or Simulator(turbine, inflow)
         simulator.inflow = inflow
-        estimator, found = WindEstimator.of_turbine(turbine), []
+        estimator = WindEstimator.of_turbine(turbine)
+        found: list[float] = []
 
         def take(signals, estimator=estimator, found=found):
             if not found:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -30,24 +31,27 @@ from validation.unsteady_airfoil import theodorsen
 from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.simulation.model.blade_lattice import N_ALPHA
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 __all__ = ["DynamicRotor", "GustResponse", "loewy", "oye_filter", "oye_times"]
 
 FAST_SHARE = 0.6
 """Øye's k: the part of a change that only the faster filter delays."""
 
 
-def oye_times(induction: float, radius: float, wind: float, ratio):
+def oye_times(induction: float, radius: float, wind: float, ratio: ArrayLike) -> tuple[float, np.ndarray]:
     """Time constants τ1 and τ2 [s] of Øye's filter at radii ``ratio`` in rotor radii."""
     slow = 1.1 / (1.0 - 1.3 * min(induction, 0.5)) * radius / wind
     return slow, (0.39 - 0.26 * np.asarray(ratio) ** 2) * slow
 
 
-def oye_filter(omega, slow, fast):
+def oye_filter(omega: Any, slow: Any, fast: Any) -> Any:
     """Complex response of Øye's filter at the circular frequency ``omega`` [rad/s]."""
     return (1.0 + FAST_SHARE * slow * 1j * omega) / ((1.0 + slow * 1j * omega) * (1.0 + fast * 1j * omega))
 
 
-def loewy(k, spacing, lag):
+def loewy(k: Any, spacing: Any, lag: float) -> Any:
     """Lift-deficiency function C' of a blade over the layers that it and the others have shed.
 
     Parameters
@@ -108,7 +112,7 @@ class DynamicRotor:
         angles = -np.pi + self.step * np.arange(N_ALPHA + 1)
         self.polars = np.array([np.column_stack(rotor.polar_at(x).coefficients(angles)[:2]) for x in z])
 
-    def forces(self, axial, turning, pitch: float):
+    def forces(self, axial: np.ndarray, turning: np.ndarray, pitch: float) -> tuple[np.ndarray, np.ndarray]:
         """Forces per length out of the plane and in the direction of motion [N/m] from the air's velocities [m/s]."""
         phi = np.arctan2(axial, turning)
         place = (phi - self.twist - pitch + np.pi) / self.step
@@ -118,22 +122,24 @@ class DynamicRotor:
         pressure = 0.5 * self.rotor.air_density * (axial**2 + turning**2) * self.chord
         return (pressure * (cl * np.cos(phi) + cd * np.sin(phi)), pressure * (cl * np.sin(phi) - cd * np.cos(phi)))
 
-    def loads(self, wind: float, speed: float, pitch: float, induced):
+    def loads(self, wind: float, speed: float, pitch: float, induced: np.ndarray) -> tuple[float, float]:
         """Thrust [N] and torque [N m] with the induced velocities (2, n_span), against the wind and with the turn."""
         normal, driving = self.forces(wind * self.cos_cone - induced[0], speed * self.radius + induced[1], pitch)
         scale = self.rotor.n_blades * self.width
         return scale * normal.sum() * self.cos_cone, scale * (driving @ self.radius)
 
-    def equilibrium(self, wind: float, speed: float, pitch: float):
+    def equilibrium(self, wind: float, speed: float, pitch: float) -> np.ndarray:
         """Induced velocities (2, n_span) of momentum theory [m/s]."""
         result = blade_element(self.rotor, wind, speed, pitch, self.n_span)
         return np.array([result.axial * wind * self.cos_cone, result.tangential * speed * self.radius])
 
-    def mean_induction(self, induced, wind: float) -> float:
+    def mean_induction(self, induced: np.ndarray, wind: float) -> float:
         """Induction factor averaged over the area of the disc."""
         return float(induced[0] @ self.radius / self.radius.sum() / wind)
 
-    def gust_response(self, frequency: float, wind: float, speed: float, pitch: float = 0.0, gust: float = 0.01):
+    def gust_response(
+        self, frequency: float, wind: float, speed: float, pitch: float = 0.0, gust: float = 0.01
+    ) -> GustResponse:
         """Linear response to a small sinusoidal change of the wind everywhere at once.
 
         Parameters
@@ -154,7 +160,7 @@ class DynamicRotor:
         slope = (self.equilibrium(wind + gust, speed, pitch) - self.equilibrium(wind - gust, speed, pitch)) / (2 * gust)
         axial, turning = wind * self.cos_cone - induced[0], speed * self.radius + induced[1]
 
-        def derivative(d_axial, d_turning):
+        def derivative(d_axial: np.ndarray | float, d_turning: np.ndarray | float) -> np.ndarray:
             ahead = self.forces(axial + gust * d_axial, turning + gust * d_turning, pitch)[0]
             behind = self.forces(axial - gust * d_axial, turning - gust * d_turning, pitch)[0]
             return (ahead - behind) / (2.0 * gust) * self.rotor.n_blades * self.width * self.cos_cone
@@ -177,12 +183,12 @@ class DynamicRotor:
 
     def respond(
         self,
-        wind: Callable,
-        pitch: Callable,
+        wind: Callable[..., Any],
+        pitch: Callable[..., Any],
         speed: float,
         duration: float = 60.0,
         dt: float = 0.05,
-        acceleration: Callable | None = None,
+        acceleration: Callable[..., Any] | None = None,
     ) -> Response:
         """Answer to wind and pitch in time from equilibrium; sections answer at once.
 
@@ -210,7 +216,9 @@ class DynamicRotor:
                 speed += dt * acceleration(torque, speed, settled)
         return Response(*np.array(rows).T)
 
-    def _table(self, wind, pitch, speed, duration):
+    def _table(
+        self, wind: Callable[..., Any], pitch: Callable[..., Any], speed: float, duration: float
+    ) -> Callable[[float, float, float], np.ndarray]:
         """Induced velocities of momentum theory between tabulated tip-speed ratios and pitch angles."""
         times = np.linspace(0.0, duration, 401)
         winds, pitches = np.unique(np.round(wind(times), 9)), np.unique(np.round(pitch(times), 9))
@@ -221,12 +229,12 @@ class DynamicRotor:
         factors = np.array([[self._factors(1.0, ratio, angle) for angle in angles] for ratio in ratios])
         lookup = RegularGridInterpolator((ratios, angles), factors)
 
-        def induced(v, omega, beta):
+        def induced(v: float, omega: float, beta: float) -> np.ndarray:
             a, turning = lookup((omega / v, np.clip(beta, angles[0], angles[-1])))
             return np.array([a * v * self.cos_cone, turning * omega * self.radius])
 
         return induced
 
-    def _factors(self, wind, speed, pitch):
+    def _factors(self, wind: float, speed: float, pitch: float) -> np.ndarray:
         result = blade_element(self.rotor, wind, speed, pitch, self.n_span)
         return np.array([result.axial, result.tangential])

@@ -6,6 +6,7 @@ Chord and speed are 1, so that the reduced frequency is k = ω / 2. The airfoil 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -15,6 +16,10 @@ from validation.lifting_tools import UniformStream, WingFlow, two_dimensional_pl
 from validation.phase_vi import PhaseSixBlade
 from validation.unsteady_airfoil import exact_lift
 from wt_gym.aerodynamics.lattice.separation import separation_tables
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 
 SOURCE = "Øye 1991; Hansen, Gaunaa & Madsen 2004, Risø-R-1354; polar: Ramsay et al. 1995, NREL/TP-442-7817"
 INDEPENDENT = "Øye's model with A = 4 on the measured polar, an independent computation"
@@ -97,7 +102,9 @@ class StallingSection:
         return base + share * lift, lift
 
 
-def oye_loop(section: StallingSection, motion: Pitching, shed_wake=False, periods=3):
+def oye_loop(
+    section: StallingSection, motion: Pitching, shed_wake=False, periods=3
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Lift coefficient over the last period (n + 1,), first and last point at the mean on the rising branch.
 
     Without a wake this is Øye's model on the angle of attack itself. With one, the flow at three quarters of the chord
@@ -130,7 +137,9 @@ def oye_loop(section: StallingSection, motion: Pitching, shed_wake=False, period
     return np.degrees(motion.angle(dt * np.arange(n + 1))), np.array(lift[-n - 1 :])
 
 
-def lattice_loop(motion: Pitching, polar=None, n_chord=2, periods=2.25, **options):
+def lattice_loop(
+    motion: Pitching, polar=None, n_chord=2, periods=2.25, **options
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Angle [deg] and lift coefficient of the vortex lattice over the last period, (n + 1,) each.
 
     Parameters
@@ -181,7 +190,7 @@ def attached_response(k=0.1, n_chord=4):
 
 
 @case("dynamic-stall", "Dynamic stall of the S809 airfoil in pitch", SOURCE)
-def dynamic_stall():
+def dynamic_stall() -> CaseResult:
     """Loops of the lift: the model alone, the lattice against the model with its own shed wake, attached flow."""
     polar = s809_polar()
     published, section = StallingSection(polar, monotone=False), StallingSection(polar)

@@ -7,11 +7,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from wt_gym.errors import WtGymError
 from wt_gym.structure.beam import skew
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from wt_gym.structure.beam import BeamSections
 
 __all__ = ["BarChain", "NoRodBalance", "exact_rod"]
 
@@ -23,7 +32,7 @@ class NoRodBalance(WtGymError, ValueError):
     """The shooting method found no balance of the rod."""
 
 
-def _turn(frame, rotation):
+def _turn(frame: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Rotation matrix exp(ṽ) applied on the right of a frame."""
     angle = np.linalg.norm(rotation)
     v = skew(rotation)
@@ -32,13 +41,20 @@ def _turn(frame, rotation):
     return frame @ (np.eye(3) + np.sin(angle) / angle * v + (1.0 - np.cos(angle)) / angle**2 * v @ v)
 
 
-def _shortest_frame(tangent):
+def _shortest_frame(tangent: np.ndarray) -> np.ndarray:
     """Rotation that turns z into the tangent without turning about it: the section frame of the undeformed axis."""
     a = skew(np.cross([0.0, 0.0, 1.0], tangent))
     return np.eye(3) + a + a @ a / (1.0 + tangent[2])
 
 
-def exact_rod(sections, distributed=None, tip_force=(0.0, 0.0, 0.0), tip_moment=(0.0, 0.0, 0.0), n=400, load_steps=5):
+def exact_rod(
+    sections: BeamSections,
+    distributed: Callable[[float], ArrayLike] | None = None,
+    tip_force: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    tip_moment: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    n: int = 400,
+    load_steps: int = 5,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Deflected axis of a rod clamped at its root under dead loads.
 
     With the section forces N and moments M in global components and the section frame R,
@@ -81,7 +97,7 @@ def exact_rod(sections, distributed=None, tip_force=(0.0, 0.0, 0.0), tip_moment=
     load = np.zeros((n, 3)) if distributed is None else np.array([distributed(x) for x in middle])
     outer = np.cumsum(load[::-1], axis=0)[::-1] * h - 0.5 * h * load
 
-    def shoot(root_moment, factor):
+    def shoot(root_moment: np.ndarray, factor: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Tip moment error, positions and frames for a root moment."""
         position, turn = np.zeros((n + 1, 3)), np.eye(3)
         position[0] = axis[0]
@@ -126,7 +142,7 @@ def exact_rod(sections, distributed=None, tip_force=(0.0, 0.0, 0.0), tip_moment=
     return s, position, deformed
 
 
-def _integrals(function, bounds, n=64):
+def _integrals(function: Callable[[np.ndarray], np.ndarray], bounds: np.ndarray, n: int = 64) -> np.ndarray:
     """Integrals of a function between successive bounds, midpoint rule with n points each."""
     inside = (np.arange(n) + 0.5) / n
     lower, width = bounds[:-1, None], np.diff(bounds)[:, None]
@@ -150,7 +166,13 @@ class BarChain:
         Number of bars.
     """
 
-    def __init__(self, length, bending_stiffness, mass, n=48):
+    def __init__(
+        self,
+        length: float,
+        bending_stiffness: Callable[[np.ndarray], np.ndarray],
+        mass: Callable[[np.ndarray], np.ndarray],
+        n: int = 48,
+    ):
         self.n, self.bar = n, length / n
         self.outer = (np.arange(n) + 1.0) * self.bar
         middle = self.outer - 0.5 * self.bar
@@ -160,24 +182,24 @@ class BarChain:
         beyond = np.cumsum(self.mass[::-1])[::-1]
         self._coupling = beyond[np.maximum.outer(np.arange(n), np.arange(n))] * self.bar**2
 
-    def lump(self, load):
+    def lump(self, load: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Forces (n,) at the outer ends of the bars from a transverse load per length, a callable of arc lengths."""
         return _integrals(load, self.bounds)
 
-    def elastic_moment(self, theta):
+    def elastic_moment(self, theta: np.ndarray) -> np.ndarray:
         """Moments (n,) of the springs on the bars."""
         bend = self.spring * np.diff(theta, prepend=0.0)
         return -bend + np.append(bend[1:], 0.0)
 
-    def load_moment(self, theta, force):
+    def load_moment(self, theta: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Moments (n,) of dead transverse forces (n,) at the outer ends of the bars."""
         return np.cumsum(force[::-1])[::-1] * self.bar * np.cos(theta)
 
-    def tip(self, theta):
+    def tip(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Transverse and axial position of the tip for angles (..., n)."""
         return self.bar * np.sin(theta).sum(axis=-1), self.bar * np.cos(theta).sum(axis=-1)
 
-    def static(self, force, steps=10):
+    def static(self, force: np.ndarray, steps: int = 10) -> np.ndarray:
         """Angles in balance under dead transverse forces (n,), by Newton's method in load steps."""
         theta = np.zeros(self.n)
         stiffness = np.diag(self.spring + np.append(self.spring[1:], 0.0))
@@ -193,11 +215,11 @@ class BarChain:
                     break
         return theta
 
-    def simulate(self, theta, times, force=None):
+    def simulate(self, theta: np.ndarray, times: np.ndarray, force: np.ndarray | None = None) -> np.ndarray:
         """Angles (n_times, n) at the given times for a start at rest, with dead transverse forces (n,)."""
         n = self.n
 
-        def rate(_, state):
+        def rate(_: float, state: np.ndarray) -> np.ndarray:
             angle, speed = state[:n], state[n:]
             difference = angle[:, None] - angle[None, :]
             matrix = self._coupling * np.cos(difference)

@@ -17,7 +17,7 @@ SOURCE = 'the same simulator at fidelity "reference": ten times the panels, thre
 
 
 @case("gain-sweep", "Power against the gain of the torque law, 8 m/s steady and turbulent, coupled", SOURCE, slow=True)
-def gain_sweep():
+def gain_sweep() -> CaseResult:
     """Mean aerodynamic power at four gains, absolute and relative to that of gain 1."""
     checks, figures, lines = [], {}, ["power of the air [kW] at gains " + ", ".join(f"{gain:g}" for gain in GAINS)]
     for wind in ("steady", "turbulent"):
@@ -43,7 +43,7 @@ def gain_sweep():
 
 
 @case("turbulence-ladder", "Power and loads in turbulence, 8 and 12 m/s, two seeds, coupled", SOURCE, slow=True)
-def turbulence_ladder():
+def turbulence_ladder() -> CaseResult:
     """Means and damage-equivalent loads under the baseline controller."""
     names = [name for name, experiment in EXPERIMENTS.items() if experiment.gain is None]
     checks = []

@@ -95,6 +95,12 @@ def march(turbine, rotor_speed, fidelity=RIGID_TOWER):
     return TIME_STEP * np.arange(len(motion)), motion / np.abs(motion).max(axis=0)
 
 
+def _least_damped(turbine, rotor_speed) -> complex:
+    """Growth [1/s] and circular frequency [rad/s] of the least damped mode, after the others have faded."""
+    time, motion = march(turbine, rotor_speed)
+    return dominant_mode(time, motion, start=FADING)
+
+
 def unloaded_pitch(simulator, rotor_speed):
     """Pitch [rad] without thrust, from a steady state at a rotor speed [rad/s]: blades then bend neither way."""
 
@@ -122,13 +128,13 @@ def _moments(simulator, rotor_speed, pitch, kick):
     "strip theory with Jones's lags (18.9 and 11.5 rpm); quoted for the 5-MW: 24 to 25 rpm",
     slow=True,
 )
-def rotor_flutter():
+def rotor_flutter() -> CaseResult:
     """Growth of the least damped mode over the rotor speed; the 5-MW's falls through zero between two speeds."""
     checks, curves, lines = [], [], []
     for name, speeds in SPEEDS.items():
         turbine = load_turbine(name)
         rated = turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi
-        modes = np.array([dominant_mode(*march(turbine, rpm * np.pi / 30.0), start=FADING) for rpm in speeds])
+        modes = np.array([_least_damped(turbine, rpm * np.pi / 30.0) for rpm in speeds])
         lines += [
             f"{name} {rpm:6.2f} rpm ({rpm / rated:.2f} rated): {mode.imag / (2.0 * np.pi):.2f} Hz, growth "
             f"{mode.real:+.2f} 1/s, damping ratio {-mode.real / abs(mode):+.4f}"

@@ -78,10 +78,10 @@ class _Run:
     """
 
     coordinates: np.ndarray
-    speed: tuple
+    speed: tuple[float, float]
     position: float = 0.0
     velocity: float = 0.0
-    drift: tuple = (0.0, 0.0, 0.0)
+    drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def _run(name, form, duration, step, starter="adams"):
@@ -109,7 +109,7 @@ def _run(name, form, duration, step, starter="adams"):
 
 
 @case("formulations-accelerations", "Constrained and embedded form: accelerations, multipliers, hub loads", SOURCE)
-def accelerations():
+def accelerations() -> list[Check]:
     """One state, three solutions: embedded, constrained, and eq. (7) with quaternions."""
     simulators, states, loads, torque = _turbines("training")
     structures = {form: simulators[form].structure for form in FORMS}
@@ -129,16 +129,16 @@ def accelerations():
         results[form] = np.concatenate([*common, [u[structures[form].azimuth_u]]]), wrench, multipliers, u, inputs
     one, two = results["embedded"], results["constrained"]
     blades = list(structures["embedded"].blades)
-    form = descriptor_form(structures["constrained"].system, states["constrained"], two[4])
-    paper, paper_multipliers = form.solve()
+    descriptor = descriptor_form(structures["constrained"].system, states["constrained"], two[4])
+    paper, paper_multipliers = descriptor.solve()
     scale, load = np.abs(one[0]).max(), np.abs(one[1]).max()
     return [
         Check("largest difference of an acceleration / largest acceleration", 0.0, _gap(one[0], two[0], scale), 1e-9),
         Check("multipliers against hub loads of the embedded form / largest", 0.0,
               _gap(two[2].reshape(-1, 6), one[1][blades], load), 1e-9),
         Check("all joint loads of both forms / largest", 0.0, _gap(two[1], one[1], load), 1e-9),
-        Check("eq. (7) with quaternions: accelerations / largest", 0.0, _gap(form.to_velocities @ paper, two[3], scale),
-              1e-9),
+        Check("eq. (7) with quaternions: accelerations / largest", 0.0,
+              _gap(descriptor.to_velocities @ paper, two[3], scale), 1e-9),
         Check("eq. (7) with quaternions: multipliers / largest", 0.0,
               _gap(-paper_multipliers[: len(two[2])], two[2], load), 1e-9),
     ]  # fmt: skip
@@ -165,7 +165,7 @@ def coordinate_gaps(name, step, duration=20.0, starter="runge-kutta"):
     SOURCE,
     slow=True,
 )
-def trajectories():
+def trajectories() -> CaseResult:
     """The same commands and loads; every coordinate against its own size, and the difference over the step."""
     simulators = _turbines("training")[0]
     structure = simulators["embedded"].structure
@@ -207,7 +207,7 @@ def coupled_drift(duration, **changes):
 
 
 @case("formulations-drift", "Constrained form: constraint drift over 600 s", SOURCE, slow=True)
-def drift():
+def drift() -> CaseResult:
     """The preset of Gebhardt et al. at its own step with its own starters; residuals at every step."""
     simulator = _turbines("gebhardt")[0]["constrained"]
     step, starter = simulator.coupling.integrator.step, simulator.fidelity.starter
@@ -234,7 +234,7 @@ def drift():
 
 
 @case("formulations-gain", "Constrained form: drift over Baumgarte's gain, without projection", SOURCE, slow=True)
-def gain():
+def gain() -> CaseResult:
     """30 s in the wind with moving pitch and yaw; stabilization alone, weak, as shipped and strong, and none."""
     found = {gain: coupled_drift(30.0, projection=False, stabilization=gain)[1] for gain in GAINS}
     projected = coupled_drift(30.0)[1]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.linalg import eigh
 
 from validation.case import CaseResult, Check, case
 from wt_gym.analysis.metrics import run_metrics
+from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.ids import present_id
 from wt_gym.simulation import FIDELITIES, Recorder
 from wt_gym.simulation.model.assembly import assemble
@@ -44,9 +45,9 @@ LOWEST = 8
 """Lowest parked frequencies that are compared: two of the tower, the drivetrain's, three flapwise, two edgewise."""
 TRAINING = FIDELITIES["training"]
 IMPLICIT = {"integrator": "generalized_alpha"}
-LINEAR = {"formulation": "observer", "frame_displacement": "linear"}
+LINEAR: dict[str, Any] = {"formulation": "observer", "frame_displacement": "linear"}
 """Observer frames as published."""
-TORSION = {"blade_modes": (2, 1, 1)}
+TORSION: dict[str, Any] = {"blade_modes": (2, 1, 1)}
 WINDS = {"NREL5MW": 10.0, "IEA15MW": 10.0, "Gebhardt45m": 10.0, "NadaSmall": 8.0}
 
 
@@ -147,12 +148,14 @@ def measure(combination):
         present_id(f"wt_gym/{combination.turbine}-Turbulent-v0"), fidelity=combination.fidelity, action_mode="residual",
         wind_speed=WINDS[combination.turbine], episode_length=times.duration + times.random, max_episode_steps=10**9,
     )  # fmt: skip
-    raw, found = env.unwrapped, {"failure": None}
+    raw = turbine_env_of(env)
+    found: dict[str, Any] = {"failure": None}
     env.reset(seed=1)
-    zero, dt = np.zeros(env.action_space.shape, dtype=np.float32), raw.control_dt
+    zero, dt = np.zeros(raw.layout.action.size, dtype=np.float32), raw.control_dt
     found["repeats"] = goes_on_alike(env, zero)
     env.reset(seed=1)
-    recorder, began, info = Recorder(raw.simulator), time.process_time(), {}
+    recorder, began = Recorder(raw.simulator), time.process_time()
+    info: dict[str, Any] = {}
     for _ in range(round(times.duration / dt)):
         *_, terminated, _, info = env.step(zero)
         if terminated:
@@ -161,7 +164,7 @@ def measure(combination):
     found["ms"] = 1e3 * (time.process_time() - began) / max(len(recorder), 1)
     rng = np.random.default_rng(1)
     while "termination" not in info and raw.signals.time < times.duration + 0.9 * times.random:
-        *_, info = env.step(rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32))
+        *_, info = env.step(rng.uniform(-1.0, 1.0, zero.shape).astype(np.float32))
     found["failure"] = info.get("termination")
     if len(recorder) * dt > times.skip + 0.1 * times.duration:
         data = recorder.to_dataset()
@@ -227,12 +230,13 @@ def steady_tip(combination, wind_speed=9.0):
         wind_speed=wind_speed, episode_length=STEADY, max_episode_steps=10**9,
     )  # fmt: skip
     env.reset(seed=1)
-    zero, tips = np.zeros(env.action_space.shape, dtype=np.float32), []
-    for _ in range(round(STEADY / env.unwrapped.control_dt)):
+    raw, tips = turbine_env_of(env), []
+    zero = np.zeros(raw.layout.action.size, dtype=np.float32)
+    for _ in range(round(STEADY / raw.control_dt)):
         env.step(zero)
-        tips.append(env.unwrapped.signals.tip_out_of_plane.mean())
+        tips.append(raw.signals.tip_out_of_plane.mean())
     env.close()
-    return float(np.mean(tips[-round(SETTLED / env.unwrapped.control_dt) :]))
+    return float(np.mean(tips[-round(SETTLED / raw.control_dt) :]))
 
 
 def nodal_against_modal(results):
@@ -257,9 +261,10 @@ def nodal_against_modal(results):
     "the same turbine in the embedded form with modal bodies, Hamming's scheme",
     slow=True,
 )
-def formulations_coupled():
+def formulations_coupled() -> CaseResult:
     """Each runs, repeats from a snapshot, and is the same turbine as far as it has the same shapes."""
-    checks, lines, defaults, results = [], [], {}, {}
+    checks, lines, results = [], [], {}
+    defaults: dict[str, dict[str, Any]] = {}
     lines.append("turbine, combination: ms a step, power, flap DEL and mean tip deflection against the default [%], "
                  "largest change of the lowest parked frequencies [%]")  # fmt: skip
     for combination in COMBINATIONS:

@@ -36,7 +36,7 @@ PITCHES = (-5.0, 0.0, 3.0, 6.0, 9.0, 12.5)
 
 
 @case("gebhardt-2012-full", "45 m / 68 m turbine, everything together: Figures 1–10", GEBHARDT, slow=True)
-def everything():
+def everything() -> CaseResult:
     """Reference wind at the gradient height, all parts of the model at once."""
     pitch, low, high = solved(None, LATTICE, FULL)
     rpm = published(15.0)[0]
@@ -76,7 +76,7 @@ def coupled_run(wind, pitch, revolutions=3.0, **changes):
 
 @case("gebhardt-2012-basis", "45 m / 68 m turbine: modes of the blades at rest and in the deformed state", GEBHARDT,
       slow=True)  # fmt: skip
-def deformed_basis():
+def deformed_basis() -> CaseResult:
     """What it changes to compute the modes anew at each step, in deflections and frequencies, and what it costs."""
     pitch, wind, checks, lines = np.radians(12.78), 20.0, [], []
     (fixed, rows, cost), (moving, others, more) = (

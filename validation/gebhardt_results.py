@@ -388,12 +388,12 @@ def compare(reading):
 
 
 @case("gebhardt-2012", "45 m / 68 m turbine at 15 and 20 m/s at the gradient height: Figures 1–10", GEBHARDT, slow=True)
-def gradient_height():
+def gradient_height() -> list[Check]:
     """Reference wind at the gradient height of the profile."""
     return compare("gradient_height")
 
 
 @case("gebhardt-2012-hub-wind", "45 m / 68 m turbine at 15 and 20 m/s at the hub: Figures 1–10", GEBHARDT, slow=True)
-def hub_height():
+def hub_height() -> list[Check]:
     """Reference wind at the hub."""
     return compare("hub")

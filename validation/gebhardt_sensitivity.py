@@ -43,7 +43,7 @@ the tower [m]: the inferred one, and more weight forward. The blades pass at 0.3
 
 
 @case("gebhardt-2012-tower", "45 m / 68 m turbine: side-side amplitude over the tower's frequency", GEBHARDT, slow=True)
-def tower_stiffness():
+def tower_stiffness() -> CaseResult:
     """Growth from 15 to 20 m/s for towers below, between and above the blade-passing frequencies of both winds."""
     pitch, stand_in = calibrate(), gebhardt_data()["stand_in"]["tower"]["side_side_1_Hz"]
     ratio = gebhardt_data()["published"]["ratios_20_to_15"]
@@ -99,7 +99,7 @@ def obtained(statements, quantity):
 
 @case("gebhardt-2012-tower-together", "45 m / 68 m turbine: every statement about the tower over its frequency",
       GEBHARDT, slow=True)  # fmt: skip
-def statements_together():
+def statements_together() -> CaseResult:
     """Which towers meet all statements at once: with the inferred weight before the tower, and with more."""
     lines, curves, holding = [], [], 0
     for forward, frequencies in FORWARD.items():
@@ -147,7 +147,7 @@ def equilibria(rpm, ratio):
 
 
 @case("gebhardt-2012-equilibria", "45 m / 68 m turbine: torque balance with and without stall", GEBHARDT, slow=True)
-def torque_balance():
+def torque_balance() -> CaseResult:
     """One equilibrium in potential flow; stall adds others and lowers the torque."""
     pitch = calibrate()
     checks, curves, lines = [], [], []

@@ -215,7 +215,7 @@ class GolandWing:
         return float(self._tip.linear[0, 0] @ q), float(0.5 * CHORD * self._tip_twist @ q)
 
 
-def march(speed: float, resolution: Resolution):
+def march(speed: float, resolution: Resolution) -> tuple[np.ndarray, np.ndarray]:
     """Time (n,) [s] and tip motion (n, 2) [m] after a kick."""
     wing = GolandWing(speed, resolution)
     wing.start()
@@ -227,7 +227,7 @@ def march(speed: float, resolution: Resolution):
     return wing.dt * np.arange(1, n + 1), motion
 
 
-def dominant_mode(time, motion, start: float = 0.25, order: int = 8) -> complex:
+def dominant_mode(time: np.ndarray, motion: np.ndarray, start: float = 0.25, order: int = 8) -> complex:
     """Eigenvalue σ + iω of the fastest growing oscillation in the motion after ``start`` [s].
 
     Eigensystem realization (Juang & Pappa 1985) with at most ``order`` states; of the oscillations that make up a
@@ -295,7 +295,7 @@ def linear_flutter(n_chord: int, n_span: int, inset: float = 0.25, wake_chords: 
 
 
 @case("goland-strip-theory", "Goland's wing with Theodorsen's strips: frequencies and flutter", STRIP_SOURCE)
-def goland_strip_theory():
+def goland_strip_theory() -> list[Check]:
     """The beam alone: vacuum frequencies without static moment are closed forms, flutter is known exactly."""
     speed, omega = strip_flutter(1.225)
     uncoupled = 2.0 * np.pi * goland_modes(goland_beam(center=AXIS), 2).frequency
@@ -310,7 +310,7 @@ def goland_strip_theory():
 
 
 @case("goland-flutter", "Flutter of Goland's wing: beam and vortex lattice marched in time", UVLM_SOURCE, slow=True)
-def goland_flutter():
+def goland_flutter() -> CaseResult:
     """Growth rates over the speed, the speed without growth, its convergence, and where published values lie."""
     kinds = {"inset tips": Resolution(), "to the tips": Resolution(n_span=16, wake_chords=10.0, inset=0.0)}
     runs, extrapolated, linear = {}, {}, {}

@@ -53,7 +53,7 @@ def sears(k):
 
 
 @lru_cache(maxsize=8)
-def sharp_edged_gust(n_chord: int, distance: float):
+def sharp_edged_gust(n_chord: int, distance: float) -> tuple[np.ndarray, np.ndarray]:
     """Lift after the leading edge has met a gust, over its final value.
 
     The stream passes one panel a step, and the gust's edge is spread over one panel.
@@ -77,7 +77,7 @@ def sharp_edged_gust(n_chord: int, distance: float):
 
 
 @lru_cache(maxsize=32)
-def gust_waves(k: float, n_chord: int):
+def gust_waves(k: float, n_chord: int) -> tuple[complex, complex]:
     """Complex lift and moment about the quarter chord in waves of reduced frequency k, over 2π w₀/V.
 
     The last of at least three periods, at least twenty chords long, is fitted with one harmonic and a straight line.
@@ -110,7 +110,7 @@ def gust_waves(k: float, n_chord: int):
 
 
 @case("kussner", "Lift of a flat plate that enters a sharp-edged gust (Küssner)", KUSSNER_SOURCE)
-def kussner_case():
+def kussner_case() -> CaseResult:
     """Step response at 16 panels and one panel chord a step, from s = 0.5 on within 2 %."""
     travel, lift = sharp_edged_gust(16, 33.0)
     checks = [
@@ -128,17 +128,18 @@ def kussner_case():
 
 
 @case("sears", "Flat plate in sinusoidal gusts carried over it by the stream (Sears)", SEARS_SOURCE, slow=True)
-def sears_case():
+def sears_case() -> CaseResult:
     """Amplitude within 2 % and phase within 2° for k = 0.05 … 1; the lift acts at the quarter chord."""
     checks, obtained = [], []
-    for k, amplitude, phase in SEARS:
-        lift, moment = gust_waves(k, 8 if k <= 0.5 else 16)
+    for frequency, amplitude, phase in SEARS:
+        lift, moment = gust_waves(frequency, 8 if frequency <= 0.5 else 16)
         obtained.append(lift)
         checks += [
-            Check(f"k = {k:g}: amplitude of S", amplitude, abs(lift), 0.02, source=SEARS_SOURCE),
-            Check(f"k = {k:g}: phase of S", phase, np.degrees(np.angle(lift)), absolute(2.0), "deg",
+            Check(f"k = {frequency:g}: amplitude of S", amplitude, abs(lift), 0.02, source=SEARS_SOURCE),
+            Check(f"k = {frequency:g}: phase of S", phase, np.degrees(np.angle(lift)), absolute(2.0), "deg",
                   source=SEARS_SOURCE),
-            Check(f"k = {k:g}: center of pressure before the quarter chord, in chords", 0.0, abs(moment / lift), 0.01,
+            Check(f"k = {frequency:g}: center of pressure before the quarter chord, in chords", 0.0,
+                  abs(moment / lift), 0.01,
                   source="Sears 1941: the lift of the gust acts at the quarter chord"),
         ]  # fmt: skip
     k, marks = np.geomspace(0.04, 1.2, 60), np.array(SEARS)[:, 0]

@@ -31,7 +31,7 @@ LATTICE = "lattice with three turns of wake before its closure"
     "blade-element momentum theory; NREL/TP-5000-75698 (largest Cp 0.489 at 9)",
     slow=True,
 )
-def iea15mw_rotor():
+def iea15mw_rotor() -> CaseResult:
     """Blade elements, a lattice with three turns of wake, and the cheap fidelities in the environment's steps."""
     turbine = load_turbine("iea_15mw")
     element, rated = BladeElementRotor.of_turbine(turbine), turbine.drivetrain.rated_rotor_speed

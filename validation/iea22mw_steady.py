@@ -79,11 +79,12 @@ def steady_state(turbine, wind, rotor_speed, pitch, fidelity=FIDELITY) -> Steady
         )  # fmt: skip
     last = np.array(rows)[-round(turns * 2.0 * np.pi / rotor_speed / dt) :]
     half = len(last) // 2
-    return SteadyState(*last.mean(axis=0), last[half:, 0].mean() / last[:half, 0].mean() - 1.0)
+    rotor_speed, pitch, thrust, power = (float(mean) for mean in last.mean(axis=0))
+    return SteadyState(rotor_speed, pitch, thrust, power, last[half:, 0].mean() / last[:half, 0].mean() - 1.0)
 
 
 @case("iea22-steady", "IEA 22-MW under its own controller in steady wind, 4 to 24 m/s", SOURCE, slow=True)
-def iea22_steady():
+def iea22_steady() -> CaseResult:
     """Worst of the winds below and above rated power, for each quantity, against OpenFAST; HAWC2 beside it."""
     turbine = load_turbine("iea_22mw")
     turbine = replace(turbine, nacelle=replace(turbine.nacelle, tilt=0.0))
@@ -104,7 +105,8 @@ def iea22_steady():
     ]
     # the lattice yields more power than blade elements below rated (case nrel-5mw-operating-curve)
     ratio = found[:, 3] / openfast[:, 3]
-    for text, k in (("largest", np.argmax(np.where(above, -1.0, ratio))), ("least", np.argmin(ratio + 9.0 * above))):
+    extremes = int(np.argmax(np.where(above, -1.0, ratio))), int(np.argmin(ratio + 9.0 * above))
+    for text, k in zip(("largest", "least"), extremes, strict=True):
         checks.append(Check(f"{text} power below rated over the published one: {wind[k]:g} m/s", "in [0.99, 1.09]",
                             ratio[k], source=SOURCE))  # fmt: skip
     lines = [

@@ -7,6 +7,7 @@ lattice with strips several meters wide must still carry the load that blade-ele
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,11 @@ from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.turbines import load_turbine
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.aerodynamics import AeroOptions
+
 __all__ = ["BANDS", "element_force", "mean_between", "strip_force"]
 
 WIND, RATIO = 8.0, 7.55
@@ -24,7 +30,7 @@ BANDS = ((10.0, 15.0), (15.0, 25.0), (25.0, 45.0), (45.0, 60.0))
 FINE = replace(ENGINEERING, n_chord=1, n_span=40)
 
 
-def strip_force(options, turns=5.0):
+def strip_force(options: AeroOptions, turns: float = 5.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Edges of the strips (n_span + 1,) [m from the axis] and their force along the axis per length (n_span,) [N/m].
 
     From speed, angle of attack and polar of every strip; the nodal forces are shared between neighbors.
@@ -38,7 +44,7 @@ def strip_force(options, turns=5.0):
     return rotor.root_radius + edges, 0.5 * rotor.air_density * run.speed**2 * planform.chord * across
 
 
-def element_force(n_span=600):
+def element_force(n_span: int = 600) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same of blade-element theory with the published elements."""
     turbine = load_turbine("nrel_5mw")
     rotor = BladeElementRotor.of_turbine(turbine)
@@ -59,7 +65,7 @@ def mean_between(edges, force, low, high):
     "blade-element momentum theory with the published blade elements (NREL/TP-500-38060, Table 3-1); a fine lattice",
     slow=True,
 )
-def nrel_5mw_inboard():
+def nrel_5mw_inboard() -> CaseResult:
     """Means over stretches of the blade; outboard of 45 m theory and lattice treat the tip differently."""
     element, fine = element_force(), strip_force(FINE, 4.0)
     checks, curves, lines = [], [Curve(*_steps(*element), "blade elements", "k-")], []
@@ -78,6 +84,6 @@ def nrel_5mw_inboard():
     return CaseResult(checks, {"Normal force": figure}, "\n".join(lines))
 
 
-def _steps(edges, force):
+def _steps(edges: NDArray[np.float64], force: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Corners of a line that is constant on each strip."""
     return np.repeat(edges, 2)[1:-1], np.repeat(force, 2)

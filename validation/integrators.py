@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.special import ellipj, ellipk
 
@@ -101,7 +103,7 @@ def _eigenvalue(line, h):
     "Stability limits of the modified Hamming scheme, spectral radius of the implicit schemes",
     "Gebhardt et al. 2012 with limits measured independently on y' = λy; Chung & Hulbert 1993",
 )
-def stability():
+def stability() -> CaseResult:
     """The table of limits; the default scheme of the simulator is the row of three corrector passes."""
     checks = []
     for passes, final, *limits in HAMMING_TABLE:
@@ -133,9 +135,11 @@ def stability():
     limit = stability_limit(lambda h: spectral_radius(amplification(central, h)))
     checks.append(Check("central differences (β = 0): undamped ωh", 2.0, limit, 1e-3))
     h = np.linspace(0.02, 3.0, 150)
-    schemes = (("modified Hamming", "hamming", {}), ("Newmark ¼, ½", "newmark", {}),
-               ("generalized-α, ρ∞ = 0.8", "generalized_alpha", {"rho_inf": 0.8}),
-               ("generalized-α, ρ∞ = 0", "generalized_alpha", {"rho_inf": 0.0}))  # fmt: skip
+    schemes: tuple[tuple[str, str, dict[str, Any]], ...] = (
+        ("modified Hamming", "hamming", {}), ("Newmark ¼, ½", "newmark", {}),
+        ("generalized-α, ρ∞ = 0.8", "generalized_alpha", {"rho_inf": 0.8}),
+        ("generalized-α, ρ∞ = 0", "generalized_alpha", {"rho_inf": 0.0}),
+    )  # fmt: skip
     curves = []
     for label, name, options in schemes:
         integrator = make_integrator(name, oscillator(), 1.0, **options)
@@ -187,13 +191,13 @@ def pendulum_error(name, n_steps, exact_history=False, duration=2.0, **options):
     "Order of accuracy on the pendulum released horizontally",
     "exact solution by Jacobi's elliptic functions; orders of the schemes",
 )
-def order():
+def order() -> CaseResult:
     """Slope of log error against log step between two steps, small enough to be in the asymptotic range.
 
     Hamming's corrector is of order four: its local error is −1/40 h⁵ y⁽⁵⁾, that of the predictor 14/45 h⁵ y⁽⁵⁾. The
     final step takes 9/121 of their difference away, which is the corrector's error: h⁶ remains, order five in all.
     """
-    rows = (
+    rows: tuple[tuple[str, str, dict[str, Any], float, tuple[int, ...]], ...] = (
         ("modified Hamming, exact starting values", "hamming", {"exact_history": True}, 5.0, (200, 400, 800)),
         ("modified Hamming, Runge–Kutta start", "hamming", {"starter": "runge-kutta"}, 5.0, (200, 400, 800)),
         ("modified Hamming with its starters", "hamming", {}, 3.0, (800, 1600, 3200)),
@@ -223,7 +227,7 @@ def order():
     "Energy of an undamped oscillator over 1000 periods and of a pendulum over 50",
     "conservation of energy; amplification of the schemes; exact period of the pendulum",
 )
-def energy():
+def energy() -> CaseResult:
     """ω h = 0.2 (31 steps a period). Newmark: phase 2 atan(ωh/2) and no loss. The others lose what their roots say."""
     h, n_steps = 0.2, 31416
     checks = []

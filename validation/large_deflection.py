@@ -59,13 +59,16 @@ def bathe_displacement(n_bodies, elements_each=2):
 
 
 @case("bathe-bend", "Bathe's 45° bend: 600 lb at the tip of an arc, 8 and 16 bodies", BATHE)
-def bathe_bend():
+def bathe_bend() -> CaseResult:
     """The published axes are x = towards the center, y = along the root tangent, z = across the plane."""
     checks, notes = [], []
     for n_bodies in (8, 16):
         moved = bathe_displacement(n_bodies, 16 // n_bodies)
-        published = (("towards the center", 0, -13.6, -13.4), ("along the root tangent", 2, -23.7, -23.5))
-        published += (("across the plane", 1, 53.4, 53.5),)
+        published = (
+            ("towards the center", 0, -13.6, -13.4),
+            ("along the root tangent", 2, -23.7, -23.5),
+            ("across the plane", 1, 53.4, 53.5),
+        )
         for name, component, low, high in published:
             # the arc bends towards +x here; towards the center the published displacement is negative (it unbends)
             text = f"tip displacement {name}, {n_bodies} bodies (2 % of the middle of the published values)"
@@ -95,7 +98,7 @@ def roll_up(n_bodies, turns=1.0, elements_each=1):
 
 
 @case("roll-up", "Roll-up of a cantilever into a full circle by an end moment", "exact circle of radius EI/M")
-def roll_up_case():
+def roll_up_case() -> CaseResult:
     """Length 2π, EI = 1, M = 1: a circle of radius 1 whose tip comes back to the root."""
     curves, found = [], {}
     source = "Euler's elastica: curvature M/EI"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,10 @@ from validation.nrel5mw_rotor import wake_options
 from validation.rigid_rotor import RigidRotor, UniformWind, turn
 from wt_gym.aerodynamics import VortexLattice
 from wt_gym.turbines import load_turbine
+
+if TYPE_CHECKING:
+    from validation.rigid_rotor import RotorRun
+
 
 WIND, ROTOR_SPEED = 8.0, 9.15 * np.pi / 30.0
 """[m/s], [rad/s]; pitch 0, tip-speed ratio 7.55."""
@@ -46,10 +51,10 @@ def settled(**changes):
     "the finest lattice and the longest wake of each row",
     slow=True,
 )
-def nrel_5mw_convergence():
+def nrel_5mw_convergence() -> CaseResult:
     """One choice refined at a time; the last refinement changes the coefficients by no more than the tolerance."""
     base = settled()
-    studies = {
+    studies: dict[str, list[tuple[float, RotorRun]]] = {
         "strips along the span": [(n, base if n == 12 else settled(n_span=n)) for n in SPANS],
         "panels along the chord": [(n, base if n == 1 else settled(n_chord=n)) for n in CHORDS],
         "steps a turn": [(n, base if n == 30 else settled(steps_per_turn=n)) for n in STEPS],
@@ -115,7 +120,7 @@ def rigid_helix(turns, steps_per_turn=36, closure=False):
     "Cp of the NREL 5-MW rotor in front of 3 to 24 turns of rigid helix, and the closure of a short one",
     "independent lattice, 12 × 1 panels, 10 deg steps",
 )
-def rigid_helix_length():
+def rigid_helix_length() -> CaseResult:
     """Cp relative to 24 turns; a short wake continued by vortex cylinders against 24 turns."""
     open_end = {turns: rigid_helix(turns) for turns in HELIX}
     source = "independent lattice with a rigid helix"

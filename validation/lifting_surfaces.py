@@ -40,7 +40,7 @@ def rectangular_wing(aspect: float, n_chord: int, n_half_span: int, inset: float
 
 
 @case("rectangular-wings", "Flat rectangular wings: lift slope, lift at 5°, induced drag", RECTANGULAR_SOURCE)
-def rectangular_wings():
+def rectangular_wings() -> CaseResult:
     """Aspect ratios 4 … 20, even lattices up to the tips and the lattice a quarter panel inside them."""
     checks, curves = [], []
     far = "Trefftz-plane integral over the same wake (Munk 1921)"
@@ -95,7 +95,7 @@ def elliptic_wing(half_span: float, half_chord: float, n_chord: int, n_half_span
 
 
 @case("elliptic-wings", "Circular and elliptic flat wings: lift slope, induced drag", CIRCLE_SOURCE)
-def elliptic_wings():
+def elliptic_wings() -> CaseResult:
     """Lift slope of the circle (exact) and of slender ellipses (matched expansion), Munk's bound of induced drag."""
     checks = []
     circle = {n: elliptic_wing(1.0, 1.0, n, 20) for n in (4, 8, 16)}
@@ -165,7 +165,7 @@ def starting_impulse(n_chord: int, **options) -> float:
 
 
 @case("sudden-acceleration", "Rectangular wings set in motion at once at 5°", ACCELERATION_SOURCE, slow=True)
-def sudden_acceleration_case():
+def sudden_acceleration_case() -> CaseResult:
     """Impulse of the apparent mass, early growth as Wagner, steady lift, and who gets there first."""
     checks = [
         Check("section: impulse of the start over ρ π c²/4 V sin α", 1.0, starting_impulse(16), 0.01,
@@ -238,7 +238,7 @@ def circuit(flow, y_begin, y_end, z, half_height=1.5, n=1500):
 
 
 @case("vortex-conservation", "Circulation is conserved: wake rings, thinned wakes, closed circuits", KELVIN)
-def vortex_conservation():
+def vortex_conservation() -> CaseResult:
     """A heaving wing with a free wake; circuits round wing and wake are integrals of the induced velocity."""
     n_steps = 40
     flow, history = heaving_wing(n_steps)

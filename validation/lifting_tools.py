@@ -5,9 +5,16 @@ Wings lie in the y–z plane with the chord along +y and the span along +z; the 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from wt_gym.aerodynamics import AeroOptions, LatticePlanform, VortexLattice, build_planform
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.aerodynamics import AeroState
 
 __all__ = [
     "UniformStream",
@@ -21,7 +28,7 @@ __all__ = [
     "two_dimensional_planform",
 ]
 
-INVISCID = {
+INVISCID: dict[str, Any] = {
     "viscous": False, "far_wake": False, "bound_core": 1e-4, "wake_core": 1e-3, "squire": 0.0, "viscosity": 0.0,
 }  # fmt: skip
 """Potential flow with vortices as thin as single precision allows."""
@@ -42,7 +49,7 @@ class UniformStream:
         [m/s].
     """
 
-    def __init__(self, velocity):
+    def __init__(self, velocity: ArrayLike):
         self.vector = np.asarray(velocity, dtype=np.float64)
 
     @classmethod
@@ -50,7 +57,7 @@ class UniformStream:
         """Stream that meets a wing in the y–z plane at the angle of attack ``alpha`` [rad]."""
         return cls(speed * np.array([np.sin(alpha), np.cos(alpha), 0.0]))
 
-    def velocity(self, points, time):
+    def velocity(self, points: ArrayLike, time: ArrayLike) -> NDArray[np.float64]:
         """Wind at the points (..., 3) [m/s]."""
         return np.broadcast_to(self.vector, np.shape(points))
 
@@ -60,7 +67,13 @@ def half_span_edges(half_span: float, n_span: int, inset: float = 0.25) -> np.nd
     return half_span / (n_span + inset) * np.arange(n_span + 1)
 
 
-def flat_planform(edges, chord, n_chord: int, le_offset=0.25, polar=None) -> LatticePlanform:
+def flat_planform(
+    edges: ArrayLike,
+    chord: float | NDArray[np.float64],
+    n_chord: int,
+    le_offset: float | NDArray[np.float64] = 0.25,
+    polar: NDArray[np.float64] | None = None,
+) -> LatticePlanform:
     """Flat wing whose reference axis is the z axis.
 
     Parameters
@@ -84,7 +97,7 @@ def flat_planform(edges, chord, n_chord: int, le_offset=0.25, polar=None) -> Lat
     return build_planform(edges, axis, chord * one, 0.0 * one, le_offset * one, polars, n_chord)
 
 
-def two_dimensional_planform(n_chord: int, polar=None) -> LatticePlanform:
+def two_dimensional_planform(n_chord: int, polar: NDArray[np.float64] | None = None) -> LatticePlanform:
     """Half of a very long wing, to be mirrored at z = 0; its first strip, one chord wide, is the section.
 
     The strips grow threefold outwards up to 512 panel chords: half a panel chord away from a longer segment, the
@@ -95,12 +108,14 @@ def two_dimensional_planform(n_chord: int, polar=None) -> LatticePlanform:
     return flat_planform(np.concatenate(([0.0], np.cumsum(widths))), 1.0, n_chord, polar=polar)
 
 
-def panels_of(planform: LatticePlanform) -> dict:
+def panels_of(planform: LatticePlanform) -> dict[str, int]:
     """Options with the numbers of panels of this planform."""
     return {"n_chord": planform.n_chord, "n_span": planform.n_span}
 
 
-def steady_wing(planform: LatticePlanform, alpha: float, **options):
+def steady_wing(
+    planform: LatticePlanform, alpha: float, **options: Any
+) -> tuple[VortexLattice, AeroState, UniformStream]:
     """Lattice and state of a half wing, mirrored at z = 0, with a straight wake of one row, two thousand spans long.
 
     Returns
@@ -121,25 +136,25 @@ def steady_wing(planform: LatticePlanform, alpha: float, **options):
     return lattice, state, stream
 
 
-def steady_coefficients(state, stream: UniformStream, area: float) -> tuple[float, float]:
+def steady_coefficients(state: AeroState, stream: UniformStream, area: float) -> tuple[float, float]:
     """Lift and drag coefficient of a half wing of this area in a unit stream in the x–y plane."""
     total = state.nodal_forces.sum(axis=(0, 1, 2)) / (0.5 * area)
     along = stream.vector
     return float(total @ [along[1], -along[0], 0.0]), float(total @ along)
 
 
-def far_field_drag(circulation, edges) -> float:
+def far_field_drag(circulation: ArrayLike, edges: ArrayLike) -> float:
     """Induced drag of a mirrored half wing with a straight wake, from the Trefftz plane, density 1 [N].
 
     Half of ∫ Γ w dz over the half span, with the downwash w of the two-dimensional point vortices in which the strips
     of both halves end, taken at the middle of each strip (Munk 1921; Katz & Plotkin, Low-Speed Aerodynamics, 8.4).
     """
-    circulation, edges = np.asarray(circulation), np.asarray(edges)
-    circulation, edges = np.r_[circulation[::-1], circulation], np.r_[-edges[:0:-1], edges]
-    trailing = np.diff(np.concatenate(([0.0], circulation, [0.0])))
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    downwash = (trailing / (2.0 * np.pi * (edges - middle[:, None]))).sum(axis=1)
-    return 0.25 * abs(float(np.sum(circulation * downwash * np.diff(edges))))
+    half, span = np.asarray(circulation), np.asarray(edges)
+    whole, ends = np.r_[half[::-1], half], np.r_[-span[:0:-1], span]
+    trailing = np.diff(np.concatenate(([0.0], whole, [0.0])))
+    middle = 0.5 * (ends[1:] + ends[:-1])
+    downwash = (trailing / (2.0 * np.pi * (ends - middle[:, None]))).sum(axis=1)
+    return 0.25 * abs(float(np.sum(whole * downwash * np.diff(ends))))
 
 
 class WingFlow:
@@ -159,7 +174,15 @@ class WingFlow:
         Further `AeroOptions`.
     """
 
-    def __init__(self, planform, stream, n_steps, dt, drifting=True, **options):
+    def __init__(
+        self,
+        planform: LatticePlanform,
+        stream: UniformStream,
+        n_steps: int,
+        dt: float,
+        drifting: bool = True,
+        **options: Any,
+    ):
         rows = {"wake_rows": n_steps + 1, "full_rows": n_steps + 1, "fresh_rows": n_steps + 1}
         chosen = INVISCID | MIRRORED | panels_of(planform) | rows | (DRIFTING if drifting else {}) | options
         self.lattice = VortexLattice(planform, 1, AeroOptions(**chosen), 1.0)
@@ -169,15 +192,20 @@ class WingFlow:
         self.still = np.zeros_like(self.nodes)
         self.wind = self.still + stream.vector
 
-    def start_from_rest(self):
+    def start_from_rest(self) -> None:
         """Begin without circulation; the first step brings wind and motion, without the impulse of the start."""
         self.lattice.reset(self.state, self.nodes, self.still, self.still)
 
-    def start_moving(self, nodes, velocities):
+    def start_moving(self, nodes: NDArray[np.float64], velocities: NDArray[np.float64]) -> None:
         """Begin with the circulation of this motion (1, n_chord + 1, n_span + 1, 3), without a wake."""
         self.lattice.reset(self.state, nodes, velocities, self.wind)
 
-    def step(self, nodes=None, velocities=None, gust=None) -> np.ndarray:
+    def step(
+        self,
+        nodes: NDArray[np.float64] | None = None,
+        velocities: NDArray[np.float64] | None = None,
+        gust: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
         """Forces on the ring nodes (n_chord + 1, n_span + 1, 3) after one more step; at rest where nothing is given.
 
         ``gust`` (1, n_chord + 1, n_span + 1, 3) is the velocity of the air beside the stream at the nodes [m/s]; the
@@ -195,12 +223,12 @@ class WingFlow:
         self.n_done += 1
         return forces[0]
 
-    def section_lift(self, forces) -> float:
+    def section_lift(self, forces: NDArray[np.float64]) -> float:
         """Lift coefficient of the first strip of a mirrored wing: half of its force acts on the nodes at z = 0."""
         width = self.lattice.planform.span_edges[1] - self.lattice.planform.span_edges[0]
-        return 2.0 * float(forces[:, 0, 0].sum()) / (0.5 * width)
+        return float(2.0 * forces[:, 0, 0].sum() / (0.5 * width))
 
-    def section_moment(self, forces) -> float:
+    def section_moment(self, forces: NDArray[np.float64]) -> float:
         """Moment coefficient of that strip about the reference axis, nose-up positive, chord 1."""
         width = self.lattice.planform.span_edges[1] - self.lattice.planform.span_edges[0]
-        return -2.0 * float(forces[:, 0, 0] @ self.nodes[0, :, 0, 1]) / (0.5 * width)
+        return float(-2.0 * forces[:, 0, 0] @ self.nodes[0, :, 0, 1] / (0.5 * width))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from scipy.linalg import expm
@@ -15,6 +16,9 @@ from wt_gym.simulation.linear.linear_model import multiblade_transform
 from wt_gym.simulation.linear.linearization import linearize
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
+
+if TYPE_CHECKING:
+    from wt_gym.simulation.linear.linear_model import SteadyPoint
 
 __all__ = ["free_vibration", "rigid_support", "weightless_simulator", "whirl_frequencies"]
 
@@ -50,7 +54,7 @@ def whirl_frequencies(simulator, rotor_speed):
     "Whirl of a rotor on a rigid support: regressive and progressive modes lie one rotor speed from the blade's",
     "transformation of a rotating blade's coordinates to the fixed frame: exact for equal blades on a rigid support",
 )
-def whirl():
+def whirl() -> CaseResult:
     """A vibration of the blades with ω has multi-blade coordinates q cos ψ_i, ψ_i = Ω t: in the fixed frame ω ± Ω."""
     simulator = weightless_simulator(rigid_support(load_turbine("nrel_5mw")))
     checks, speeds, table = [], np.array([0.0, 4.0, 8.0, 12.1]), []
@@ -88,7 +92,7 @@ def free_vibration(simulator, rotor_speed, amplitude=1e-3, duration=3.0, interva
         Deviations of the state, non-linear and linear.
     """
     model = linearize(simulator, rotor_speed=rotor_speed, aerodynamics="none", multiblade=True, n_azimuths=1)
-    point = model.operating_point
+    point = cast("SteadyPoint", model.operating_point)
     plant, system = FrozenPlant(simulator, simulator.inflow, "none"), simulator.structure.system
     plant.set_commands(point.generator_torque, point.yaw, point.pitch)
     start = np.zeros(system.n_state)
@@ -122,7 +126,7 @@ def free_vibration(simulator, rotor_speed, amplitude=1e-3, duration=3.0, interva
     "Small free vibration without air: linear model against the non-linear equations of motion",
     "the linear model is the derivative of the non-linear equations",
 )
-def vibration():
+def vibration() -> CaseResult:
     """Largest difference over 3 s of each coordinate, relative to its own largest value."""
     checks, figures = [], {}
     cases = (
@@ -204,7 +208,7 @@ def step_responses(wind=18.0, pitch_deg=14.92, rpm=12.1, settle=60.0, duration=6
     "Steps of pitch, torque and wind at 18 m/s: quasi-steady linear model against the coupled simulation",
     "the linear model is the derivative of the simulation but for added mass and the memory of the wake",
 )
-def forecast():
+def forecast() -> CaseResult:
     """Largest difference over 6 s, relative to the largest response; the induction of the wake changes in about 7 s."""
     checks, figures = [], {}
     for label, time, pairs in step_responses():

@@ -7,6 +7,8 @@ the blade by 17 % of its length.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
@@ -33,7 +35,7 @@ def blade_sections():
     return BeamSections(s, blade.structure.stiffness, blade.structure.inertia, axis)
 
 
-def load_at(s, length, factor=1.0):
+def load_at(s: float, length: float, factor: float = 1.0) -> np.ndarray:
     """Dead load per length (3,) [N/m] at arc length s."""
     flap = 2.0 * THRUST / length * s / length
     return factor * np.array([flap, -0.1 * flap, 0.0])
@@ -70,7 +72,7 @@ class LoadedBlade:
 
 
 @case("iea-15mw-blade-static", "IEA 15-MW blade under its load near rated: one body against eight", IEA, slow=True)
-def long_blade_static():
+def long_blade_static() -> CaseResult:
     """Tip position of both models against the geometrically exact rod with the same section tables."""
     sections = blade_sections()
     length = sections.station[-1]
@@ -81,7 +83,7 @@ def long_blade_static():
     single = LoadedBlade(sections, 1, n_modes=200, dofs=(0, 1, 2, 3, 4, 5))
     chain = LoadedBlade(sections, 8, n_modes=200, dofs=(0, 1, 2, 3, 4, 5))
     for factor in (0.5, 1.0, 1.5):
-        _, exact, _ = exact_rod(sections, lambda s, f=factor: load_at(s, length, f), n=300, load_steps=3)
+        _, exact, _ = exact_rod(sections, partial(load_at, length=length, factor=factor), n=300, load_steps=3)
         moved = exact[-1] - start
         tips = {}
         for name, model in (("1 body", single), ("8 bodies", chain)):
@@ -140,7 +142,7 @@ def released(model, factor, times, step):
     "planar elastica dynamics: chain of 48 rigid bars, integrated by DOP853",
     slow=True,
 )
-def long_blade_dynamic():
+def long_blade_dynamic() -> CaseResult:
     """Straightened blade in flap only, released from rest under 1.5 times the load, undamped, six seconds.
 
     Then the curved, twisted blade with its full sections: no exact motion is known, but its start and its energy are.
@@ -208,7 +210,7 @@ def _real_blade(times):
     }
     checks, tips = [], {}
     for name, factor in (("1 body", 0.25), ("8 bodies", 0.25), ("8 bodies", 1.0)):
-        _, exact, _ = exact_rod(sections, lambda s, f=factor: load_at(s, length, f), n=300, load_steps=3)
+        _, exact, _ = exact_rod(sections, partial(load_at, length=length, factor=factor), n=300, load_steps=3)
         size = np.linalg.norm(exact[-1] - start)
         tip, energy = released(models[name], factor, times, 0.00025)
         tips[name, factor] = tip - start
@@ -216,7 +218,7 @@ def _real_blade(times):
         drift = np.abs(energy - energy[0]).max() / energy[0]
         label = f"curved, twisted blade, {factor:g} × load, {name}"
         checks += [
-            Check(f"{label}: error of the start of the tip per displacement", "<= 0.01", error, unit="",
+            Check(f"{label}: error of the start of the tip per displacement", "<= 0.01", float(error), unit="",
                   source="geometrically exact rod"),
             Check(f"{label}: energy drift", "<= 1e-3", drift, unit="", source="conservation of energy"),
         ]  # fmt: skip

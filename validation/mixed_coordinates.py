@@ -231,7 +231,7 @@ def crossing_frequency(times, signal):
 
 
 @case("mixed-coordinates", "Small turbine with modal tower, nodal blades, Cartesian nacelle and rotor", NADA)
-def mixed_coordinates():
+def mixed_coordinates() -> CaseResult:
     """Tower frequencies, equivalence of the coordinate sets, and the effect of the tower on rotor speed and nacelle."""
     data, disc = rig(), Disc()
     checks, figures = [], {}
@@ -318,7 +318,7 @@ def mixed_coordinates():
 
 
 @case("nodal-geometric-stiffness", "Blades of the small turbine at high speed: geometric stiffness", NADA)
-def nodal_geometric_stiffness():
+def nodal_geometric_stiffness() -> CaseResult:
     """The statement 'geometric stiffness cannot be ignored': the frequency of a blade with it against the spin alone.
 
     Southwell with the exact coefficients would be for a uniform blade; here the criterion is the frequency per turn: a

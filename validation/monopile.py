@@ -61,18 +61,16 @@ def hetenyi():
     "P. Passon (2006), frequencies of FAST as told by its authors; Hetényi, Beams on Elastic Foundation (1946)",
     slow=True,
 )
-def monopile():
+def monopile() -> CaseResult:
     """Frequencies on land, clamped at the sea bed, on springs."""
     checks = [Check(f"Pile in uniform springs, {name}", exact, found, 1e-4) for name, exact, found in hetenyi()]
     land, sea = (first_frequencies(load_turbine(name)) for name in ("iea_15mw", "iea_15mw_monopile"))
     for plane, on_land, at_sea, published in zip(PLANES, land, sea, (0.227, 0.223), strict=True):
         checks.append(Check(f"IEA 15-MW, tower clamped 15 m up, {plane} 1 [Hz]", published, on_land, 0.015))
         checks.append(Check(f"IEA 15-MW, monopile clamped at the sea bed, {plane} 1 [Hz]", 0.17, at_sea, 0.03))
-    for plane, published in (("fore-aft", (0.1814, 0.9786)), ("side-side", (0.1805, 0.8926))):
+    for plane, both in (("fore-aft", (0.1814, 0.9786)), ("side-side", (0.1805, 0.8926))):
         for k, frequency in enumerate(on_beam(load_turbine("iea_15mw_monopile"), plane)):
-            checks.append(
-                Check(f"The same, rigid rotor, weightless, {plane} {k + 1} [Hz]", published[k], frequency, 0.03)
-            )
+            checks.append(Check(f"The same, rigid rotor, weightless, {plane} {k + 1} [Hz]", both[k], frequency, 0.03))
     oc3, on_land = load_turbine("nrel_5mw_monopile"), first_frequencies(load_turbine("nrel_5mw"))[0]
     rigid, soft = (first_frequencies(turbine)[0] for turbine in (clamped(oc3), oc3))
     checks.append(Check("OC3 monopile, clamped, fore-aft 1 over that on land", 0.279 / 0.324, rigid / on_land, 0.02))

@@ -54,7 +54,7 @@ def differences(one, other):
 
 
 @case("nada-small-turbine", "Small turbine, mixed coordinates in the coupled simulation", NADA, slow=True)
-def nada_small_turbine():
+def nada_small_turbine() -> CaseResult:
     """Nacelle, rotor speed with and without a flexible tower, and other coordinates for the same turbine."""
     data, design = rig(), nada_speed()
     times, nacelle, speed, thrust, simulator = mixed = coupled_run()

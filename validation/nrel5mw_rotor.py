@@ -8,6 +8,7 @@ the tips, where a lattice sees the whole wake. What must agree is the level, the
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from validation.tree_tools import read_table
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.turbines import load_turbine
+
+if TYPE_CHECKING:
+    from validation.rigid_rotor import RotorRun
+
 
 TABLE = "CCBlade (blade-element momentum theory), table of the ROSCO toolbox, 2019"
 N_SPAN, STEPS_PER_TURN, WIND = 12, 30, 11.4
@@ -28,7 +33,14 @@ PITCHES = ((7.5, (2.0, 4.0, 6.0, 8.0)), (5.0, (4.0, 8.0, 12.0)))
 """Tip-speed ratios and the pitch angles [deg] at which they are compared."""
 
 
-def wake_options(turns, steps_per_turn=STEPS_PER_TURN, n_span=N_SPAN, n_chord=1, closure=True, refresh_stride=6):
+def wake_options(
+    turns: float,
+    steps_per_turn: int = STEPS_PER_TURN,
+    n_span: int = N_SPAN,
+    n_chord: int = 1,
+    closure: bool = True,
+    refresh_stride: int = 6,
+) -> AeroOptions:
     """Options for a wake of ``turns`` turns, the last of which are refreshed less often than the first."""
     rows = round(turns * steps_per_turn)
     return AeroOptions(
@@ -39,7 +51,7 @@ def wake_options(turns, steps_per_turn=STEPS_PER_TURN, n_span=N_SPAN, n_chord=1,
 
 
 @lru_cache
-def tilted_rotor(ratio, pitch_deg):
+def tilted_rotor(ratio: float, pitch_deg: float) -> RotorRun:
     """Run of the rotor at a tip-speed ratio and pitch with the turbine's tilt.
 
     The wake is longer the faster the rotor turns, so that it reaches about as far downstream.
@@ -53,7 +65,7 @@ def tilted_rotor(ratio, pitch_deg):
     return rotor.run(options, WIND, speed, np.radians(pitch_deg), turns + settling, turbine.nacelle.tilt)
 
 
-def tilted_element(ratio, pitch_deg):
+def tilted_element(ratio: float, pitch_deg: float) -> tuple[float, float]:
     """Power and thrust coefficient of blade-element theory with the wind's component along the tilted axis."""
     turbine = load_turbine("nrel_5mw")
     rotor, cos = BladeElementRotor.of_turbine(turbine), np.cos(turbine.nacelle.tilt)
@@ -62,7 +74,7 @@ def tilted_element(ratio, pitch_deg):
 
 
 @case("nrel-5mw-rotor", "Rigid NREL 5-MW rotor: Cp and Ct against tip-speed ratio and pitch", TABLE, slow=True)
-def nrel5mw_rotor():
+def nrel5mw_rotor() -> CaseResult:
     """Coefficients at pitch 0 and at two tip-speed ratios, with the viscous correction."""
     table, _ = read_table("nrel5mw_performance.csv")
     checks, figures, lines = [], {}, [_heading("tip-speed ratio, pitch 0")]
@@ -87,7 +99,7 @@ def nrel5mw_rotor():
             Curve(ratios, values, "vortex lattice", "o"),
         ), "tip-speed ratio", name)  # fmt: skip
     table, _ = read_table("nrel5mw_pitch.csv")
-    curves = {1: [], 2: []}
+    curves: dict[int, list[Curve]] = {1: [], 2: []}
     for ratio, pitches in PITCHES:
         lines.append(_heading(f"pitch [deg], tip-speed ratio {ratio:g}"))
         rows = table[table[:, 0] == ratio][:, 1:]
@@ -114,25 +126,25 @@ def nrel5mw_rotor():
     return CaseResult(checks, figures, "\n".join(lines))
 
 
-def _pair(text, cp, ct, run):
+def _pair(text: str, cp: float, ct: float, run: RotorRun) -> list[Check]:
     return [
         Check(f"Cp, {text}", cp, run.cp, POWER_TOLERANCE, source=TABLE),
         Check(f"Ct, {text}", ct, run.ct, THRUST_TOLERANCE, source=TABLE),
     ]
 
 
-def _heading(text):
+def _heading(text: str) -> str:
     return f"{text:34s}    Cp: table  own BEM  lattice       Ct: table  own BEM  lattice       drift of the power"
 
 
-def _line(text, cp, ct, run, element):
+def _line(text: str, cp: float, ct: float, run: RotorRun, element: tuple[float, float]) -> str:
     return (
         f"{text:>34s}{cp:14.4f}{element[0]:9.4f}{run.cp:9.4f}{100 * (run.cp / cp - 1):+6.1f}%"
         f"{ct:12.4f}{element[1]:9.4f}{run.ct:9.4f}{100 * (run.ct / ct - 1):+6.1f}%{100 * run.drift:+15.2f}%"
     )
 
 
-def vertex(x, y):
+def vertex(x: np.ndarray, y: np.ndarray) -> float:
     """Place of the maximum of the parabola through the largest value and its neighbors."""
     k = int(np.clip(np.argmax(y), 1, len(y) - 2))
     a, b, _ = np.polyfit(x[k - 1 : k + 2], y[k - 1 : k + 2], 2)

@@ -9,6 +9,7 @@ either: they follow from the published results (speed of 1.6 rad/s, u/L = 0.15).
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import eigh
@@ -18,6 +19,11 @@ from validation.tree_tools import read_table
 from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator, ObserverFrameSystem, Substructure
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.turbines.beam import inertia_matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
 
 __all__ = ["blade_beam", "rotor", "shaft_beam"]
 
@@ -36,7 +42,7 @@ VISIBLE = 0.03
 """Difference that a reader sees in a figure, as a share of its axis."""
 
 
-def blade_sections():
+def blade_sections() -> BeamSections:
     """Piecewise constant sections (prismatic elements) of the stand-in blade."""
     table, columns = read_table("holm_jorgensen_blade.csv")
     value = dict(zip(columns, (0.5 * (table[1:] + table[:-1])).T, strict=True))
@@ -55,19 +61,28 @@ def blade_sections():
 
 
 @cache
-def blade_beam():
+def blade_beam() -> Beam:
     """Blade of 20 equal elements, z from root to tip, x flapwise, y edgewise."""
     return Beam(blade_sections(), 20)
 
 
 @cache
-def shaft_beam():
+def shaft_beam() -> Beam:
     """Steel shaft of 4 m and 0.4 m diameter in 4 elements, z from the hub to the rear bearing."""
     radius, young, shear, density = 0.2, 2.1e11, 8.08e10, 7850.0
     area, second = np.pi * radius**2, np.pi * radius**4 / 4.0
-    section = {"EA": young * area, "EIx": young * second, "EIy": young * second, "GJ": 2.0 * shear * second}
-    rotary = density * second
-    return Beam(BeamSections.uniform(4.0, **section, mass=density * area, Ix=rotary, Iy=rotary), 4)
+    bending, rotary = young * second, density * second
+    sections = BeamSections.uniform(
+        4.0,
+        EA=young * area,
+        EIx=bending,
+        EIy=bending,
+        GJ=2.0 * shear * second,
+        mass=density * area,
+        Ix=rotary,
+        Iy=rotary,
+    )
+    return Beam(sections, 4)
 
 
 def rotor(load, axes, reference="clamped", n_modes=None, step=STEP, **options):
@@ -98,10 +113,10 @@ def rotor(load, axes, reference="clamped", n_modes=None, step=STEP, **options):
     return ObserverFrameIntegrator(system, step, **options)
 
 
-def ramp(flap, edge, duration):
+def ramp(flap: float, edge: float, duration: float) -> Callable[[float], np.ndarray]:
     """Tip load that grows linearly for some seconds and is then removed."""
 
-    def load(time):
+    def load(time: float) -> np.ndarray:
         share = time / duration if time <= duration + 1e-9 else 0.0
         return np.array([flap * share, edge * share, 0.0, 0.0, 0.0, 0.0])
 
@@ -120,7 +135,9 @@ def simulate(integrator, end):
     """
     blade = integrator.system.bodies[0]
     flap_rows = blade.basis[0::6]
-    history = {key: [] for key in ("time", "tip", "relative", "largest", "speed", "power", "energy", "momentum")}
+    history: dict[str, list[Any]] = {
+        key: [] for key in ("time", "tip", "relative", "largest", "speed", "power", "energy", "momentum")
+    }
     load = integrator.system.loads[0][1]
     for k in range(round(end / integrator.step) + 1):
         if k:
@@ -154,12 +171,14 @@ def edge_load():
     return -inertia * SPEED / (1.5 * LENGTH), inertia
 
 
-def difference(a, b):
+def difference(a: np.ndarray, b: np.ndarray) -> float:
     """Root-mean-square difference of two histories relative to the first."""
     return float(np.sqrt(np.mean((a - b) ** 2) / np.mean(a**2)))
 
 
-def thinned(history, key, column=None, every=8):
+def thinned(
+    history: Mapping[str, NDArray[np.float64]], key: str, column: int | None = None, every: int = 8
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Time and a history with fewer points, for figures."""
     value = history[key] if column is None else history[key][:, column]
     return history["time"][::every], value[::every]
@@ -192,7 +211,7 @@ def edgewise_vibration(edge):
     return float(w[strongest]), float(amplitude[strongest])
 
 
-def harmonic(time, x, low, high):
+def harmonic(time: np.ndarray, x: np.ndarray, low: float, high: float) -> tuple[float, float]:
     """Circular frequency between two bounds [rad/s] and amplitude of the strongest harmonic (Hann window)."""
     window, frequency = np.hanning(len(time)), np.linspace(low, high, 3001)
     found = np.abs(np.exp(-1j * np.outer(frequency, time)) @ (window * (x - x.mean()))) / (0.5 * window.sum())
@@ -201,7 +220,7 @@ def harmonic(time, x, low, high):
 
 
 @case("observer-frame-rotor", "Blade and shaft: tip loads spin the rotor up; 16 modes against finite elements", PAPER)
-def spin_up():
+def spin_up() -> CaseResult:
     """Load case 1, figure 3."""
     edge, inertia = edge_load()
     load = ramp(FLAP_LOAD, edge, 3.0)
@@ -283,7 +302,7 @@ def _frequencies(body, stiffness, gyroscopic, plane):
 
 
 @case("observer-frame-spin", "A spinning clamped beam without geometric stiffness", "eqs (6)–(7) at constant speed")
-def spinning_frequencies():
+def spinning_frequencies() -> CaseResult:
     """Flap stays at ω₀, lag falls to √(ω₀² − Ω²): what a linear strain energy gives, not the rotating-beam table."""
     length, bending, mass = 10.0, 1.4e4, 1.2
     # four times as stiff in lag, so that every mode has one plane

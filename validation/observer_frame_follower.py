@@ -14,6 +14,7 @@ Equation (4) refers a load p that acts on the deformed blade to its undeformed a
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -54,7 +55,10 @@ AXIS = 0.15
 def follower_runs(axes="consistent", force=LOAD):
     """Histories of load case 2 until 8 s, by number of modes or reference condition."""
     load = ramp(force, 0.0, LOADING)
-    runs = {"linear": simulate(rotor(load, "undeformed"), 8.0), "full": simulate(rotor(load, axes), 8.0)}
+    runs: dict[int | str, dict[str, Any]] = {
+        "linear": simulate(rotor(load, "undeformed"), 8.0),
+        "full": simulate(rotor(load, axes), 8.0),
+    }
     for n in (3, 5, 10):
         runs[n] = simulate(rotor(load, axes, n_modes=n), 8.0)
     return runs
@@ -124,7 +128,7 @@ def figures_of(runs, name):
 
 
 @case("observer-frame-follower", "Load in the deformed state, consistent levers, and how many modes it needs", PAPER)
-def follower():
+def follower() -> CaseResult:
     """Load case 2, figure 4."""
     runs = follower_runs()
     time = runs["full"]["time"]
@@ -220,7 +224,7 @@ def exact_follower(force, n=2000):
 
 
 @case("observer-frame-follower-printed", "Eq. (4) as printed: a couple at the tip, and where it has a solution", PAPER)
-def printed():
+def printed() -> CaseResult:
     """Load case 2 with the couple u × p at the loaded section."""
     limit = largest_printed_load()
     below, above = 0.9 * limit, 1.03 * limit
@@ -272,7 +276,7 @@ def reference_runs():
     "Three reference conditions: similar response, smaller displacement from the frame",
     PAPER,
 )
-def references():
+def references() -> CaseResult:
     """Load case 2, figure 5, with finite elements and with 10 modes."""
     runs = reference_runs()
     clamped = runs["clamped", None]

@@ -74,7 +74,7 @@ def follow(speed, n_modes, prediction):
 
 
 @case("observer-frame-printed-update", "Frame updates (9)–(12) as printed: where they work", f"{PAPER}, eqs. (9)–(12)")
-def printed_updates():
+def printed_updates() -> CaseResult:
     """The frame takes φ̈ of the last instant with it: harmless for few modes, and for finite elements turning slowly."""
     cases = ((SLOW, 16, "16 modes"), (SPEED, 16, "16 modes"), (SLOW, None, "finite elements"))
     checks, figures = [], {}
@@ -90,7 +90,9 @@ def printed_updates():
                   source="the motion does not depend on the frame"),
         ]  # fmt: skip
         figures[f"Tip along x₁, {at}"] = Figure(
-            (Curve(*known.T, "uniform"), Curve(*history.T, "as printed", "--")), "time [s]", "x₁ [m]"
+            (Curve(known[:, 0], known[:, 1], "uniform"), Curve(history[:, 0], history[:, 1], "as printed", "--")),
+            "time [s]",
+            "x₁ [m]",
         )
     worst, history = follow(SPEED, None, "printed")
     steady, _ = follow(SPEED, None, "uniform")
@@ -108,7 +110,7 @@ def printed_updates():
 
 
 @case("observer-frame-threshold", "Frame updates on demand: tip and speed against updates in every step", PAPER)
-def thresholds():
+def thresholds() -> CaseResult:
     """Load case 1 with 16 modes, updated when the rigid-body displacement exceeds a threshold."""
     edge, _ = edge_load()
     load = ramp(FLAP_LOAD, edge, 3.0)

@@ -49,11 +49,11 @@ def chain(what, n_sub_bodies, linear=True):
         sections = BeamSections.uniform(LENGTH, EA=1e8, EIx=4 * EI, EIy=EI, GJ=1e6, mass=MASS, Ix=1e-4, Iy=1e-4)
     sub_bodies = cut_beam(what, sections, ELEMENTS, n_sub_bodies, "modal", INTERIOR, BENDING)
     if linear:
-        sub_bodies = [replace(p, body=without_second_order(p.body, p.beam, p.basis)) for p in sub_bodies]
+        sub_bodies = tuple(replace(p, body=without_second_order(p.body, p.beam, p.basis)) for p in sub_bodies)
     system = MultibodySystem(gravity=(0.0, 0.0, -9.80665 if tower else 0.0))
-    hub = FlexibleBody.rigid("hub", 10.0, np.zeros(3), np.diag([2.0, 1.5, 1.5]))
+    turned = FlexibleBody.rigid("hub", 10.0, np.zeros(3), np.diag([2.0, 1.5, 1.5]))
     drive = Joint("fixed") if tower else Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, name="spin")
-    hub = system.add(hub, drive)
+    hub = system.add(turned, drive)
     bodies = add_chain(system, sub_bodies, Joint(), hub)
     if tower:
         top = FlexibleBody.rigid("top", TOP, np.zeros(3), 1e6 * np.eye(3))
@@ -114,7 +114,7 @@ def period(what, n_sub_bodies, speed=0.0, periods=10, per_period=300, displaceme
     "Rotating blade and loaded tower in several local observer frames: the geometric stiffness comes back",
     "the same beams in one body with second-order displacements; Southwell's coefficient of the uniform blade",
 )
-def substructures():
+def substructures() -> CaseResult:
     """First frequency of one to eight bodies against that of one body with geometric stiffness."""
     checks, curves, lines = [], [], []
     for what, speed in (("blade", SPEED), ("tower", 0.0)):

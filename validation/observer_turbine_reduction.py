@@ -106,7 +106,7 @@ def figures(run):
     "K. Holm-Jørgensen, S. R. K. Nielsen, R. Rubak, System reduction in nonlinear multibody dynamics of wind turbines",
     slow=True,
 )
-def reduction():
+def reduction() -> CaseResult:
     """Tip deflection, root moment and its DEL over the number of modes; what sets them off from the embedded form."""
     runs = {f"{n} modes": measure(n) for n in MODES}
     runs["finite elements"] = measure(None)

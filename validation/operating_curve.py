@@ -94,7 +94,8 @@ def steady_point(turbine, wind, rotor_speed, pitch, fidelity=FIDELITY, settling=
     last = np.array(rows)[-round(AVERAGE / dt) :]
     half = len(last) // 2
     drift = last[half:, 2].mean() / last[:half, 2].mean() - 1.0
-    return SteadyPoint(wind, *last.mean(axis=0), drift)
+    rotor_speed, pitch, power, thrust, aero_thrust, deflection = (float(mean) for mean in last.mean(axis=0))
+    return SteadyPoint(wind, rotor_speed, pitch, power, thrust, aero_thrust, deflection, drift)
 
 
 def operating_curve(fidelity=FIDELITY):
@@ -109,7 +110,7 @@ def operating_curve(fidelity=FIDELITY):
 
 
 @case("nrel-5mw-operating-curve", "NREL 5-MW turbine under the baseline controller, 4 to 25 m/s", FIG_9_1, slow=True)
-def nrel_5mw_operating_curve():
+def nrel_5mw_operating_curve() -> CaseResult:
     """Worst of the wind speeds below and above rated, for each quantity."""
     points, table = operating_curve()
     turbine = load_turbine("nrel_5mw")

@@ -15,6 +15,7 @@ tower-top inertia, tower torsion and the yaw spring. Both are otherwise the cata
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -23,6 +24,10 @@ from validation.tree_tools import mass_matrix
 from wt_gym.simulation import FIDELITIES, Fidelity, Simulator
 from wt_gym.simulation.fidelity import ELASTODYN_NREL_5MW_TOWER
 from wt_gym.wind import SteadyInflow
+
+if TYPE_CHECKING:
+    from wt_gym.simulation.linear.linear_model import Mode, SteadyPoint
+
 
 JONKMAN = "Jonkman, Butterfield, Musial & Scott 2009, NREL/TP-500-38060, Table 9-1"
 AS_FAST = Fidelity(
@@ -46,7 +51,7 @@ class PublishedMode:
     name: str
     fast: float
     adams: float
-    shape: dict
+    shape: dict[str, float]
 
 
 PUBLISHED = (
@@ -106,14 +111,16 @@ def parked_modes(fidelity, gravity=True):
     free = [i for i, name in enumerate(system.velocity_names) if name != "azimuth"]
     names = [system.velocity_names[i] for i in free]
     rows = [model.state_names.index(name) for name in names]
-    mass = mass_matrix(system, model.operating_point.states[0])[np.ix_(free, free)]
+    point = cast("SteadyPoint", model.operating_point)
+    mass = mass_matrix(system, point.states[0])[np.ix_(free, free)]
     modes = model.modes()
     shapes = np.array([mode.shape[rows] for mode in modes]).T
     # the damping is small: turned to its largest entry, a shape is real but for a per cent
     largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(len(modes))]
     shapes = (shapes / largest).real
     own = np.einsum("ik,ij,jk->k", shapes, mass, shapes)
-    out, taken = {}, []
+    out: dict[str, Mode | None] = {}
+    taken: list[int] = []
     for row in PUBLISHED:
         pattern = np.array([row.shape.get(name, 0.0) for name in names])
         if not pattern.any():
@@ -133,7 +140,7 @@ def parked_frequencies(fidelity, gravity=True):
 
 
 @case("parked-nrel-5mw", "Natural frequencies of the parked NREL 5-MW turbine", JONKMAN)
-def parked_nrel_5mw():
+def parked_nrel_5mw() -> CaseResult:
     """First ten published modes within 3 % of either column under its assumptions; shipped fidelities beside them."""
     fast, adams = parked_frequencies(AS_FAST), parked_frequencies(AS_ADAMS)
     weightless = parked_frequencies(AS_ADAMS, gravity=False)

@@ -200,7 +200,7 @@ def stalled_rotor(wind, polars="measured", augmentation=None, options=OPTIONS, t
 
 
 @case("uae-phase-vi", "UAE Phase VI rotor at 7 m/s: shaft torque", SOURCE)
-def uae_phase_vi():
+def uae_phase_vi() -> CaseResult:
     """Torque within 10 % of the measurement, with stall-corrected and with two-dimensional polars."""
     checks, normal, along, lines = [], [], [], []
     for polars, name in (("model", "polars of the certification model"), ("measured", "two-dimensional polar")):
@@ -228,7 +228,7 @@ def uae_phase_vi():
 
 
 @case("uae-phase-vi-stall", "UAE Phase VI rotor from 7 to 25 m/s: stall delayed by rotation", STALL_SOURCE, slow=True)
-def uae_phase_vi_stall():
+def uae_phase_vi_stall() -> CaseResult:
     """Torque within 15 %, normal force at 30 % of the radius within 20 %, with augmented two-dimensional polars."""
     choices = {
         "Du-Selig, Eggers": ("measured", "du-selig"), "Snel": ("measured", "snel"),

@@ -44,7 +44,7 @@ def travel_and_loads(inflow, frequency):
     "a critically damped servo becomes the ideal drive as its frequency grows",
     slow=True,
 )
-def pitch_drive():
+def pitch_drive() -> CaseResult:
     """Pitch travel and loads with a fast servo against those without any; slower ones in the notes."""
     checks, lines = [], ["wind [m/s], seed, servo [Hz]: pitch travel [deg], power [kW], flap DEL [MN m] of 120 s"]
     for wind, seed in WINDS:

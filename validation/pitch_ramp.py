@@ -42,7 +42,7 @@ def ramp_run(options, rung, wind):
     "Rigid NREL 5-MW rotor pitched at 8 deg/s to 10 deg and back: rows in turn against all rows in every step",
     "the same lattice with every row of the wake computed anew in every step",
 )
-def pitch_ramp():
+def pitch_ramp() -> CaseResult:
     """Largest difference at any instant from the ramp on, over the change that the first ramp makes."""
     checks, figures, lines = [], {}, []
     rated_speed = load_turbine("nrel_5mw").drivetrain.rated_rotor_speed

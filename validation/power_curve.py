@@ -111,7 +111,7 @@ def write_table() -> None:
     "independent free-wake lifting line",
     slow=True,
 )
-def converged_rotor():
+def converged_rotor() -> CaseResult:
     """The table against a lifting line; computed again at one ratio, against the table."""
     table = converged_table()
     checks = []
@@ -157,11 +157,12 @@ def steps_in_simulator(rung, ratio):
     "the converged lattice, case converged-rotor",
     slow=True,
 )
-def power_curve_ladder():
+def power_curve_ladder() -> CaseResult:
     """Coefficients and the place of the largest Cp, with the time step of the simulator at 8 m/s and at rated speed."""
     table = converged_table()
     optimum = vertex(table[:, 0], table[:, 1])
-    checks, curves, lines = [], {"Cp": [], "Ct": []}, [f"{'':34s}" + "".join(f"{ratio:>16g}" for ratio in table[:, 0])]
+    curves: dict[str, list[Curve]] = {"Cp": [], "Ct": []}
+    checks, lines = [], [f"{'':34s}" + "".join(f"{ratio:>16g}" for ratio in table[:, 0])]
     lines.append(f"{'converged lattice':34s}" + "".join(f"{cp:9.4f}{ct:7.3f}" for cp, ct in table[:, 1:3]))
     for rung in RUNGS:
         azimuth = FIDELITIES[rung].aero.azimuth_step_deg

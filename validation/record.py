@@ -16,7 +16,7 @@ import wt_gym
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from validation.case import Case, CaseResult
 
@@ -114,7 +114,7 @@ def update_record(path: Path, results: Iterable[tuple[Case, CaseResult]], commit
     return path
 
 
-def _entry(case):
+def _entry(case: Mapping[str, Any]) -> str:
     head = json.dumps({key: value for key, value in case.items() if key != "checks"}, ensure_ascii=False)
     checks = ",\n  ".join(json.dumps(check, ensure_ascii=False) for check in case["checks"])
     return f'{head[:-1]}, "checks": [\n  {checks}]}}'

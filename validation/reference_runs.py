@@ -18,6 +18,7 @@ import sys
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -29,6 +30,12 @@ from wt_gym.simulation.fidelity import Fidelity, fidelity
 from wt_gym.simulation.state import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from wt_gym.control.controllers.discon import BaselineParameters
+    from wt_gym.wind import Inflow
 
 __all__ = [
     "EXPERIMENTS", "GAINS", "OPEN_WAKE", "QUANTITIES", "Experiment", "StaleRecordError", "conduct", "recorded",
@@ -90,7 +97,7 @@ class Experiment:
     duration: float
     skip: float
 
-    def inflow(self):
+    def inflow(self) -> Inflow:
         """Wind of the run."""
         if self.seed is None:
             return SteadyInflow(self.wind)
@@ -110,7 +117,7 @@ EXPERIMENTS = {
 }
 
 
-def conduct(experiment: Experiment, choice, save_to: Path | None = None) -> dict[str, float]:
+def conduct(experiment: Experiment, choice: str | Fidelity, save_to: Path | None = None) -> dict[str, float]:
     """Run an experiment and average it.
 
     Parameters
@@ -129,7 +136,8 @@ def conduct(experiment: Experiment, choice, save_to: Path | None = None) -> dict
     from wt_gym.runs.playing import run_baseline
 
     simulator = Simulator(TURBINE, inflow=experiment.inflow(), fidelity=choice)
-    turbine, start = simulator.turbine, {}
+    turbine = simulator.turbine
+    start: dict[str, Any] = {}
     if experiment.gain is not None:
         law = BaselineParameters.from_turbine(turbine)
         radius = 0.5 * turbine.rotor_diameter
@@ -154,7 +162,7 @@ def conduct(experiment: Experiment, choice, save_to: Path | None = None) -> dict
     }
 
 
-def constant_gain(law, gain: float):
+def constant_gain(law: BaselineParameters, gain: float) -> BaselineParameters:
     """Constants with which the baseline controller is T = gain K ω² at any speed, and never pitches.
 
     The regions beside region 2 are moved out of reach.
@@ -166,25 +174,26 @@ def constant_gain(law, gain: float):
     return replace(law, torque=torque, reference_speed=1e4)
 
 
-def stamp(experiment: Experiment, choice) -> str:
+def stamp(experiment: Experiment, choice: str | Fidelity) -> str:
     """Fingerprint of all that decides the numbers of a run but the code; the same on any machine."""
     return _stamp(experiment, fidelity(choice))
 
 
 @lru_cache
-def _stamp(experiment, choice):
+def _stamp(experiment: Experiment, choice: Fidelity) -> str:
     inflow = experiment.inflow()
     wind = [SHEAR, BOX_PERIOD, CONTROL_DT]
     if experiment.seed is not None:
-        samples = inflow.box.scale * inflow.box.fluctuation[:, ::4, ::4]
+        box = cast("TurbulentInflow", inflow).box
+        samples = box.scale * box.fluctuation[:, ::4, ::4]
         wind += [float(samples.std()), float(np.diff(samples, axis=0).std()), float(np.abs(samples).max())]
     return fingerprint(*(_rounded(part, 5) for part in (experiment, wind)),
                        *(_rounded(part, 9) for part in (load_turbine(TURBINE), choice)))[:12]  # fmt: skip
 
 
-def _rounded(value, digits):
+def _rounded(value: Any, digits: int) -> Any:
     """The same nested value with every float written to some digits: the last ones differ between machines."""
-    if dataclasses.is_dataclass(value):
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return tuple((f.name, _rounded(getattr(value, f.name), digits)) for f in counting_fields(value))
     if isinstance(value, np.ndarray):
         return tuple(_rounded(item, digits) for item in value.tolist())
@@ -209,17 +218,14 @@ def recorded(name: str, which: str = "reference") -> dict[str, float]:
     StaleRecordError
         If there is none, or it was made with something else than what is there now.
     """
-    row, problem = read_records().get((name, which)), None
-    if row is None:
-        problem = "is missing"
-    elif row["stamp"] != stamp(EXPERIMENTS[name], RECORDED[which]):
-        problem = "was made with another turbine, fidelity, wind or control"
-    if problem:
-        raise StaleRecordError(
-            f"the record of {name} at fidelity {which!r} in {TABLE.name} {problem}; "
-            f"renew it: python -m validation.reference_runs --renew {name}"
-        )
-    return {quantity: float(row[quantity]) for quantity in QUANTITIES}
+    row = read_records().get((name, which))
+    if row is not None and row["stamp"] == stamp(EXPERIMENTS[name], RECORDED[which]):
+        return {quantity: float(row[quantity]) for quantity in QUANTITIES}
+    problem = "is missing" if row is None else "was made with another turbine, fidelity, wind or control"
+    raise StaleRecordError(
+        f"the record of {name} at fidelity {which!r} in {TABLE.name} {problem}; "
+        f"renew it: python -m validation.reference_runs --renew {name}"
+    )
 
 
 def renew(name: str, which: str, save_to: Path | None = None) -> dict[str, float]:
@@ -236,7 +242,7 @@ def renew(name: str, which: str, save_to: Path | None = None) -> dict[str, float
     return means
 
 
-def main(arguments=None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--renew", action="store_true", help="run what is missing or out of date, or what is named")

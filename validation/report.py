@@ -6,6 +6,7 @@ import base64
 import html
 import io
 from pathlib import Path
+from typing import Any
 
 from validation.case import Case, CaseResult, Curve, Figure
 
@@ -22,7 +23,7 @@ padding: .7rem; border-radius: 6px; font: inherit; font-size: .9rem } figure { m
 """
 
 
-def write_report(folder, results: list[tuple[Case, CaseResult]]) -> Path:
+def write_report(folder: str | Path, results: list[tuple[Case, CaseResult]]) -> Path:
     """Write ``validation.html`` into a folder (created if missing) and return its path."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -40,11 +41,11 @@ def write_report(folder, results: list[tuple[Case, CaseResult]]) -> Path:
     return path
 
 
-def _mark(passed):
+def _mark(passed: bool) -> str:
     return '<span class="pass">pass</span>' if passed else '<span class="fail">FAIL</span>'
 
 
-def _summary_row(case, result):
+def _summary_row(case: Case, result: CaseResult) -> str:
     good = sum(check.passed for check in result.checks)
     return (
         f'<tr><td><a href="#{html.escape(case.name)}">{html.escape(case.name)}</a></td>'
@@ -54,7 +55,7 @@ def _summary_row(case, result):
     )
 
 
-def _section(case, result):
+def _section(case: Case, result: CaseResult) -> str:
     rows = []
     for check in result.checks:
         expected = check.expected if isinstance(check.expected, str) else f"{check.expected:.6g}"
@@ -80,7 +81,7 @@ def _section(case, result):
     )
 
 
-def _image(title, figure):
+def _image(title: str, figure: Any) -> str:
     """A figure of any allowed form as PNG in base64."""
     drawn = figure() if callable(figure) else _draw(title, figure)
     stream = io.BytesIO()
@@ -88,7 +89,7 @@ def _image(title, figure):
     return base64.b64encode(stream.getvalue()).decode("ascii")
 
 
-def _draw(title, figure):
+def _draw(title: str, figure: Any) -> Any:
     from matplotlib.figure import Figure as Canvas
 
     if not isinstance(figure, Figure):

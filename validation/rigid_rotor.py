@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
 from wt_gym.simulation.model.blade_lattice import blade_planform
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from wt_gym.aerodynamics.vortex_lattice import UndisturbedWind
+    from wt_gym.turbines import Turbine
 
 __all__ = ["RigidRotor", "RotorRun", "RotorStep", "UniformWind"]
 
@@ -28,7 +35,7 @@ class UniformWind:
     speed: float
     tilt: float = 0.0
 
-    def velocity(self, points, time):
+    def velocity(self, points: ArrayLike, time: ArrayLike) -> np.ndarray:
         """Wind (..., 3) [m/s] at points (..., 3)."""
         vector = [self.speed * np.cos(self.tilt), 0.0, self.speed * np.sin(self.tilt)]
         return np.broadcast_to(vector, np.shape(points))
@@ -146,14 +153,16 @@ class RigidRotor:
     air_density: float = 1.225
 
     @classmethod
-    def of_turbine(cls, turbine, options: AeroOptions) -> RigidRotor:
+    def of_turbine(cls, turbine: Turbine, options: AeroOptions) -> RigidRotor:
         """Rotor of a turbine of the catalogue; coefficients refer to the nominal diameter."""
         return cls(
             blade_planform(turbine, options), turbine.n_blades, turbine.blade.root_radius,
             0.5 * turbine.rotor_diameter, turbine.hub.cone, turbine.air_density,
         )  # fmt: skip
 
-    def motion(self, azimuth: float, rotor_speed: float, pitch: float, pitch_rate: float = 0.0):
+    def motion(
+        self, azimuth: float, rotor_speed: float, pitch: float, pitch_rate: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (n_blades, n_chord + 1, n_span + 1, 3) of the ring nodes, center of the hub at 0."""
         pitched = self.planform.nodes @ turn("z", -pitch).T
         turning = np.cross([0.0, 0.0, -pitch_rate], pitched)
@@ -164,8 +173,16 @@ class RigidRotor:
         velocities = np.array([moving @ turn("x", angle).T for angle in angles])
         return nodes, velocities + np.cross([rotor_speed, 0.0, 0.0], nodes)
 
-    def march(self, options: AeroOptions, inflow, rotor_speed: float, pitch: Callable, dt: float, n_steps: int,
-              acceleration: Callable | None = None):  # fmt: skip
+    def march(
+        self,
+        options: AeroOptions,
+        inflow: UndisturbedWind,
+        rotor_speed: float,
+        pitch: Callable[[float], float],
+        dt: float,
+        n_steps: int,
+        acceleration: Callable[[float, float], float] | None = None,
+    ) -> Iterator[RotorStep]:
         """Start with a helical wake in momentum balance and step with the free wake; a generator of `RotorStep`.
 
         Parameters
@@ -233,7 +250,7 @@ class RigidRotor:
             history.append((step.torque * rotor_speed, step.thrust))
         return self.result(step.state, np.array(history), wind, steps, step.azimuth)
 
-    def result(self, state, history, wind: float, steps: int, azimuth: float) -> RotorRun:
+    def result(self, state: AeroState, history: np.ndarray, wind: float, steps: int, azimuth: float) -> RotorRun:
         """Collect a run from the last state and the power and thrust of all steps (n_steps, 2)."""
         edges = self.planform.span_edges
         pressure = 0.5 * self.air_density * np.pi * self.radius**2 * wind**2
@@ -257,7 +274,7 @@ class RigidRotor:
             force=self.strip_force(state, coefficients[:, 1]) @ turn("x", azimuth) * [1.0, -1.0, 1.0],
         )
 
-    def strip_force(self, state, drag_coefficient):
+    def strip_force(self, state: AeroState, drag_coefficient: np.ndarray) -> np.ndarray:
         """Force per length (n_span, 3) on the strips of the first blade [N/m], global.
 
         The lattice gives half of each strip's force to either edge. What edges have in common with their neighbors
@@ -283,7 +300,7 @@ class RigidRotor:
         at_edges = np.concatenate([half, np.zeros((1, 3))]) + np.concatenate([np.zeros((1, 3)), half])
         return own + self._force_per_length(state.nodal_forces[0].sum(axis=0) - at_edges)
 
-    def _force_per_length(self, at_edges):
+    def _force_per_length(self, at_edges: np.ndarray) -> np.ndarray:
         """Strip forces per length (n_span, 3) from the forces at the span edges (n_span + 1, 3).
 
         The lattice gives half of each strip's force to either edge, so the strips' forces follow one by one only up to

@@ -56,9 +56,9 @@ def spinning_beam(sections, coordinates, delta=0.0, n_elements=None):
     basis = bending_basis(beam, coordinates)
     body = FlexibleBody.from_beam("blade", beam, basis)
     system = MultibodySystem(gravity=(0.0, 0.0, 0.0))
-    hub = FlexibleBody.rigid("hub", 1.0, np.zeros(3), np.eye(3))
+    turned = FlexibleBody.rigid("hub", 1.0, np.zeros(3), np.eye(3))
     drive = Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, servo_damping=0.0, name="spin")
-    hub = system.add(hub, drive)
+    hub = system.add(turned, drive)
     system.add(body, Joint("fixed", offset=(0.0, 0.0, delta * LENGTH)), hub)
     moves = np.abs(basis).reshape(-1, 6, basis.shape[1]).max(axis=0)
     planes = [np.flatnonzero(moves[0] + moves[4] > 0.0), np.flatnonzero(moves[1] + moves[3] > 0.0)]
@@ -86,7 +86,7 @@ def branch(quantity, eta, expected, obtained, source):
 
 
 @case("rotating-cantilever", "Uniform rotating cantilever: flap 1–3, lag 1, nodal and modal coordinates", WRIGHT)
-def rotating_cantilever():
+def rotating_cantilever() -> CaseResult:
     """Hub radius zero, η = 0 … 12."""
     table, columns = read_table("rotating_uniform_cantilever.csv")
     eta, column = table[:, 0], {name: table[:, i] for i, name in enumerate(columns)}
@@ -116,7 +116,7 @@ def lag_of(flap, eta):
 
 
 @case("rotating-cantilever-hub", "Rotating cantilever on hubs of radius 0.05 L … 5 L: flap 1–3, lag 1", WRIGHT)
-def rotating_cantilever_hub():
+def rotating_cantilever_hub() -> CaseResult:
     """Speeds up to η = 12 are checked; η = 50 of the table belongs to a string rather than a beam."""
     table, _ = read_table("rotating_uniform_cantilever_hub_offset.csv")
     checks, figures = [], {}
@@ -157,7 +157,7 @@ def rotating_cantilever_hub():
     "Tapered rotating cantilever: flap 1–3, lag 1",
     "Hodges & Rutkowski 1981, AIAA J. 19, case 2; computed",
 )
-def rotating_tapered():
+def rotating_tapered() -> CaseResult:
     """Linearly tapered wedge, hub radius zero."""
     table, _ = read_table("rotating_tapered_cantilever.csv")
     eta, checks, curves = table[:, 0], [], []
@@ -179,7 +179,7 @@ def rotating_tapered():
 
 
 @case("southwell", "Southwell coefficients of the uniform cantilever", "ω² = ω₀² + (K + K₁ δ) Ω² with exact modes")
-def southwell():
+def southwell() -> list[Check]:
     """One exact non-rotating mode a body: its frequency over the speed is then exactly Southwell's line."""
     table, _ = read_table("southwell_uniform_cantilever.csv")
     beam = Beam(uniform_sections(), 24)
@@ -191,9 +191,9 @@ def southwell():
         squared = {}
         for delta, eta in ((0.0, 0.0), (0.0, 10.0), (1.0, 10.0)):
             system = MultibodySystem(gravity=(0.0, 0.0, 0.0))
-            hub = FlexibleBody.rigid("hub", 1.0, np.zeros(3), np.eye(3))
+            turned = FlexibleBody.rigid("hub", 1.0, np.zeros(3), np.eye(3))
             drive = Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, servo_damping=0.0, name="spin")
-            hub = system.add(hub, drive)
+            hub = system.add(turned, drive)
             system.add(body, Joint("fixed", offset=(0.0, 0.0, delta * LENGTH)), hub)
             y = system.build().initial_state()
             y[-1] = eta / UNIT
@@ -266,7 +266,7 @@ def spin_up(coordinates, end_time=20.0):
 
 
 @case("spin-up", "Spin-up of a flexible beam", SPIN_SOURCE)
-def spin_up_case():
+def spin_up_case() -> CaseResult:
     """Beam turned up to 6 rad/s in 15 s: it lags behind, recovers and ends stretched by the centrifugal force."""
     checks, curves = [], []
     steady = MASS * SPIN_SPEED**2 * LENGTH**3 / (3.0 * 2.8e7)

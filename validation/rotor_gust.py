@@ -97,7 +97,7 @@ def _checks(wind, obtained, expected):
 
 
 @case("rotor-gust", "Rigid 5-MW rotor in uniform wind that oscillates: the lag of the thrust", SOURCE, slow=True)
-def rotor_gust():
+def rotor_gust() -> CaseResult:
     """Amplitude within 8 % and phase within 6° at 8, 12 and 18 m/s, 0.04 to 0.88 Hz; the share in 0.25–0.9 Hz."""
     checks, figures, lines = [], {}, []
     f = np.linspace(0.02, 1.0, 99)

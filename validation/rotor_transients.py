@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -19,6 +20,11 @@ from scipy.optimize import least_squares
 from validation.rigid_rotor import RigidRotor
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.turbines import load_turbine
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from validation.rigid_rotor import RotorStep
 
 __all__ = [
     "Overshoot",
@@ -58,11 +64,11 @@ class Ramp:
     duration: float = 0.0
     back: float = np.inf
 
-    def __call__(self, time):
+    def __call__(self, time: Any) -> Any:
         """Value at a time [s] or times."""
         return self.before + (self.after - self.before) * (self._share(time, self.start) - self._share(time, self.back))
 
-    def _share(self, time, start):
+    def _share(self, time: Any, start: float) -> Any:
         return np.clip((np.asarray(time) - start) / max(self.duration, 1e-9), 0.0, 1.0)
 
 
@@ -78,13 +84,13 @@ class VaryingWind:
         Speed with which changes are carried downstream from x = 0 [m/s]; infinite: everywhere at once.
     """
 
-    speed: Callable
+    speed: Callable[..., Any]
     carried: float = WHOLE_FIELD
 
-    def velocity(self, points, time):
+    def velocity(self, points: ArrayLike, time: ArrayLike) -> np.ndarray:
         """Wind (..., 3) [m/s] at points (..., 3)."""
         velocity = np.zeros(np.shape(points))
-        velocity[..., 0] = self.speed(time - np.asarray(points)[..., 0] / self.carried)
+        velocity[..., 0] = self.speed(np.asarray(time) - np.asarray(points)[..., 0] / self.carried)
         return velocity
 
 
@@ -169,7 +175,9 @@ class Response:
         """Axial force at the span edge nearest to a radius [N], shape (n,)."""
         return self.axial[:, int(np.argmin(np.abs(self.radius - radius)))]
 
-    def overshoot(self, name, start: float = 0.0, end: float = np.inf, settling: float = 5.0) -> Overshoot:
+    def overshoot(
+        self, name: str | np.ndarray, start: float = 0.0, end: float = np.inf, settling: float = 5.0
+    ) -> Overshoot:
         """Measure the answer of a signal to a step at ``start`` [s], settled in the last ``settling`` s to ``end``.
 
         ``name`` is that of a signal, or the signal itself, shape (n,).
@@ -185,10 +193,10 @@ class Response:
         mean_time = np.trapezoid(away[top:], self.time[inside[top:]]) / away[top]
         return Overshoot(float(before), float(y[inside[top]]), float(settled), float(recovery), float(mean_time))
 
-    def _signal(self, name):
+    def _signal(self, name: str | np.ndarray) -> np.ndarray:
         return getattr(self, name) if isinstance(name, str) else name
 
-    def fit(self, name, start: float = 0.0, end: float = np.inf) -> TwoExponentials:
+    def fit(self, name: str | np.ndarray, start: float = 0.0, end: float = np.inf) -> TwoExponentials:
         """Fit two exponentials to a signal between ``start`` and ``end`` [s], from its extreme on."""
         found = self.overshoot(name, start, end)
         inside = (self.time > start) & (self.time <= end)
@@ -220,12 +228,12 @@ class Response:
 def respond(
     rotor: RigidRotor,
     options: AeroOptions,
-    wind: Callable | float = 8.0,
-    pitch: Callable | float = 0.0,
+    wind: Callable[..., Any] | float = 8.0,
+    pitch: Callable[..., Any] | float = 0.0,
     rotor_speed: float = 1.0,
     duration: float = 60.0,
     settling: float = 60.0,
-    acceleration: Callable | None = None,
+    acceleration: Callable[..., Any] | None = None,
     carried: float = WHOLE_FIELD,
     flap_radius: float = 0.0,
     dt: float | None = None,
@@ -281,7 +289,7 @@ def respond(
     return Response(time, wind(time), pitch(time), speed, thrust, torque, flap, radius, np.array(axial))
 
 
-def _flap(rotor: RigidRotor, step, radius: float) -> float:
+def _flap(rotor: RigidRotor, step: RotorStep, radius: float) -> float:
     """Mean moment of the axial forces beyond a radius, about the line of that radius in the rotor plane [N m]."""
     angles = step.azimuth + 2.0 * np.pi / rotor.n_blades * np.arange(rotor.n_blades)
     along = np.stack([0.0 * angles, -np.sin(angles), np.cos(angles)], axis=-1)
@@ -291,11 +299,11 @@ def _flap(rotor: RigidRotor, step, radius: float) -> float:
 
 def five_megawatt_step(
     options: AeroOptions,
-    wind: Callable | float = Ramp(8.0, 9.0),
-    pitch: Callable | float = 0.0,
+    wind: Callable[..., Any] | float = Ramp(8.0, 9.0),
+    pitch: Callable[..., Any] | float = 0.0,
     coupled: bool = False,
     rotor_speed: float = 0.95,
-    **settings,
+    **settings: Any,
 ) -> Response:
     """Rigid NREL 5-MW rotor after a step of wind or pitch.
 
@@ -320,10 +328,12 @@ def five_megawatt_step(
     return respond(rotor, options, wind, pitch, rotor_speed, acceleration=acceleration if coupled else None, **settings)
 
 
-def long_wake(turns: float, steps_per_turn: int = 36, n_chord: int = 1, n_span: int = 12, **options) -> AeroOptions:
+def long_wake(
+    turns: float, steps_per_turn: int = 36, n_chord: int = 1, n_span: int = 12, **options: Any
+) -> AeroOptions:
     """Wake of ``turns`` turns, every row free and computed anew in every step by the tree code, with an open end."""
     rows = round(turns * steps_per_turn)
-    chosen = {
+    chosen: dict[str, Any] = {
         "n_chord": n_chord, "n_span": n_span, "azimuth_step_deg": 360.0 / steps_per_turn, "wake_rows": rows,
         "full_rows": rows, "fresh_rows": rows, "far_wake": False, "squire": 1e-3, "induction": "tree",
         "tree_tolerance": 3e-3,

@@ -44,7 +44,7 @@ def small_load_tip(beam, force, moment, scale=1e-5):
 
 
 @case("beam-static", "Cantilever under end loads: uniform, tapered and shear-flexible", THEORY)
-def beam_static():
+def beam_static() -> list[Check]:
     """P L³/3EI and relatives, through the multibody tree in nodal coordinates."""
     tip = small_load_tip(uniform(3), np.array([100.0, 200.0, 0.0]), np.array([0.0, 0.0, 50.0]))
     tip[2] = small_load_tip(uniform(3), np.array([0.0, 0.0, 300.0]), np.zeros(3), 1.0)[2]
@@ -74,7 +74,7 @@ def beam_static():
 
 
 @case("beam-free-vibration", "Clamped–free beam: natural frequencies and a free vibration in time", THEORY)
-def beam_free_vibration():
+def beam_free_vibration() -> CaseResult:
     """β L = 1.87510, 4.69409, 7.85476; torsion and extension as quarter waves; vibration of the first mode in time."""
     beam = uniform(12, Ix=0.4, Iy=0.9)
     slender = uniform(12)
@@ -108,12 +108,12 @@ def beam_free_vibration():
     for _ in range(4000):
         integrator.advance()
         history.append(float(integrator.state[0]))
-    history = np.array(history)
-    up = np.flatnonzero((history[:-1] < 0.0) & (history[1:] >= 0.0))
+    deflection = np.array(history)
+    up = np.flatnonzero((deflection[:-1] < 0.0) & (deflection[1:] >= 0.0))
     crossing = (up + history[up] / (history[up] - history[up + 1])) * step
     checks += [
         Check("period of the free vibration", period, np.diff(crossing).mean(), 1e-3, "s", source="β₁L"),
-        Check("amplitude after ten periods per start", 1.0, history[-400:].max() / y[0], 1e-4),
+        Check("amplitude after ten periods per start", 1.0, deflection[-400:].max() / y[0], 1e-4),
     ]
     time = np.arange(len(history)) * step
     return CaseResult(checks, {"free vibration of the first mode": Figure((Curve(time, history),), "t [s]", "q")})
@@ -154,7 +154,7 @@ def circular_element_matrices(length, area, second_moment, youngs_modulus, shear
     "Three-dimensional two-node element of circular section",
     "Przemieniecki 1968, Theory of Matrix Structural Analysis; the element of Nada & Al-Shahrani 2019",
 )
-def circular_element():
+def circular_element() -> list[Check]:
     """The force-based element of this package with a circular section against the classical matrices."""
     length, diameter, e, g, rho = 0.2, 0.010, 1.17e11, 4.4e10, 8940.0
     sections = circular_sections(length, diameter, youngs_modulus=e, shear_modulus=g, density=rho)

@@ -30,8 +30,7 @@ def parked_model(turbine, fidelity, generator="locked"):
     """Linear model of a parked, weightless turbine without air: all its stiffness is structural."""
     simulator = Simulator(turbine, SteadyInflow(10.0), fidelity)
     simulator.structure.system.tree.gravity[:] = 0.0
-    options = {"rotor_speed": 0.0, "aerodynamics": "none", "outputs": ("rotor_speed",)}
-    return simulator.linearize(generator=generator, **options)
+    return simulator.linearize(generator=generator, rotor_speed=0.0, aerodynamics="none", outputs=("rotor_speed",))
 
 
 def tower_alone(turbine):
@@ -59,7 +58,7 @@ def drivetrain_mode(turbine):
     "Damping ratios of the parked turbine's modes: the published ones, each of a body alone",
     "NREL/TP-500-38060 Tables 2-2, 5-1, 6-2; IEA Wind TCP Task 37 definition (NREL/TP-5000-75698); ElastoDyn",
 )
-def structural_damping():
+def structural_damping() -> CaseResult:
     """Tower ζ f/f_alone, blades ζ, drivetrain c/2 √(1/J_g + 1/J_r)/√k; the tower also against another code."""
     checks, notes = [], []
     fore_aft = parked_modes(AS_FAST)["tower fore-aft 1"]

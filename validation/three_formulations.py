@@ -44,11 +44,10 @@ Z_TO_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 @cache
 def rotor_beams():
     """Beam and basis of the flexible bodies, by name: three blades (flap and lag) and the shaft (bending, torsion)."""
-    blade = BeamSections.uniform(LENGTH, EA=1e8, EIx=4 * EI, EIy=EI, GJ=1e6, mass=MASS, Ix=1e-4, Iy=1e-4)
-    blade = Beam(blade, 8)
+    sections = BeamSections.uniform(LENGTH, EA=1e8, EIx=4 * EI, EIy=EI, GJ=1e6, mass=MASS, Ix=1e-4, Iy=1e-4)
+    blade = Beam(sections, 8)
     shape = np.hstack([clamped_modes(blade, 3, node_dofs=plane).shape for plane in ((0, 4), (1, 3))])
-    shaft = BeamSections.uniform(SHAFT, EA=1e8, EIx=4e5, EIy=4e5, GJ=2e4, mass=20.0, Ix=0.1, Iy=0.1)
-    shaft = Beam(shaft, 4)
+    shaft = Beam(BeamSections.uniform(SHAFT, EA=1e8, EIx=4e5, EIy=4e5, GJ=2e4, mass=20.0, Ix=0.1, Iy=0.1), 4)
     heavy = np.diag([46.0, 46.0, 46.0, 700.0, 700.0, 1210.0])
     modes = clamped_modes(shaft, 3, tip_mass=heavy, node_dofs=(0, 1, 3, 4, 5)).shape
     return {"shaft": (shaft, modes), **{f"blade {k + 1}": (blade, shape) for k in range(3)}}
@@ -75,16 +74,16 @@ def build(form="embedded", geometric=True, push=PUSH):
     shaft = system.add(
         flexible("shaft", geometric), Joint("revolute", (0.0, 0.0, 1.0), rotation=Z_TO_X, name="azimuth")
     )
-    hub = FlexibleBody.rigid("hub", 10.0, np.zeros(3), np.diag([2.0, 1.5, 1.5]), {"center": np.zeros(3)})
-    hub = system.add(hub, Joint("fixed", rotation=Z_TO_X.T), shaft, "tip")
+    turned = FlexibleBody.rigid("hub", 10.0, np.zeros(3), np.diag([2.0, 1.5, 1.5]), {"center": np.zeros(3)})
+    hub = system.add(turned, Joint("fixed", rotation=Z_TO_X.T), shaft, "tip")
     for k in range(3):
         body, turn = flexible(f"blade {k + 1}", geometric), Rotation.from_rotvec([2.0 * np.pi * k / 3.0, 0.0, 0.0])
         if form == "embedded":
             system.add(body, Joint("fixed", rotation=turn.as_matrix()), hub, "center")
         else:
-            blade = system.add(body, Joint("free", name=f"place of {body.name}"))
+            placed = system.add(body, Joint("free", name=f"place of {body.name}"))
             weld = Constraint("weld", rotation=turn.as_matrix(), name=f"root of {body.name}")
-            system.add_constraint(weld, hub, blade, "center", "root")
+            system.add_constraint(weld, hub, placed, "center", "root")
     return system.build()
 
 
@@ -136,8 +135,8 @@ def observed_frequencies(system):
         free.T @ block_diag(*blocks) @ free
         for blocks in ([b.stiffness for b in system.bodies], [b.mass_matrix for b in system.bodies])
     )
-    for spring, rotor, row in springs:
-        angle = np.outer(row @ free, row @ free)
+    for spring, rotor, twist in springs:
+        angle = np.outer(twist @ free, twist @ free)
         stiffness += spring * angle
         mass += rotor * angle
     return np.sqrt(np.maximum(eigh(stiffness, mass, eigvals_only=True), 0.0))
@@ -234,7 +233,7 @@ def flap_history(time, frequency):
     "One rotor in the embedded, the constrained and the observer-frame form: frequencies and response",
     "the same bodies, joints and loads; Southwell's coefficient of the uniform blade",
 )
-def one_rotor():
+def one_rotor() -> CaseResult:
     """At rest, turning slowly, and at a speed at which the missing geometric stiffness shows."""
     rest, tied_rest = build(push=0.0), build("constrained", push=0.0)
     still = rest.initial_state()

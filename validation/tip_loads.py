@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -40,8 +41,8 @@ ROOT, PITCH, BLADES = 0.15, 1.0 / 7.0, 3
 """Of the rotors of one chord: radius of the root over that of the tip, 1 / tip-speed ratio, number of blades."""
 NARROW, WIDE = 0.005, 0.04
 """Chords of those blades over the radius: a lifting line, and the outer blade of a model rotor in a tunnel."""
-THIN = {"bound_core": 1e-3, "wake_core": 1e-2, "squire": 0.0}
-INVISCID = {"viscous": False, "far_wake": False, "viscosity": 0.0} | THIN
+THIN: dict[str, Any] = {"bound_core": 1e-3, "wake_core": 1e-2, "squire": 0.0}
+INVISCID: dict[str, Any] = {"viscous": False, "far_wake": False, "viscosity": 0.0} | THIN
 
 
 def rung_edges(options, root, tip, inset=(0.25, 0.25)):
@@ -77,7 +78,7 @@ def lift_slope(aspect, circulation):
     "Circulation of the strips of rectangular wings near the tip, with the panels of the fidelities",
     "quasi-vortex lattice (Lan 1974), converged",
 )
-def tip_strips_wing():
+def tip_strips_wing() -> CaseResult:
     """The quasi-vortex lattice against known lift slopes; strips of the lattice against it."""
     checks, lines, curves = [], [], []
     for aspect, (slope, _) in RECTANGULAR.items():
@@ -165,7 +166,7 @@ def helical_flow(rotor: RigidRotor, options, wind, rotor_speed, drift, turns=8, 
     )  # fmt: skip
 
 
-def blade_strips(edges, n_chord, chord, angle: Callable | None = None, steepness=1.0):
+def blade_strips(edges, n_chord, chord, angle: Callable[..., Any] | None = None, steepness=1.0):
     """Circulation (n_span,) over a small angle of blades of one chord and radius one, twisted like undisturbed helices.
 
     Parameters
@@ -213,7 +214,7 @@ def through_strips(place, values, root=ROOT):
     "lifting line with induction factors of Wrench (1957); a fine lattice; Betz 1919, Goldstein 1929, Prandtl 1919",
     slow=True,
 )
-def tip_strips_rotor():
+def tip_strips_rotor() -> CaseResult:
     """Narrow blades against a lifting line, a rotor of least loss, wide blades against a fine lattice."""
     checks, curves, lines = [], [], []
     fast = 1.0 / 40.0
@@ -286,7 +287,7 @@ def turbine_strips(turbine, options, ratio=7.55, wind=8.0, drift=0.7, share=1.0)
     "2 x 64 panels",
     slow=True,
 )
-def tip_strips_turbines():
+def tip_strips_turbines() -> CaseResult:
     """NREL 5-MW and IEA 15-MW, polars fed back; the notes compare with a lifting line in the same wake."""
     checks, curves, lines = [], [], []
     for name, ratio in (("nrel_5mw", 7.55), ("iea_15mw", 9.0)):

@@ -6,6 +6,7 @@ All circulations are linear: they stand for unit angle of attack, or for unit an
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -24,7 +25,7 @@ def _semicircles(low, high, n):
     return edges, middle - half * np.cos(np.arange(1, n + 1) * np.pi / (n + 1))
 
 
-def _over_span(low, high, stations, values):
+def _over_span(low: float, high: float, stations: np.ndarray, values: np.ndarray) -> Callable[..., Any]:
     """The function of the span through values that fall to zero at both ends like square roots."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
 
@@ -35,7 +36,9 @@ def _over_span(low, high, stations, values):
     return lambda place: spline(angle(place))
 
 
-def lifting_surface(half_span: float, chord: Callable, n_span: int = 80, n_chord: int = 8) -> Callable:
+def lifting_surface(
+    half_span: float, chord: Callable[..., Any], n_span: int = 80, n_chord: int = 8
+) -> Callable[..., Any]:
     """Circulation along a flat wing with straight half-chord line by the quasi-vortex lattice, unit stream and angle.
 
     Cosines along span and chord integrate the square-root singularities of tips and leading edge (C. E. Lan,
@@ -136,7 +139,7 @@ def _downwash(root, pitch, n_blades, n):
     return stations, angle, np.diff(across, axis=1)
 
 
-def lifting_line_blade(chord: float, root: float, pitch: float, n_blades: int, n: int = 80) -> Callable:
+def lifting_line_blade(chord: float, root: float, pitch: float, n_blades: int, n: int = 80) -> Callable[..., Any]:
     """Circulation along narrow blades of one chord and radius one at unit angle to undisturbed helices.
 
     Γ / (π c) + w(Γ) = W, with the sections' lift slope 2π and the resultant W of a unit wind and the rotation.
@@ -146,7 +149,7 @@ def lifting_line_blade(chord: float, root: float, pitch: float, n_blades: int, n
     return _over_span(root, 1.0, stations, strength)
 
 
-def optimum_circulation(root: float, pitch: float, n_blades: int, n: int = 80) -> Callable:
+def optimum_circulation(root: float, pitch: float, n_blades: int, n: int = 80) -> Callable[..., Any]:
     """Circulation of least loss (Betz 1919, Goldstein 1929): its helices move like a rigid screw of unit speed."""
     stations, angle, downwash = _downwash(root, pitch, n_blades, n)
     strength = np.linalg.solve(downwash, 0.5 * np.cos(angle))  # at the blade half of what is far behind

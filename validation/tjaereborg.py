@@ -116,7 +116,7 @@ def _line(name: str, run: Response) -> str:
 
 
 @case("tjaereborg", "Tjæreborg 2-MW rotor: overshoot after steps of the pitch", SOURCE, slow=True)
-def tjaereborg():
+def tjaereborg() -> CaseResult:
     """Published bounds with both thinned wakes and with twelve turns of unthinned one."""
     runs = {
         "training": pitch_steps(TRAINING),

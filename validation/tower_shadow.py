@@ -9,6 +9,7 @@ velocity has no time to follow.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -93,10 +94,10 @@ def measured_harmonics(fidelity, duration: float = 100.0, turns: int = 6):
 
 @case("tower-shadow", "5-MW turbine at 8 m/s: thrust at multiples of the blades' passing of the tower", SOURCE,
       slow=True)  # fmt: skip
-def tower_shadow():
+def tower_shadow() -> CaseResult:
     """Third and sixth harmonic of the thrust within 0.25 of strip theory; half the time step changes 0.05 of it."""
     theory, lines, checks = strip_theory(), [], []
-    rigid = {"tower_coordinates": "rigid", "blade_coordinates": "rigid"}
+    rigid: dict[str, Any] = {"tower_coordinates": "rigid", "blade_coordinates": "rigid"}
     training = replace(FIDELITIES["training"], name="rigid", **rigid)
     engineering = replace(FIDELITIES["engineering"], name="rigid", **rigid)
     cheap = {}

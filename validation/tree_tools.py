@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from importlib import resources
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.errors import WtGymError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.substructure import sub_body_at
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.arrays import Inputs, Work
+    from wt_gym.multibody.system import MultibodySystem
+    from wt_gym.structure.substructure import SubBody
 
 __all__ = [
     "ChainPoints",
@@ -25,7 +35,7 @@ class NoBalance(WtGymError, ValueError):
     """No static balance was found for a system of bodies under the given loads."""
 
 
-def read_table(name):
+def read_table(name: str) -> tuple[NDArray[np.float64], list[str]]:
     """Numbers (n_rows, n_columns) and column names of a data file of this package."""
     text = resources.files(__package__).joinpath("data", name).read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
@@ -33,7 +43,12 @@ def read_table(name):
     return np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]]), columns
 
 
-def rate_jacobian(system, y, inputs=None, step=1e-6):
+def rate_jacobian(
+    system: MultibodySystem,
+    y: NDArray[np.float64],
+    inputs: Inputs | None = None,
+    step: float | NDArray[np.float64] = 1e-6,
+) -> NDArray[np.float64]:
     """∂(u̇)/∂(q, u) by central differences.
 
     Parameters
@@ -64,14 +79,20 @@ def rate_jacobian(system, y, inputs=None, step=1e-6):
     return out
 
 
-def frequencies(system, y, inputs=None, step=1e-6, locked=()):
+def frequencies(
+    system: MultibodySystem,
+    y: NDArray[np.float64],
+    inputs: Inputs | None = None,
+    step: float | NDArray[np.float64] = 1e-6,
+    locked: Sequence[int] = (),
+) -> NDArray[np.float64]:
     """Circular natural frequencies [rad/s], ascending, of small motions about the steady state y.
 
     ``locked`` names velocities that are held: the accelerations of the free ones then follow from the reduced mass
     matrix, M_ff u̇_f = f_f, which equals striking rows and columns from the inverse problem.
     """
     n = system.n_u
-    jacobian = rate_jacobian(system, y, inputs, step)
+    jacobian: np.ndarray = rate_jacobian(system, y, inputs, step)
     free = [i for i in range(n) if i not in set(locked)]
     if len(free) < n:
         mass = mass_matrix(system, y)
@@ -83,7 +104,7 @@ def frequencies(system, y, inputs=None, step=1e-6, locked=()):
     return np.sort(np.abs(np.linalg.eigvals(a).imag))[::2]
 
 
-def mass_matrix(system, y):
+def mass_matrix(system: MultibodySystem, y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mass matrix (n_u, n_u) of the tree in the state y."""
     work = system.new_work()
     y = np.ascontiguousarray(y, dtype=float)
@@ -93,7 +114,16 @@ def mass_matrix(system, y):
     return lower + np.tril(work.mass, -1).T
 
 
-def static_balance(system, y, set_loads=None, *, locked=(), iterations=40, tolerance=1e-10, step=1e-6):
+def static_balance(
+    system: MultibodySystem,
+    y: NDArray[np.float64],
+    set_loads: Callable[[NDArray[np.float64], Inputs, Work], None] | None = None,
+    *,
+    locked: Sequence[int] = (),
+    iterations: int = 40,
+    tolerance: float = 1e-10,
+    step: float = 1e-6,
+) -> NDArray[np.float64]:
     """Newton's method for a state of rest whose accelerations vanish.
 
     Parameters
@@ -126,7 +156,7 @@ def static_balance(system, y, set_loads=None, *, locked=(), iterations=40, toler
     y = np.array(y, dtype=float)
     free = np.array([i for i in range(n) if i not in set(locked)])
 
-    def forces(state):
+    def forces(state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Generalized forces of the free coordinates: applied, elastic and of gravity (inertia is absent at rest)."""
         tree_kernels.kinematics(state, system.tree, work)
         inputs.body_loads[:] = 0.0
@@ -154,7 +184,9 @@ def static_balance(system, y, set_loads=None, *, locked=(), iterations=40, toler
     )
 
 
-def body_pose(system, y, body):
+def body_pose(
+    system: MultibodySystem, y: NDArray[np.float64], body: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Global position (3,) and orientation (3, 3) of a body's frame in the state y."""
     work = system.new_work()
     tree_kernels.kinematics(np.ascontiguousarray(y, dtype=float), system.tree, work)
@@ -174,7 +206,9 @@ class ChainPoints:
         Arc lengths of the points on the whole beam [m].
     """
 
-    def __init__(self, system, sub_bodies, bodies, stations):
+    def __init__(
+        self, system: MultibodySystem, sub_bodies: Sequence[SubBody], bodies: Sequence[int], stations: ArrayLike
+    ):
         self.system = system
         self.stations = np.asarray(stations, dtype=float)
         owner = np.array([sub_body_at(sub_bodies, s) for s in self.stations])
@@ -187,7 +221,7 @@ class ChainPoints:
                 first = system.index(body, "elastic_q")
                 self._groups.append((body, rows, slice(first, first + sub_bodies[k].body.n_elastic), fields))
 
-    def positions(self, y):
+    def positions(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Global positions (n, 3) in the state y."""
         y = np.ascontiguousarray(y, dtype=float)
         work = self.system.new_work()
@@ -199,7 +233,7 @@ class ChainPoints:
             out[rows] = work.r[body] + local @ work.rot[body].T
         return out
 
-    def add_forces(self, y, inputs, work, force):
+    def add_forces(self, y: NDArray[np.float64], inputs: Inputs, work: Work, force: NDArray[np.float64]) -> None:
         """Add dead forces (n, 3), global components [N], by virtual work; ``work`` holds the kinematics of y."""
         for body, rows, elastic, (position, linear, second) in self._groups:
             q = y[elastic]

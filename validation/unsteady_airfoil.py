@@ -7,6 +7,7 @@ are 1, so that a step of one panel chord is 1 / n_chord and the reduced frequenc
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.special import hankel2
@@ -27,7 +28,9 @@ AMPLITUDE = 1e-4
 """Of the angle of attack [rad]: small, so that the linear theory applies."""
 
 
-def wagner_response(n_chord: int, distance: float, steps_per_panel: float = 1.0, shed_fraction: float = 0.25):
+def wagner_response(
+    n_chord: int, distance: float, steps_per_panel: float = 1.0, shed_fraction: float = 0.25
+) -> tuple[np.ndarray, np.ndarray]:
     """Lift after a sudden start, over its final value.
 
     Parameters
@@ -57,7 +60,7 @@ def wagner_response(n_chord: int, distance: float, steps_per_panel: float = 1.0,
 
 
 @case("wagner", "Lift of a flat plate after a sudden start (Wagner)", WAGNER_SOURCE)
-def wagner():
+def wagner() -> CaseResult:
     """Step response at 32 panels and one panel chord a step, from s = 0.5 on within 1 %."""
     travel, lift = wagner_response(32, 41.0)
     coarse_travel, coarse = wagner_response(16, 41.0)
@@ -74,7 +77,8 @@ def wagner():
     s, value = np.array(WAGNER).T
     curves = [Curve(s, value, "Wagner", "ko"), Curve(travel[3:], lift[3:], "32 panels")]
     for n_chord in (4, 8):
-        curves.append(Curve(*(x[3:] for x in wagner_response(n_chord, 41.0)), f"{n_chord} panels", "--"))
+        travel, lift = wagner_response(n_chord, 41.0)
+        curves.append(Curve(travel[3:], lift[3:], f"{n_chord} panels", "--"))
     at_two = ", ".join(
         f"{n}: {100 * (np.interp(2.0, *wagner_response(n, 3.0)) / WAGNER[2][1] - 1):.2f}" for n in (4, 8, 16, 32)
     )
@@ -90,12 +94,12 @@ def wagner():
     return CaseResult(checks, {"lift after a sudden start": Figure(tuple(curves), "s [semi-chords]", "φ")}, notes)
 
 
-def theodorsen(k):
+def theodorsen(k: Any) -> Any:
     """Lift-deficiency function C(k) = H₁⁽²⁾ / (H₁⁽²⁾ + i H₀⁽²⁾)."""
     return hankel2(1, k) / (hankel2(1, k) + 1j * hankel2(0, k))
 
 
-def exact_lift(motion: str, k):
+def exact_lift(motion: str, k: Any) -> Any:
     """Complex lift coefficient of a unit amplitude of plunge velocity (downwards) or of pitch about the quarter chord.
 
     cl = 2 [π b² (V α̇ + ḧ − b a α̈) + 2 π V b C (V α + ḣ + b (½ − a) α̇)], h positive downwards,
@@ -113,7 +117,7 @@ def exact_lift(motion: str, k):
 def oscillating_lift(
     motion: str, k: float, n_chord: int, steps_per_panel: float = 1.0, shed_fraction: float = 0.25,
     load_form: str = "joukowski",
-):  # fmt: skip
+) -> complex:  # fmt: skip
     """Complex lift coefficient of the lattice for a unit amplitude of the motion; see `exact_lift`.
 
     The motion starts from zero angle of attack; the last of its periods is fitted with one harmonic and a straight
@@ -128,7 +132,7 @@ def oscillating_lift(
     flow = WingFlow(planform, UniformStream.at_incidence(0.0), n_steps, dt, shed_fraction=shed_fraction,
                     load_form=load_form)  # fmt: skip
 
-    def motion_at(time):
+    def motion_at(time: float) -> tuple[np.ndarray, np.ndarray]:
         """Displacement along x and its rate at all nodes; the axis of pitch, the quarter chord, lies at y = 0."""
         sine, cosine = AMPLITUDE * np.sin(omega * time), AMPLITUDE * np.cos(omega * time)
         nodes, velocities = flow.nodes.copy(), flow.still.copy()
@@ -148,7 +152,7 @@ def oscillating_lift(
     return complex(fit[0], fit[1])
 
 
-def _compare(motion, k, obtained):
+def _compare(motion: str, k: float, obtained: complex) -> list[Check]:
     """Checks of amplitude (2 %) and phase (2°) against Theodorsen."""
     exact = exact_lift(motion, k)
     label = f"{motion}, k = {k:g}"
@@ -160,7 +164,7 @@ def _compare(motion, k, obtained):
 
 
 @case("theodorsen", "Oscillating flat plate, plunge and pitch (Theodorsen)", THEODORSEN_SOURCE, slow=True)
-def theodorsen_case():
+def theodorsen_case() -> CaseResult:
     """Amplitude and phase of the lift for k = 0.05 … 1 with 8 and 16 panels."""
     checks, figures = [], {}
     k = np.geomspace(0.03, 1.2, 60)
@@ -184,7 +188,7 @@ def theodorsen_case():
 
 
 @case("theodorsen-convergence", "Convergence of the unsteady lift in panels, step and wake", THEODORSEN_SOURCE)
-def theodorsen_convergence():
+def theodorsen_convergence() -> CaseResult:
     """Extrapolated lift at k = 0.5 and 1, and what coarse chords, other steps and shed positions cost."""
     checks, curves = [], []
     counts = (1, 2, 4, 8, 16)

@@ -6,6 +6,8 @@ it speeds up, the wake keeps the induction of before, and takes half a minute to
 
 from __future__ import annotations
 
+from typing import Any
+
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.dynamic_inflow import DynamicRotor
 from validation.rotor_transients import INERTIA, Ramp, five_megawatt_step, long_wake
@@ -32,9 +34,9 @@ def element_step():
 
 
 @case("wind-step", "Rigid 5-MW rotor, wind step 8 → 9 m/s: overshoot of thrust and rotor speed", SOURCE, slow=True)
-def wind_step():
+def wind_step() -> CaseResult:
     """Overshoot of the fidelities within 0.03 of the change of that of a long unthinned wake."""
-    settings = {"coupled": True, "rotor_speed": ROTOR_SPEED, "duration": DURATION, "settling": 100.0}
+    settings: dict[str, Any] = {"coupled": True, "rotor_speed": ROTOR_SPEED, "duration": DURATION, "settling": 100.0}
     runs = {
         "16 turns, open": five_megawatt_step(long_wake(16.0, 24, n_span=10), WIND, **settings),
         "blade elements with Øye's filter": element_step(),

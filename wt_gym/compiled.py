@@ -20,7 +20,7 @@ import hashlib
 import inspect
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,9 @@ class NoCacheError(RuntimeError):
     """There is no place to keep compiled kernels."""
 
 
-def kernel(function=None, separate=False, distinct=False, **options):
+def kernel(
+    function: Callable[..., Any] | None = None, separate: bool = False, distinct: bool = False, **options: Any
+) -> Any:
     """Compile a function on plain arrays that stands at the top level of its module.
 
     Reference counting is off (arrays live in the caller), which trebles the speed of functions that pass many arrays;
@@ -87,7 +89,7 @@ def kernel(function=None, separate=False, distinct=False, **options):
     return linked_kernel(function, separate, distinct, options)
 
 
-def _check(function):
+def _check(function: Callable[..., Any]) -> None:
     """Whether a function can be a kernel."""
     name = function.__qualname__
     if name != function.__name__:
@@ -97,7 +99,7 @@ def _check(function):
     several = [p for p in inspect.signature(function).parameters.values() if p.kind is not p.POSITIONAL_OR_KEYWORD]
     if several:
         raise ValueError(f"{name}: a kernel has no parameter such as {several[0]}")
-    if numba.config.DISABLE_JIT:
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # set from its environment when it is imported
         raise RuntimeError("NUMBA_DISABLE_JIT is set, and the simulator does not run without compiled kernels")
 
 
@@ -142,7 +144,7 @@ def _fault_of_linking() -> str | None:
         return f"{type(error).__name__}: {error}"
 
 
-def plain_kernel(function: Callable, options: dict[str, Any]) -> Any:
+def plain_kernel(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Compile a kernel by ``numba.njit`` alone."""
     compiled = numba.njit(**(OPTIONS | options))(function)
     try:
@@ -154,7 +156,7 @@ def plain_kernel(function: Callable, options: dict[str, Any]) -> Any:
     return compiled
 
 
-def no_cache_error(function: Callable) -> NoCacheError:
+def no_cache_error(function: Callable[..., Any]) -> NoCacheError:
     """There is no place for the machine code of this kernel."""
     return NoCacheError(
         f"there is no place to keep compiled kernels: neither the folder of {inspect.getfile(function)} nor a "
@@ -208,7 +210,7 @@ def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def compiled_for(function, arguments):
+def compiled_for(function: Any, arguments: Iterable[object]) -> Any:
     """Compiled form of a kernel for the types of these arguments, to be called with arguments of the same types only.
 
     A call of the kernel itself looks up the type of each array it is given: 25 µs for two hundred of them.
@@ -216,7 +218,7 @@ def compiled_for(function, arguments):
     return _for_python(function).compile(argument_types(arguments))
 
 
-def is_compiled(function, arguments):
+def is_compiled(function: Any, arguments: Iterable[object]) -> bool:
     """Whether the compiled form of a kernel for the types of these arguments is in this process or in the cache."""
     function, types = _for_python(function), argument_types(arguments)
     if types in function.overloads:
@@ -225,22 +227,22 @@ def is_compiled(function, arguments):
     return bool(kept) and function._cache._index_key(types, function.targetctx.codegen()) in kept
 
 
-def was_compiled(function):
+def was_compiled(function: Any) -> bool:
     """Whether a kernel is in this process or in the cache for any types of arguments."""
     return bool(function.overloads) or bool(_kept(function))
 
 
-def _kept(function):
+def _kept(function: Any) -> set[Any]:
     """Keys of the machine code of a kernel that is on disk; none where nothing is kept."""
     file = getattr(getattr(function, "_cache", None), "_cache_file", None)
     return set() if file is None else set(file._load_index())
 
 
-def _for_python(function):
+def _for_python(function: Any) -> Any:
     """What Python calls: of a linked kernel a function that only passes on the call."""
     return getattr(function, "from_python", function)
 
 
-def argument_types(arguments):
+def argument_types(arguments: Iterable[object]) -> tuple[Any, ...]:
     """Numba's types of some arguments, as a kernel is compiled for them."""
     return tuple(numba.typeof(argument) for argument in arguments)

@@ -1,22 +1,30 @@
-"""Files that are there when they are whole."""
+"""Files that are there when they are whole, and values as a JSON file gives them back."""
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
     from typing import BinaryIO
 
     import xarray as xr
 
 __all__ = [
-    "remove_partial", "require_writable", "whole_file", "write_netcdf_whole", "write_text_whole", "write_whole",
+    "json_values", "remove_partial", "require_writable", "whole_file", "write_netcdf_whole", "write_text_whole",
+    "write_whole",
 ]  # fmt: skip
+
+
+def json_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Give a table as a JSON file of it gives it back: tuples as lists, what JSON does not know as text."""
+    read: dict[str, Any] = json.loads(json.dumps(values, default=str))
+    return read
 
 
 @contextmanager

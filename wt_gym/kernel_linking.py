@@ -24,9 +24,11 @@ here changes what numba does with the code of others.
 
 import hashlib
 import inspect
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
+from typing import Any, Self, cast
 from weakref import WeakKeyDictionary
 
 import numba
@@ -58,10 +60,10 @@ class _Separate:
 
     module: str
     name: str
-    arguments: tuple
+    arguments: tuple[Any, ...]
     symbol: str
 
-    def __call__(self):
+    def __call__(self) -> None:
         try:
             kernel = _named(self.module, self.name)
         except (AttributeError, ModuleNotFoundError) as error:
@@ -71,16 +73,16 @@ class _Separate:
             raise _Changed(f"{self.module}.{self.name} has changed since its callers were compiled")
 
 
-def _named(module, name):
+def _named(module: str, name: str) -> Any:
     """The kernel that goes by this name now."""
     return getattr(import_module(module), name)
 
 
-_SEPARATE = WeakKeyDictionary()
+_SEPARATE: WeakKeyDictionary[Any, tuple[_Separate, str]] = WeakKeyDictionary()
 """The `_Separate` and the name in LLVM's code of each library of a separate kernel."""
 
 
-def _separate(function, arguments):
+def _separate(function: Any, arguments: Iterable[Any]) -> _Separate:
     """What stands for a separate kernel in the cache of its callers; numba's own names differ between processes."""
     module, name = function.__module__, function.__name__
     cache_file = _named(module, name)._cache._cache_file
@@ -94,10 +96,10 @@ class _UnsignedIndices(FunctionPass):
 
     _name = "unsigned_indices"
 
-    def __init__(self):
+    def __init__(self) -> None:
         FunctionPass.__init__(self)
 
-    def run_pass(self, state):
+    def run_pass(self, state: Any) -> bool:
         """Change the types of the calls that read and write elements."""
         changed = False
         for use, signature in list(state.calltypes.items()):
@@ -110,30 +112,30 @@ class _UnsignedIndices(FunctionPass):
         return changed
 
 
-def _unsigned(index):
+def _unsigned(index: Any) -> Any:
     """The unsigned type for that of an index."""
     if isinstance(index, types.BaseTuple):
-        return types.BaseTuple.from_types([_unsigned(one) for one in index])
-    if isinstance(index, types.Integer) and not isinstance(index, types.Literal) and index.signed:
-        return types.uintp
-    return index
+        return types.BaseTuple.from_types([_unsigned(one) for one in cast("Iterable[Any]", index)])
+    whole: bool = isinstance(index, types.Integer) and not isinstance(index, types.Literal)
+    return types.uintp if whole and index.signed else index
 
 
 class _SelfContained(JITCodeLibrary):
     """Machine code whose own versions of the kernels that it calls no other code can replace."""
 
-    _name_and_symbol = None  # of a separate kernel
+    _codegen: Any
+    _name_and_symbol: tuple[str, str] | None = None  # of a separate kernel
 
-    def _optimize_functions(self, ll_module):
+    def _optimize_functions(self, ll_module: Any) -> None:
         """Leave them as they are: numba would simplify here what is simplified again after linking."""
         ll_module.data_layout = self._codegen._data_layout
 
-    def __init__(self, codegen, name):
+    def __init__(self, codegen: Any, name: str):
         super().__init__(codegen, name)
-        self._called = {}  # separate kernels: their names in LLVM's code, and symbols
-        self._environments = {}  # of inner kernels: what prints, for example, needs Python's objects
+        self._called: dict[str, str] = {}  # separate kernels: their names in LLVM's code, and symbols
+        self._environments: dict[str, Any] = {}  # of inner kernels: what prints, for example, needs Python's objects
 
-    def add_linking_library(self, library):
+    def add_linking_library(self, library: Any) -> None:
         """Link the code of what is called; of a separate kernel only remember what its callers call it."""
         if library in _SEPARATE:
             separate, name = _SEPARATE[library]
@@ -143,14 +145,14 @@ class _SelfContained(JITCodeLibrary):
             super().add_linking_library(library)
             self._environments |= getattr(library, "_environments", {})
 
-    def finalize(self):
+    def finalize(self) -> None:
         """Optimize and load the code, in which separate kernels now go by their symbols."""
         for function in list(self._final_module.functions):  # before others with the same symbols are linked
             if function.name in self._called:
                 function.name = self._called[function.name]
         super().finalize()
 
-    def _finalize_final_module(self):
+    def _finalize_final_module(self) -> None:
         self._finalized = True
         self._get_module_for_linking()  # a copy with weak symbols, from which callers of this kernel are compiled
         for function in self._final_module.functions:
@@ -168,31 +170,31 @@ class _SelfContained(JITCodeLibrary):
 class _Inner(_SelfContained):
     """Code that is only linked into its callers: no machine code is made of it."""
 
-    def _optimize_final_module(self):
+    def _optimize_final_module(self) -> None:
         """Simplify only, which makes less work for each caller; there it is optimized with what surrounds it."""
         passes, builder = self._codegen._module_pass_manager(loop_vectorize=False, slp_vectorize=False, opt=1)
         passes.run(self._final_module, builder)
 
-    def _finalize_final_module(self):
+    def _finalize_final_module(self) -> None:
         self._finalized = True  # and nothing is loaded
         self._finalize_dynamic_globals()  # code with addresses of this process is not kept
 
-    def get_pointer_to_function(self, name):
+    def get_pointer_to_function(self, name: str) -> int:
         """None, as for a function that is not there; numba asks when the code is complete."""
         self._ensure_finalized()
         return 0
 
     @property
-    def codegen(self):
+    def codegen(self) -> "_Environments":
         """What numba asks to give loaded code its environment, which here goes to the callers."""
         return _Environments(self._environments)
 
-    def serialize_using_object_code(self):
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
         """For the cache: what callers link."""
         return self.name, "inner", self._final_module.as_bitcode()
 
     @classmethod
-    def load(cls, codegen, name, bitcode):
+    def load(cls, codegen: Any, name: str, bitcode: bytes) -> Self:
         """From the cache."""
         library = cls(codegen, name)
         library._final_module = parse_bitcode(bitcode)
@@ -204,9 +206,9 @@ class _Inner(_SelfContained):
 class _Environments:
     """A place for the environments of code that is never loaded."""
 
-    of_code: dict
+    of_code: dict[str, Any]
 
-    def set_env(self, name, environment):
+    def set_env(self, name: str, environment: Any) -> None:
         """Keep it for the callers."""
         self.of_code[name] = environment
 
@@ -216,12 +218,12 @@ class _UseSelfContained(LoweringPass):
     """Have the machine code written into a `_SelfContained` library; numba would make a plain one."""
 
     _name = "use_self_contained_library"
-    _library = _SelfContained
+    _library: type[_SelfContained] = _SelfContained
 
-    def __init__(self):
+    def __init__(self) -> None:
         LoweringPass.__init__(self)
 
-    def run_pass(self, state):
+    def run_pass(self, state: Any) -> bool:
         """Make the library."""
         state.library = self._library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
@@ -242,7 +244,7 @@ class _UseSeparate(_UseSelfContained):
 
     _name = "use_separate_library"
 
-    def run_pass(self, state):
+    def run_pass(self, state: Any) -> bool:
         """Make the library, with the name that callers will know."""
         super().run_pass(state)
         function = PythonFunctionDescriptor.from_specialized_function(
@@ -261,22 +263,24 @@ class _Flags(Flags):
     numba looks up a hundred thousand things by them, and collects those that were not given each time.
     """
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(frozenset(self._values))
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         return isinstance(other, _Flags) and self._values == other._values
 
 
 class _KernelCompiler(CompilerBase):
     """The stages of numba's compiler with self-contained machine code."""
 
-    _library_pass = _UseSelfContained
+    _library_pass: type[_UseSelfContained] = _UseSelfContained
 
-    def __init__(self, typing, target, library, arguments, result, flags, types_of_variables):
+    def __init__(
+        self, typing: Any, target: Any, library: Any, arguments: Any, result: Any, flags: Any, types_of_variables: Any
+    ):
         super().__init__(typing, target, library, arguments, result, _Flags(flags), types_of_variables)
 
-    def define_pipelines(self):
+    def define_pipelines(self) -> list[Any]:
         """One pipeline, without Python objects."""
         stages = DefaultPassBuilder.define_nopython_pipeline(self.state)
         stages.add_pass_after(_UnsignedIndices, PreLowerStripPhis)  # before the code of others is inlined
@@ -300,7 +304,7 @@ class _SeparateCompiler(_KernelCompiler):
 class _DistinctCompiler(_SeparateCompiler):
     """The same for those whose arguments share no memory."""
 
-    def __init__(self, *arguments):
+    def __init__(self, *arguments: Any):
         super().__init__(*arguments)
         self.state.flags.noalias = True
 
@@ -308,7 +312,7 @@ class _DistinctCompiler(_SeparateCompiler):
 class _KernelCacheImpl(CompileResultCacheImpl):
     """What of a compiled kernel goes to disk and comes back."""
 
-    def rebuild(self, target_context, payload):
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
         """The result of a compilation, with or without machine code."""
         (name, kind, code), described, environment, signature, object_mode, lifted, types, reload_init, others = payload
         if kind != "inner":
@@ -318,7 +322,7 @@ class _KernelCacheImpl(CompileResultCacheImpl):
         library = _Inner.load(target_context.codegen(), name, code)
         for called in others:
             library.codegen.set_env(called.env_name, called)
-        return CompileResult(
+        return CompileResult(  # type: ignore[call-arg]  # a named tuple of names that numba computes
             target_context=target_context, typing_context=target_context.typing_context, library=library,
             environment=environment, entry_point=target_context.get_executable(library, described, environment),
             fndesc=described, type_annotation=types, signature=signature, objectmode=object_mode, lifted=lifted,
@@ -332,14 +336,14 @@ class _KernelCache(FunctionCache):
     _impl_class = _KernelCacheImpl
     separate = False
 
-    def kept(self):
+    def kept(self) -> set[Any]:
         """Keys of the code that is there."""
         return set(self._cache_file._load_index())
 
-    def _load_overload(self, sig, target_context):
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             result = super()._load_overload(sig, target_context)
-        except _Changed:  # the caller is then compiled anew
+        except _Changed:  # the caller is then compiled again
             return None
         if result is not None:
             result.library._reload_init.update(result.reload_init)  # numba gives them to callers compiled later
@@ -354,30 +358,32 @@ class _KernelCache(FunctionCache):
 class _KernelDispatcher(CPUDispatcher):
     """A kernel, which other kernels call and Python through a function of its own."""
 
+    _given: dict[str, Any]  # options
+
     @cached_property
-    def from_python(self):
+    def from_python(self) -> Any:
         """The kernel with a way in from Python, compiled on demand."""
         function = self.py_func
         name, arguments = f"{function.__name__}_from_python", ", ".join(inspect.signature(function).parameters)
         # numba's cache takes functions that stand in a file under a name, and no closures; it tells them by their lines
         source = "\n" * (function.__code__.co_firstlineno - 1)
         source += f"def {name}({arguments}):\n    return _kernel({arguments})\n"
-        namespace = {"_kernel": self, "__name__": function.__module__}
+        namespace: dict[str, Any] = {"_kernel": self, "__name__": function.__module__}
         exec(compile(source, inspect.getfile(function), "exec"), namespace)
         namespace[name].__defaults__ = function.__defaults__
         return _dispatcher(namespace[name], _KernelCompiler, self._given)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return _named, (self.py_func.__module__, self.py_func.__name__)
 
-    def __call__(self, *arguments, **named):
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call from Python."""
         return self.from_python(*arguments, **named)
 
 
-def linked_kernel(function, separate, distinct, options):
+def linked_kernel(function: Callable[..., Any], separate: bool, distinct: bool, options: dict[str, Any]) -> Any:
     """Compile a kernel in the linked way; the parameters are those of `wt_gym.compiled.kernel`."""
-    compiler = _InnerCompiler
+    compiler: type[_KernelCompiler] = _InnerCompiler
     if separate:
         compiler = _DistinctCompiler if distinct else _SeparateCompiler
     dispatcher = _dispatcher(function, compiler, options | {"no_cpython_wrapper": True})
@@ -387,7 +393,7 @@ def linked_kernel(function, separate, distinct, options):
     return dispatcher
 
 
-def _dispatcher(function, compiler, options):
+def _dispatcher(function: Callable[..., Any], compiler: type[_KernelCompiler], options: dict[str, Any]) -> Any:
     """Numba's, with common options and a cache that notices changes."""
     dispatcher = numba.njit(**(OPTIONS | {"pipeline_class": compiler} | options))(function)
     try:

@@ -11,7 +11,7 @@ __all__ = ["self_test"]
 
 
 @partial(linked_kernel, separate=True, distinct=True, options={})
-def leaf(x, factor, out):
+def leaf(x: np.ndarray, factor: float, out: np.ndarray) -> float:
     """Multiply and add."""
     total = 0.0
     for i in range(x.shape[0]):
@@ -21,9 +21,9 @@ def leaf(x, factor, out):
 
 
 @partial(linked_kernel, separate=False, distinct=False, options={})
-def branch(x, factor, out):
+def branch(x: np.ndarray, factor: float, out: np.ndarray) -> float:
     """Call the separate kernel, read backwards what it wrote."""
-    total = leaf(x, factor, out)
+    total: float = leaf(x, factor, out)
     for i in range(x.shape[0]):
         total += out[x.shape[0] - 1 - i] * i
     return total
@@ -38,9 +38,9 @@ def self_test() -> str | None:
         What is wrong.
     """
     x, out = np.arange(5.0), np.zeros(5)
-    found, wanted = branch(x, 2.0, out), 20.0 + 20.0
-    if found != wanted or out.tolist() != [0.0, 2.0, 4.0, 6.0, 8.0]:
-        return f"a test kernel gives {found} and {out.tolist()}, {wanted} and twice {x.tolist()} are right"
+    found, expected = branch(x, 2.0, out), 20.0 + 20.0
+    if found != expected or out.tolist() != [0.0, 2.0, 4.0, 6.0, 8.0]:
+        return f"a test kernel gives {found} and {out.tolist()}, must give {expected} and twice {x.tolist()}"
     if not all(was_compiled(kernel) and kernel._cache.kept() for kernel in (leaf, branch, branch.from_python)):
         return "the test kernels are not kept on disk"
     return None

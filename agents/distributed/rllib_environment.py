@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -49,16 +49,19 @@ class RunnerEnv(gym.vector.VectorWrapper):
         self._steps = 0
         self._episodes: list[dict[str, Any]] = []
 
-    def reset(self, *, seed=None, options=None):
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start episodes; from a seed of RLlib each turbine gets one that no other has."""
         if isinstance(seed, int):
             seed = np.random.SeedSequence((*self._mark, seed)).generate_state(self.num_envs).tolist()
-        observations, _ = self.env.reset(seed=seed, options=options)
+        # gymnasium types one seed for all; its vector environments take one each, too
+        observations, _ = cast(Any, self.env).reset(seed=seed, options=options)
         for array in (self._returns, self._discounted, self._lengths, self._over):
             array[:] = 0
         return observations, {}
 
-    def step(self, actions):
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every turbine; those whose episode is over begin the next one."""
         observations, rewards, terminated, truncated, _ = self.env.step(actions)
         going = ~self._over
@@ -100,8 +103,8 @@ def make_runner_env(context: dict[str, Any]) -> gym.vector.VectorEnv | gym.Env:
     Parameters
     ----------
     context : EnvContext
-        ``env_id``, ``env_kwargs``, ``mark``, ``gamma``, and ``num_envs`` where turbines are wanted that are
-        stepped together.
+        ``env_id``, ``env_kwargs``, ``mark``, ``gamma``, and ``num_envs`` for turbines that are stepped
+        together.
     """
     if "num_envs" not in context:
         return gym.make(context["env_id"], **context["env_kwargs"])
@@ -122,7 +125,7 @@ def runner_report(runner: EnvRunner) -> dict[str, Any] | None:
 
 
 def set_runner_statistics(runner: EnvRunner, mean: float, var: float, count: float) -> None:
-    """Have the turbines of a runner go on from the statistics of an earlier session."""
+    """Have the turbines of a runner continue from the statistics of an earlier session."""
     env = _turbines(runner)
     if env is not None:
         env.set_statistics(mean, var, count)

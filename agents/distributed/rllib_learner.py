@@ -7,6 +7,7 @@ import shutil
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
 from ray.rllib.core import DEFAULT_MODULE_ID
 from stable_baselines3.common.callbacks import CallbackList
 
@@ -18,11 +19,13 @@ from wt_gym.files import write_whole
 from wt_gym.runs.ray_cluster import connected, processors, warm_nodes
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from ray.rllib.algorithms.algorithm import Algorithm
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.running_mean_std import RunningMeanStd
     from stable_baselines3.common.vec_env import VecNormalize
 
     from wt_gym.agents.training.config import TrainingConfig
@@ -62,7 +65,9 @@ class RllibLearner:
         if self._runners and config.n_envs % self._runners:
             raise ValueError(f"{config.n_envs} environments cannot be divided among {self._runners} runners")
 
-    def learn(self, config: TrainingConfig, model: BaseAlgorithm, run: RunFolder, callbacks) -> None:
+    def learn(
+        self, config: TrainingConfig, model: BaseAlgorithm, run: RunFolder, callbacks: Sequence[BaseCallback]
+    ) -> None:
         """As `wt_gym.agents.training.learners.Learner.learn`."""
         with connected(self._address):
             warm_nodes(partial(compile_kernels_of, config.env_id, config.env_kwargs))
@@ -104,7 +109,7 @@ class RllibLearner:
         return max(n for n in range(1, most + 1) if config.n_envs % n == 0)
 
     def _begin(self, model: BaseAlgorithm, run: RunFolder) -> None:
-        """Start from the networks of a fresh model, or go on from a checkpoint."""
+        """Start from the networks of a fresh model, or from a checkpoint."""
         algorithm, venv = cast("Algorithm", self._algorithm), cast("VecNormalize", model.get_vec_normalize_env())
         if model.num_timesteps == 0:
             weights = algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
@@ -114,7 +119,7 @@ class RllibLearner:
             return
         folder = run.rllib(model.num_timesteps)
         if not folder.is_dir():
-            raise FileNotFoundError(f"{folder} is missing: training cannot go on without RLlib's checkpoint")
+            raise FileNotFoundError(f"{folder} is missing: resuming a training requires RLlib's checkpoint")
         algorithm.restore_from_path(str(folder.absolute()))
         for other in run.former_checkpoints(model.num_timesteps):
             shutil.rmtree(other)  # of a session that was killed before its model was written
@@ -143,23 +148,25 @@ class RllibLearner:
         callback.on_training_end()
 
 
-def _each_runner(algorithm: Algorithm, ask) -> list[Any]:
+def _each_runner(algorithm: Algorithm, ask: Callable[[Any], Any]) -> list[Any]:
     """Ask every runner that steps environments."""
     remote = algorithm.config.num_env_runners > 0
-    return algorithm.env_runner_group.foreach_env_runner(ask, local_env_runner=not remote)
+    answers: list[Any] = algorithm.env_runner_group.foreach_env_runner(ask, local_env_runner=not remote)
+    return answers
 
 
-def _merge(whole, statistics: list[tuple[float, float, float]]) -> None:
+def _merge(whole: RunningMeanStd, statistics: list[tuple[float, float, float]]) -> None:
     """Put the statistics of the runners together (Chan et al. 1979)."""
     count = sum(n for _, _, n in statistics)
     mean = sum(m * n for m, _, n in statistics) / count
-    whole.var = sum((v + (m - mean) ** 2) * n for m, v, n in statistics) / count
-    whole.mean, whole.count = mean, count
+    whole.var = np.asarray(sum((v + (m - mean) ** 2) * n for m, v, n in statistics) / count)
+    whole.mean, whole.count = np.asarray(mean), count
 
 
 def _read_buffer(path: Path) -> dict[str, Any]:
     """Replay buffer of an earlier session; pickled, as every model here."""
     if not path.is_file():
-        raise FileNotFoundError(f"{path} is missing: training cannot go on without its replay buffer")
+        raise FileNotFoundError(f"{path} is missing: resuming a training requires its replay buffer")
     with path.open("rb") as file:
-        return pickle.load(file)
+        buffer: dict[str, Any] = pickle.load(file)
+    return buffer

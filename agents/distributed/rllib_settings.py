@@ -47,11 +47,13 @@ def check_settings(config: TrainingConfig) -> None:
     values, unknown = config.resolved, _UNKNOWN[config.algorithm]
     for name, value in values.items():
         if name in unknown and value not in unknown[name]:
-            raise ValueError(f"RLlib's {config.algorithm} has no {name!r}, got {value!r}")
+            raise ValueError(
+                f"with Ray {name} of {config.algorithm} must be {(*unknown[name], 'left out')[0]}, got {value!r}"
+            )
         if isinstance(value, str) and value.startswith("lin_") and name != "learning_rate":
-            raise ValueError(f"with Ray the learning rate alone can fall, got {name} {value!r}")
+            raise ValueError(f"with Ray {name} must be a number, only the learning rate can fall; got {value!r}")
     if values["normalize_observations"]:
-        raise ValueError("with Ray observations are not normalized: set normalize_observations=false")
+        raise ValueError("with Ray normalize_observations must be false, got true")
     if values.get("activation_fn") == "elu":
         raise ValueError("with Ray activation_fn must be tanh or relu, got 'elu'")
     if config.algorithm == "SAC" and values.get("ent_coef", "auto") != "auto":
@@ -67,7 +69,7 @@ def rllib_config(config: TrainingConfig, runners: int, session: int) -> Algorith
     runners : int
         Processes that step the environments, which divide among them; 0: the one that learns.
     session : int
-        Steps done before: a training that goes on meets other winds than it began with.
+        Steps done before: a resumed training meets other winds than it began with.
 
     Raises
     ------

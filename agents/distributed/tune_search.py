@@ -19,8 +19,8 @@ from ray.tune.search import BasicVariantGenerator
 
 from wt_gym.agents.compilation import compile_kernels_of
 from wt_gym.agents.training.run_folder import RunFolder
-from wt_gym.agents.training.search import SPACES, Range, check_search, tried, write_best
-from wt_gym.files import write_text_whole
+from wt_gym.agents.training.search import SPACES, Choice, Range, check_search, tried, write_best
+from wt_gym.files import json_values, write_text_whole
 from wt_gym.runs.ray_cluster import connected, warm_nodes
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["tune_search"]
 
 _PLAN, _TRIALS = "search.json", "tune"
-_FAILURES = 2  # of processes and machines; each begins the trial anew
+_FAILURES = 2  # of processes and machines; each begins the trial again
 
 
 def tune_search(
@@ -83,18 +83,18 @@ def tune_search(
 
 def _claim(file: Path, config: TrainingConfig, trials: int) -> None:
     """Keep what is searched, or refuse another search in the folder."""
-    wanted = json.loads(json.dumps({"trials": trials, **config.with_hyperparameters().to_json()}, default=str))
+    given = json_values({"trials": trials, **config.with_hyperparameters().to_json()})
     if file.exists():
         kept = json.loads(file.read_text(encoding="utf-8"))
-        if changed := [name for name in wanted if kept.get(name) != wanted[name]]:
+        if changed := [name for name in given if kept.get(name) != given[name]]:
             raise ValueError(
-                f"the search in this folder was begun with another configuration: {', '.join(changed)} differ"
+                f"the configuration must be that of the search in this folder, got other {', '.join(changed)}"
             )
-    write_text_whole(file, json.dumps(wanted, indent=1) + "\n")
+    write_text_whole(file, json.dumps(given, indent=1) + "\n")
 
 
 def _tuner(config: TrainingConfig, folder: Path, trials: int) -> tune.Tuner:
-    """Tuner of a new search, or of one to go on with."""
+    """Tuner of a new search, or of one to resume."""
 
     def trial(found: dict[str, Any]) -> None:
         _trial(config, _hyperparameters(config, found))
@@ -125,7 +125,7 @@ def _tuner(config: TrainingConfig, folder: Path, trials: int) -> tune.Tuner:
     )
 
 
-def _domain(part) -> Any:
+def _domain(part: Range | Choice) -> Any:
     """Ray's domain of a part of the search space."""
     if not isinstance(part, Range):
         return tune.choice([part.key(value) for value in part.values])  # Ray would take a list apart
@@ -144,7 +144,7 @@ def _trial(config: TrainingConfig, hyperparameters: dict[str, Any]) -> None:
     """Train on a machine of the cluster, in the folder that Tune has given the trial, and report each evaluation."""
     from wt_gym.agents.train import train
 
-    def report(steps: int, figures: dict) -> bool:
+    def report(steps: int, figures: dict[str, Any]) -> bool:
         tune.report({"episode_return": figures["episode_return"], "steps": steps})
         return True
 

@@ -144,7 +144,7 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
                 f"| {record} | {name} | {low:.4g} to {high:.4g} | {', '.join(sorted(words[u] for u in users))} |"
             )
     lines += [
-        "", "A reading that is no number or out of its range keeps its last value, and what acts on it rests: the "
+        "", "A reading that is not a number or out of its range keeps its last value, and what acts on it rests: the "
         "agent's offsets and individual pitch return to zero at their greatest rate. The library says so once.",
         "", "Demands: records 42 to 44 (pitch), 45 (their mean), 47 (torque), 48 (yaw rate). Status -8 writes and -9 "
         "reads a checkpoint, `OUTNAME.MILLISECONDS.checkpoint`.",

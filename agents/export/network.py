@@ -113,19 +113,22 @@ class Network:
             x = _activate(x @ layer.weight.T + layer.bias, layer.activation)
         if self.squashed:
             x = self.action_low + 0.5 * (np.tanh(x) + 1.0) * (self.action_high - self.action_low)
-        return np.clip(x, self.action_low, self.action_high).astype(np.float32)
+        action: np.ndarray = np.clip(x, self.action_low, self.action_high).astype(np.float32)
+        return action
 
 
 def _activate(x: np.ndarray, activation: str) -> np.ndarray:
+    y: np.ndarray
     match activation:
         case "tanh":
-            return np.tanh(x)
+            y = np.tanh(x)
         case "relu":
-            return np.maximum(x, 0.0)
+            y = np.maximum(x, 0.0)
         case "elu":
-            return np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0)))
+            y = np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0)))
         case _:
-            return x
+            y = x
+    return y
 
 
 def network_of(agent: TrainedAgent, layout: EnvLayout) -> Network:

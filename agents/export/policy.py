@@ -44,8 +44,8 @@ def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> Win
     arguments = trained_arguments(agent.record or {}) or env_kwargs
     if not arguments:
         raise ValueError(
-            "the environment of the training must be known: there is no training.json beside the model, nor a card "
-            'MODEL.json with "env_kwargs"'
+            "the environment of the training must be known, by training.json beside the model or a card MODEL.json "
+            'with "env_kwargs"; got neither'
         )
     return WindTurbineEnv(**(arguments | {"relative_reward": False, "episode_length": None}))
 
@@ -76,13 +76,14 @@ def export_onnx(choice: str, folder: str | Path) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If the name is no trained agent, its policy cannot be exported (`network_of`), or the file gives other actions.
+        If the name is not a trained agent, its policy cannot be exported (`network_of`), or the file gives other
+        actions.
     FileNotFoundError
         If there is no model.
     """
     name = parse_name(choice)
     if name.kind != "trained":
-        raise ValueError(f"only a trained agent has a policy to be exported, got the {name.kind} {choice!r}")
+        raise ValueError(f"an agent must be a trained one to be exported as a policy, got the {name.kind} {choice!r}")
     agent = load_model(name)
     layout = training_layout(agent, model_card(name.target, name.parameters.get("env")).get("env_kwargs", {}))
     network = network_of(agent, layout)

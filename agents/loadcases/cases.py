@@ -1,8 +1,8 @@
 """Which design load cases there are, what is run for each of them, and with which factors loads become design loads.
 
 Cases and factors are those of IEC 61400-1, edition 3 (2005) with amendment 1 (2010), table 2 (design load cases) and
-table 3 (partial safety factors for loads, γ_f); edition 4 (2019) keeps them for the cases that are run here and words
-2.1 and 2.2 anew. The wind models are those of `wt_gym.wind.iec`. Characteristic values follow 7.6.2 of edition 3: what
+table 3 (partial safety factors for loads, γ_f); edition 4 (2019) keeps them for the cases that are run here and rewords
+2.1 and 2.2. The wind models are those of `wt_gym.wind.iec`. Characteristic values follow 7.6.2 of edition 3: what
 is worst in a transient, averaged over the azimuths of the rotor; the mean over the seeds of what is worst in
 turbulence, of the larger half of the seeds in 2.1 and 2.2.
 
@@ -12,7 +12,6 @@ fault and stops, which sensors are wrong by how much, when in a gust things happ
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -22,18 +21,20 @@ import numpy as np
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs.options import WindOptions
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
-from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
+from wt_gym.files import json_values
+from wt_gym.simulation.drivetrain.faults import DriveFault, GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow
 from wt_gym.wind.iec import OPERATING_GUST_DURATION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
 __all__ = ["CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "Condition", "DesignCase", "Plan", "inflow_of", "plan_of"]
+
+Fault = DriveFault | SensorBias
 
 NORMAL, ABNORMAL, EXTRAPOLATED = 1.35, 1.1, 1.25
 """Partial safety factors γ_f on unfavorable loads: normal and abnormal design situations (table 3), and production in
@@ -65,7 +66,7 @@ _FAULT_LENGTH, _GUST_LENGTH, _ECD_LENGTH = 65.0, 30.0, 40.0
 
 @dataclass(frozen=True)
 class Condition:
-    """What a run is: the wind, what fails, and how long. Plain values, of which a hash can be taken.
+    """What a run is: the wind, what fails, and how long. Plain values, which can be hashed.
 
     Attributes
     ----------
@@ -96,7 +97,7 @@ class Condition:
     seed: int | None = None
     direction: float = 0.0
     azimuth: float = 0.0
-    faults: tuple[DriveFault | SensorBias, ...] = ()
+    faults: tuple[Fault, ...] = ()
     label: str = ""
     turbulence: str = "kaimal"
 
@@ -124,7 +125,7 @@ class Condition:
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values."""
         faults = [{"kind": type(fault).__name__, **asdict(fault)} for fault in self.faults]
-        return json.loads(json.dumps(asdict(self) | {"faults": faults}))
+        return json_values(asdict(self) | {"faults": faults})
 
 
 @dataclass(frozen=True)
@@ -182,14 +183,14 @@ def plan_of(turbine: Turbine, quick: bool = False) -> Plan:
         gusts = (rated - 2.0, rated, rated + 2.0)
         return Plan(speeds, speeds, speeds, gusts, (gusts[0], gusts[2], out), 6, 12, 600.0, (0.0, 30.0, 60.0, 90.0),
                     GUST_TIMES)  # fmt: skip
-    wanted = (0.75 * rated, rated + 0.6, 0.5 * (rated + out))
-    few = tuple(sorted({_nearest(speeds, speed) for speed in wanted}))
+    targets = (0.75 * rated, rated + 0.6, 0.5 * (rated + out))
+    few = tuple(sorted({_nearest(speeds, speed) for speed in targets}))
     return Plan(few, few[1:], few[1:], (rated,), (rated + 2.0,), 2, 2, 100.0, (0.0,), GUST_TIMES[1::2])
 
 
-def _nearest(speeds: tuple[float, ...], wanted: float) -> float:
+def _nearest(speeds: tuple[float, ...], target: float) -> float:
     """The first of the nearest speeds."""
-    return min(speeds, key=lambda speed: abs(speed - wanted))
+    return min(speeds, key=lambda speed: abs(speed - target))
 
 
 @dataclass(frozen=True)
@@ -226,7 +227,7 @@ class DesignCase:
 def _turbulent(wind: str, first: int) -> Callable[[Turbine, Plan], list[Condition]]:
     """Production in turbulence, with the held-back seeds from number ``first`` on."""
 
-    def conditions(turbine, plan):
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
         seeds = EVALUATION_WIND_SEEDS[first : first + plan.seeds]
         return [
             Condition(wind, speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
@@ -240,7 +241,7 @@ def _turbulent(wind: str, first: int) -> Callable[[Turbine, Plan], list[Conditio
 def _transients(winds: tuple[str, ...], which: str, length: float) -> Callable[[Turbine, Plan], list[Condition]]:
     """Production in a transient, from several azimuths."""
 
-    def conditions(turbine, plan):
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
         return [
             Condition(wind, speed, EVENT + length, azimuth=azimuth)
             for speed in getattr(plan, which)
@@ -251,10 +252,12 @@ def _transients(winds: tuple[str, ...], which: str, length: float) -> Callable[[
     return conditions
 
 
-def _in_turbulence(faults: Callable[[Turbine], dict[str, tuple]]) -> Callable[[Turbine, Plan], list[Condition]]:
+def _in_turbulence(
+    faults: Callable[[Turbine], dict[str, tuple[Fault, ...]]],
+) -> Callable[[Turbine, Plan], list[Condition]]:
     """A fault in normal turbulence."""
 
-    def conditions(turbine, plan):
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
         seeds = EVALUATION_WIND_SEEDS[12 : 12 + plan.events]
         return [
             Condition("NTM", speed, EVENT + _FAULT_LENGTH, seed, faults=what, label=label)
@@ -266,10 +269,12 @@ def _in_turbulence(faults: Callable[[Turbine], dict[str, tuple]]) -> Callable[[T
     return conditions
 
 
-def _in_gust(label: str, faults: Callable[[Turbine, float], tuple]) -> Callable[[Turbine, Plan], list[Condition]]:
+def _in_gust(
+    label: str, faults: Callable[[Turbine, float], tuple[Fault, ...]]
+) -> Callable[[Turbine, Plan], list[Condition]]:
     """Something that happens at several times of an operating gust."""
 
-    def conditions(turbine, plan):
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
         times = [EVENT + share * OPERATING_GUST_DURATION for share in plan.gust_times]
         return [
             Condition("EOG", speed, EVENT + _GUST_LENGTH, azimuth=azimuth, faults=faults(turbine, time),
@@ -291,12 +296,12 @@ def _parked(turbine: Turbine, plan: Plan) -> list[Condition]:
     ]
 
 
-def _grid_loss(turbine: Turbine, time: float) -> tuple:
+def _grid_loss(turbine: Turbine, time: float) -> tuple[Fault, ...]:
     """The generator is lost; the turbine notices and stops as fast as it can."""
     return GeneratorLoss(time), ShutDown(time + DETECTION, turbine.pitch.max_rate)
 
 
-def _control_faults(turbine: Turbine) -> dict[str, tuple]:
+def _control_faults(turbine: Turbine) -> dict[str, tuple[Fault, ...]]:
     """Loss of the grid, and sensors that read wrong for the rest of the run."""
     moment = MOMENT_READS * reference_flap_moment(turbine)
     return {
@@ -306,13 +311,13 @@ def _control_faults(turbine: Turbine) -> dict[str, tuple]:
     }
 
 
-def _stuck(turbine: Turbine) -> dict[str, tuple]:
+def _stuck(turbine: Turbine) -> dict[str, tuple[Fault, ...]]:
     """One blade sticks; the turbine notices late and feathers the others."""
     stop = ShutDown(EVENT + STUCK_DETECTION, turbine.pitch.max_rate)
     return {"blade 1 stuck": (StuckPitch(EVENT, 1), stop)}
 
 
-def _normal_stop(turbine: Turbine, time: float) -> tuple:
+def _normal_stop(turbine: Turbine, time: float) -> tuple[Fault, ...]:
     """A shut-down as every day has it."""
     return (ShutDown(time, NORMAL_STOP * turbine.pitch.max_rate),)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -283,7 +283,7 @@ def _transient_section(results: LoadCaseResults) -> str:
     """Courses of the transients, the first azimuth of each."""
     parts: list[str] = []
     for case in results.cases:
-        shown: dict[tuple, dict[str, CaseRun]] = {}
+        shown: dict[tuple[Any, ...], dict[str, CaseRun]] = {}
         for agent in results.agents:
             for run in results.runs.get((case, agent), []):
                 if run.result["trace"]:

@@ -145,7 +145,7 @@ class LoadCaseResults:
     def _worst(self, case: str, agent: str, key: str) -> tuple[float, str] | None:
         """Characteristic value of a case and where it comes from."""
         sign = -1.0 if key == CLEARANCE else 1.0
-        groups: dict[tuple, list[tuple[float, CaseRun]]] = {}
+        groups: dict[tuple[Any, ...], list[tuple[float, CaseRun]]] = {}
         for run in self.runs[case, agent]:
             if run.result["extremes"] is not None:
                 groups.setdefault(run.condition.group, []).append((sign * run.result["extremes"][key], run))

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from wt_gym.agents.loadcases.cases import Condition
+    from wt_gym.control.controllers.controller import Readings
     from wt_gym.envs.episode import Agent
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
@@ -85,10 +86,10 @@ class _Feathered:
     def __init__(self, pitch: float, n_blades: int):
         self._demand = Demand(np.full(n_blades, pitch), 0.0, 0.0)
 
-    def start(self, readings, demand: Demand) -> None:
+    def start(self, readings: Readings, demand: Demand) -> None:
         """Need nothing."""
 
-    def step(self, readings, dt: float) -> Demand:
+    def step(self, readings: Readings, dt: float) -> Demand:
         """Give the same demand."""
         return self._demand
 
@@ -112,7 +113,7 @@ def run_parked(turbine: Turbine, fidelity: str | Fidelity, condition: Condition)
     return _result(recorder.to_dataset(), turbine, condition, ending, failure)
 
 
-def _nothing(failure: str) -> dict[str, Any]:
+def _nothing(failure: str | None) -> dict[str, Any]:
     """Result of a run that could not start."""
     return {
         "ending": "failure", "failure": failure, "time": 0.0, "extremes": None, "fatigue": None,
@@ -120,7 +121,9 @@ def _nothing(failure: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _result(data: xr.Dataset, turbine: Turbine, condition: Condition, ending, failure) -> dict[str, Any]:
+def _result(
+    data: xr.Dataset, turbine: Turbine, condition: Condition, ending: str, failure: str | None
+) -> dict[str, Any]:
     """What is kept of a run."""
     time = data["time"].values
     result = _nothing(failure) | {

@@ -24,7 +24,7 @@ from wt_gym.benchmark.fingerprint import sources_digest
 from wt_gym.envs.simulators import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
-from wt_gym.files import require_writable, write_text_whole
+from wt_gym.files import json_values, require_writable, write_text_whole
 from wt_gym.runs.definition import RunDefinition
 from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.progress import ProgressLine, clock
@@ -34,6 +34,7 @@ from wt_gym.wind.iec import AVERAGE_OVER_REFERENCE_SPEED, REFERENCE_SPEED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
+    from typing import Self
 
     from wt_gym.agents.loadcases.cases import Condition
     from wt_gym.runs.executors import Executor
@@ -95,7 +96,7 @@ class LoadCaseConfig:
     mean_wind_speed: float | None = None
     weibull_shape: float = 2.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         unknown = [case for case in self.cases if case not in CASES]
         if unknown or not self.cases:
             raise ValueError(f"load cases must be some of {', '.join(CASES)}, got {', '.join(unknown) or 'none'}")
@@ -110,7 +111,7 @@ class LoadCaseConfig:
 class _LoadCaseFolder(RunStore):
     """Runs on disk; a context that holds the folder for this process."""
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         super().__enter__()
         try:
             require_writable(self.path / RUNS_FOLDER)
@@ -163,7 +164,10 @@ def run_load_cases(
     """
     executor = SerialExecutor() if executor is None else executor
     if not agents or PARKED in agents:
-        raise ValueError(f"load cases need at least one agent, of a name other than {PARKED!r}")
+        raise ValueError(
+            f"agents of load cases must be at least one, named otherwise than {PARKED!r}; got "
+            f"{', '.join(agents) or 'none'}"
+        )
     where = config.env_id, config.env_kwargs
     with (
         _LoadCaseFolder(folder, "loadcases") as store,
@@ -179,7 +183,7 @@ def run_load_cases(
         if config.env_kwargs.get("simulator", OWN) != OWN and any(name == PARKED for _, (name, _) in jobs):
             parked = [case for case, (name, _) in jobs if name == PARKED]
             raise ValueError(
-                f"cases must be without a parked turbine where another simulator is wanted than {OWN!r}, got "
+                f"cases with another simulator than {OWN!r} must be without a parked turbine, got "
                 f"{', '.join(dict.fromkeys(parked))}"
             )
         shown = _Progress(progress)
@@ -195,8 +199,8 @@ def run_load_cases(
     return table
 
 
-def _conditions(case: str, turbine, plan: Plan, config: LoadCaseConfig) -> list[Condition]:
-    """Runs of a case, with the turbulence that is wanted where there is any."""
+def _conditions(case: str, turbine: Turbine, plan: Plan, config: LoadCaseConfig) -> list[Condition]:
+    """Runs of a case, with the chosen turbulence where there is any."""
     conditions = CASES[case].conditions(turbine, plan)
     return [replace(c, turbulence=config.turbulence) if c.seed is not None else c for c in conditions]
 
@@ -276,7 +280,7 @@ class _Progress:
         self._line.show(text, final=there == self._total)
 
 
-def _climate(turbine, config: LoadCaseConfig) -> WindClimate | None:
+def _climate(turbine: Turbine, config: LoadCaseConfig) -> WindClimate | None:
     """Wind climate, None where the turbine's class has none."""
     limits = {"shape": config.weibull_shape, "cut_in": turbine.cut_in, "cut_out": turbine.cut_out}
     if config.mean_wind_speed is not None:
@@ -295,4 +299,4 @@ def _settings(config: LoadCaseConfig, plan: Plan, env: gym.Env) -> dict[str, Any
         "control_dt": plain.control_dt,
         "wt_gym": wt_gym.__version__, "numpy": np.__version__, "gymnasium": gym.__version__,
     }  # fmt: skip
-    return json.loads(json.dumps(settings, default=str))
+    return json_values(settings)

@@ -15,6 +15,7 @@ from wt_gym.runs.progress import ProgressLine, clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from types import FrameType
 
     from wt_gym.agents.training.config import TrainingConfig
     from wt_gym.agents.training.selection import SelectionEvaluation
@@ -46,7 +47,7 @@ def stop_on_signals() -> Iterator[StopRequest]:
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = {number: signal.getsignal(number) for number in numbers}
 
-    def ask(number, _frame) -> None:
+    def ask(number: int, _frame: FrameType | None) -> None:
         request.signal_number = number
         for each in numbers:
             signal.signal(each, before[each])
@@ -69,13 +70,15 @@ class Watch(BaseCallback):
     control_dt : float
         [s].
     curve : dict of list
-        Goes on from what it holds.
+        Continued from what it holds.
     stop : StopRequest
     shown : bool
         Show progress.
     """
 
-    def __init__(self, config: TrainingConfig, control_dt: float, curve: dict, stop: StopRequest, shown: bool):
+    def __init__(
+        self, config: TrainingConfig, control_dt: float, curve: dict[str, list[Any]], stop: StopRequest, shown: bool
+    ):
         super().__init__()
         self._config, self._control_dt, self._stop = config, control_dt, stop
         self._line, self._started, self._first_step = ProgressLine(shown), time.monotonic(), 0
@@ -202,7 +205,7 @@ class Evaluations(BaseCallback):
     agent : callable
         Gives the agent to evaluate.
     curve : dict of list
-        Goes on from what it holds.
+        Continued from what it holds.
     save_best : callable
         Called without arguments where the return is the highest so far.
     report : callable, optional
@@ -214,9 +217,9 @@ class Evaluations(BaseCallback):
         every: int,
         evaluation: SelectionEvaluation,
         agent: Callable[[], Any],
-        curve: dict[str, list],
+        curve: dict[str, list[Any]],
         save_best: Callable[[], None],
-        report: Callable[[int, dict], bool] | None = None,
+        report: Callable[[int, dict[str, Any]], bool] | None = None,
     ):
         super().__init__()
         self._every, self._evaluation, self._agent, self.curve = every, evaluation, agent, curve
@@ -240,7 +243,7 @@ class Evaluations(BaseCallback):
         return self.evaluate()
 
     def evaluate(self) -> bool:
-        """Evaluate now; whether training is to go on."""
+        """Evaluate now; whether training continues."""
         figures = self._evaluation(self._agent())
         steps = int(self.model.num_timesteps)
         for name, value in {"steps": steps, **figures}.items():
@@ -248,7 +251,7 @@ class Evaluations(BaseCallback):
         for name, value in figures.items():
             if value is not None:
                 self.logger.record(f"evaluation/{name}", value)
-        if cast(dict, self.best)["steps"] == steps:
+        if cast("dict[str, Any]", self.best)["steps"] == steps:
             self._save_best()
         return self._report is None or self._report(steps, figures)
 

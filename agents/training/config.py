@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from wt_gym.agents.training.hyperparameters import RENAMED, check_hyperparameters, hyperparameters_for
 from wt_gym.deprecated import renamed_keys
 from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.files import json_values
 
 __all__ = ["TrainingConfig"]
 
@@ -33,7 +33,7 @@ class TrainingConfig:
     total_steps : int
         Environment steps over all copies; the last rollout of PPO's ``n_steps`` a copy is finished beyond them.
     max_seconds : float or None
-        Wall time after which training stops, whatever the steps; counted anew when it is resumed.
+        Wall time after which training stops, whatever the steps; counted from zero when it is resumed.
     n_envs : int
         Copies of the environment: threads step several of this package, processes those of others.
     seed : int
@@ -71,7 +71,7 @@ class TrainingConfig:
     eval_seconds: float = 60.0
     tensorboard: bool | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self._check_whole("total_steps", 1, _MOST_STEPS)
         self._check_whole("n_envs", 1, _MOST_ENVS)
         self._check_whole("seed", 0, _SEEDS)
@@ -90,7 +90,7 @@ class TrainingConfig:
             raise ValueError(f"env_kwargs must map names to values, got {self.env_kwargs!r}")
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
         if self.env_kwargs.get("vector_reward"):
-            raise ValueError("training takes one number as reward: leave out vector_reward")
+            raise ValueError("the reward of a training must be one number, got its terms: leave out vector_reward")
         object.__setattr__(self, "hyperparameters", check_hyperparameters(self.algorithm, self.hyperparameters))
 
     @property
@@ -117,7 +117,9 @@ class TrainingConfig:
         """
         names = {f.name for f in fields(cls)}
         if not isinstance(values, dict) or not set(values) <= names:
-            raise ValueError(f"a training configuration has the fields {', '.join(sorted(names))}, got {values!r:.200}")
+            raise ValueError(
+                f"a training configuration must have the fields {', '.join(sorted(names))}, got {values!r:.200}"
+            )
         if isinstance(hyperparameters := values.get("hyperparameters"), dict):
             values = values | {"hyperparameters": renamed_keys(hyperparameters, RENAMED)}
         return cls(**values)
@@ -136,7 +138,7 @@ class TrainingConfig:
         except (TypeError, ValueError):
             return False
         # through JSON: of a tuple a record has a list
-        mine, kept = (json.loads(json.dumps(config.to_json() | free, default=str)) for config in configs)
+        mine, kept = (json_values(config.to_json() | free) for config in configs)
         return mine == kept
 
     def _check_whole(self, name: str, low: int, high: int) -> None:

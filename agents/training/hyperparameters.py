@@ -67,7 +67,7 @@ class _Schedule:
 class _Word:
     """One of some words, or another kind of value."""
 
-    words: tuple
+    words: tuple[Any, ...]
     other: Any = None
 
     def allows(self, value: Any) -> bool:
@@ -163,8 +163,8 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
         raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}{near}")
     if not isinstance(values, Mapping):
         raise ValueError(f"{where} must map names to values, got {values!r}")
-    values, known = renamed_keys(values, RENAMED, where), ALGORITHMS[algorithm]
-    for name, value in values.items():
+    present, known = renamed_keys(values, RENAMED, where), ALGORITHMS[algorithm]
+    for name, value in present.items():
         if name not in known:
             raise ValueError(
                 f"{where}: names for {algorithm} must be among {', '.join(sorted(known))}; got {name!r}"
@@ -172,7 +172,7 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
             )
         if not known[name].allows(value):
             raise ValueError(f"{where}: {name} must be {known[name]}, got {value!r}")
-    return values
+    return present
 
 
 def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[str, Any]:
@@ -182,7 +182,7 @@ def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[
     ------
     FileNotFoundError
     ValueError
-        If the file is no YAML, has a section that is no environment, or an entry that the algorithm does not take.
+        If the file is not YAML, has a section that names no environment, or an entry that the algorithm does not take.
     """
     path = Path(path)
     try:
@@ -194,7 +194,7 @@ def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[
     sections: dict[str, dict[str, Any]] = {}
     for section, entries in table.items():
         if section != "default" and section not in gym.registry:
-            raise ValueError(f"{path}: section {section!r} is neither 'default' nor the id of an environment")
+            raise ValueError(f"{path}: sections must be 'default' or the id of an environment, got {section!r}")
         if isinstance(entries, Mapping):
             entries = {name: _plain(value) if isinstance(value, str) else value for name, value in entries.items()}
         where = f"{path}, section {section!r}"
@@ -239,11 +239,11 @@ def parse_override(text: str) -> tuple[str, Any]:
     Raises
     ------
     ValueError
-        If there is no name, or the value is no YAML.
+        If there is no name, or the value is not YAML.
     """
     name, separator, value = text.partition("=")
     if not (name and separator):
-        raise ValueError(f"a hyperparameter is given as name=value, got {text!r}")
+        raise ValueError(f"a hyperparameter must be given as name=value, got {text!r}")
     return name.strip(), _plain(value)
 
 
@@ -259,4 +259,4 @@ def _plain(text: str) -> Any:
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise ValueError(f"{text!r} is not a valid value") from error
+        raise ValueError(f"a value must be a number, a word or YAML, got {text!r}") from error

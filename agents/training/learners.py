@@ -55,7 +55,7 @@ class Learner(Protocol):
         """Learn until the steps of the configuration are done or a callback says no."""
 
     def save(self, model: BaseAlgorithm, run: RunFolder) -> None:
-        """Write what is needed to go on beside model and statistics."""
+        """Write what resuming needs beside model and statistics."""
 
 
 class LocalLearner:
@@ -71,11 +71,13 @@ class LocalLearner:
     def check(self, config: TrainingConfig) -> None:
         """It takes every configuration."""
 
-    def learn(self, config, model, run, callbacks) -> None:
+    def learn(
+        self, config: TrainingConfig, model: BaseAlgorithm, run: RunFolder, callbacks: Sequence[BaseCallback]
+    ) -> None:
         """As `Learner.learn`."""
         steps = config.total_steps - model.num_timesteps
         model.learn(steps, callback=CallbackList(list(callbacks)), reset_num_timesteps=False)
 
-    def save(self, model, run) -> None:
+    def save(self, model: BaseAlgorithm, run: RunFolder) -> None:
         """As `Learner.save`."""
         save_replay_buffer(model, run.buffer)

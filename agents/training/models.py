@@ -73,7 +73,7 @@ def save_replay_buffer(model: BaseAlgorithm, path: Path) -> None:
 
 
 def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, buffered: bool = True) -> BaseAlgorithm:
-    """Model as a training left it, with statistics, optimizer and replay buffer, to go on with.
+    """Model as a training left it, with statistics, optimizer and replay buffer, to resume it.
 
     The environments are seeded by training seed and steps, so that they do not repeat their first episodes.
 
@@ -95,7 +95,7 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, bu
     """
     agent = TrainedAgent.load(folder.model, config.algorithm, trust=True)  # of its own training
     if agent.normalization is None:
-        raise FileNotFoundError(f"{folder.normalization} is missing: training cannot go on without its statistics")
+        raise FileNotFoundError(f"{folder.normalization} is missing: resuming a training requires its statistics")
     # there are statistics of observations only where these are normalized
     vars(venv).update({name: rms for name, rms in vars(agent.normalization).items() if name in ("obs_rms", "ret_rms")})
     model = agent.model
@@ -112,12 +112,14 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, bu
 def _read_replay_buffer(path: Path, n_envs: int) -> ReplayBuffer:
     """Replay buffer of an earlier session."""
     if not path.is_file():
-        raise FileNotFoundError(f"{path} is missing: training cannot go on without its replay buffer")
+        raise FileNotFoundError(f"{path} is missing: resuming a training requires its replay buffer")
     try:
         with path.open("rb") as file:
             buffer = pickle.load(file)
     except DAMAGE as error:
         raise ValueError(f"the replay buffer {path} is damaged: {type(error).__name__}: {error}") from error
     if not isinstance(buffer, ReplayBuffer) or buffer.n_envs != n_envs:
-        raise ValueError(f"{path} holds no replay buffer for {n_envs} environments")
+        raise ValueError(
+            f"{path} must hold a replay buffer for {n_envs} environments, got {getattr(buffer, 'n_envs', buffer)!r:.80}"
+        )
     return buffer

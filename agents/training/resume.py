@@ -1,4 +1,4 @@
-"""A training that the same words begin and go on with, as the jobs of a cluster are begun again."""
+"""A training that the same command begins and resumes, as the jobs of a cluster are begun again."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if not TYPE_CHECKING:  # which would take every name for one of this module
 def resume_or_train(
     config: TrainingConfig, folder: str | Path, seeds: Sequence[int] | None = None, *, learner: Learner | None = None
 ) -> dict[str, Any]:
-    """Train, or go on where the folder holds this training already.
+    """Train, or resume where the folder holds this training already.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def resume_or_train(
         plan = read_plan(folder)
         _refuse_other(config, plan["config"], folder)
         if plan["seeds"] != list(seeds):
-            raise ValueError(f"{folder} holds a training with the seeds {plan['seeds']}, not {list(seeds)}")
+            raise ValueError(f"the seeds must be {plan['seeds']}, those of the training in {folder}; got {list(seeds)}")
         return resume_seeds(folder, **limits, learner=learner)
     if (folder / SEEDS_FILE).is_file():
         raise ValueError(f"{folder} holds a training with the seeds {read_plan(folder)['seeds']}: give --seeds")
@@ -64,7 +64,9 @@ def resume_or_train(
     record = run.record()
     _refuse_other(config, record.get("config"), folder)
     if record["config"]["seed"] != config.seed:
-        raise ValueError(f"{folder} holds a training with the seed {record['config']['seed']}, not {config.seed}")
+        raise ValueError(
+            f"the seed must be {record['config']['seed']}, that of the training in {folder}; got {config.seed}"
+        )
     if record["status"] == "finished" and record["steps"] >= config.total_steps:
         return record
     return resume(folder, **limits, learner=learner)

@@ -62,9 +62,10 @@ def read_plan(folder: Path) -> dict[str, Any]:
     except ValueError as error:
         raise ValueError(f"{file} is damaged: {error}") from error
     seeds = plan.get("seeds") if isinstance(plan, dict) else None
-    if not (isinstance(seeds, list) and seeds and all(isinstance(seed, int) for seed in seeds) and "config" in plan):
-        raise ValueError(f"{file} is damaged: it must name the seeds and the configuration of a training")
-    return plan
+    whole = isinstance(seeds, list) and seeds and all(isinstance(seed, int) for seed in seeds)
+    if isinstance(plan, dict) and whole and "config" in plan:
+        return plan
+    raise ValueError(f"{file} is damaged: it must name the seeds and the configuration of a training")
 
 
 class RunFolder(FolderLock):

@@ -1,7 +1,7 @@
 """Search of hyperparameters with Optuna: trainings judged against the baseline controller in other winds.
 
 The winds are those by which a training chooses its best model (`SELECTION_WIND_SEEDS`). The study lives in the folder
-and goes on there; what it has found is a YAML file that training takes.
+and resumes there; what it has found is a YAML file that training takes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import yaml
 from wt_gym.agents.train import train
 from wt_gym.agents.training.callbacks import stop_on_signals
 from wt_gym.agents.training.run_folder import RunFolder
-from wt_gym.files import write_text_whole
+from wt_gym.files import json_values, write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +55,7 @@ class Range:
 class Choice:
     """One of several values."""
 
-    values: tuple
+    values: tuple[Any, ...]
 
     def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
         """Value of a trial; Optuna keeps texts, not lists."""
@@ -106,9 +106,9 @@ def check_search(config: TrainingConfig, trials: int) -> None:
     ValueError
     """
     if not 1 <= trials <= 100_000:
-        raise ValueError(f"the number of trials must lie between 1 and 100000, got {trials}")
+        raise ValueError(f"the number of trials must be from 1 to 100000, got {trials}")
     if not config.eval_every:
-        raise ValueError("a search compares evaluations: eval_every must not be 0")
+        raise ValueError("eval_every of a search must be above 0, which compares evaluations; got 0")
 
 
 def tried(config: TrainingConfig, hyperparameters: dict[str, Any]) -> TrainingConfig:
@@ -143,7 +143,7 @@ def search(
     config : TrainingConfig
         Of every trial, but for what is searched.
     folder : str or path
-        Gets the study ``search.db``, a folder for each trial and ``best.yml``; a study that is there goes on.
+        Gets the study ``search.db``, a folder for each trial and ``best.yml``; a study that is there resumes.
     trials : int
         Altogether, with those of earlier sessions.
     progress : callable, optional
@@ -205,19 +205,19 @@ def search(
 
 def _claim(study: optuna.Study, config: TrainingConfig) -> None:
     """Keep the configuration with the study, or refuse another one."""
-    wanted = json.loads(json.dumps(config.with_hyperparameters().to_json(), default=str))
-    kept = study.user_attrs.setdefault("config", wanted)
-    if kept != wanted:
-        changed = [name for name in wanted if kept.get(name) != wanted[name]]
-        raise ValueError(f"the search in this folder was begun with another configuration: {', '.join(changed)} differ")
-    study.set_user_attr("config", wanted)
+    given = json_values(config.with_hyperparameters().to_json())
+    kept = study.user_attrs.setdefault("config", given)
+    if kept != given:
+        changed = [name for name in given if kept.get(name) != given[name]]
+        raise ValueError(f"the configuration must be that of the search in this folder, got other {', '.join(changed)}")
+    study.set_user_attr("config", given)
 
 
 def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: StopRequest) -> float:
     """Train with the hyperparameters of a trial; give the return against the baseline's of the last evaluation."""
     import optuna
 
-    def keep(steps: int, figures: dict) -> bool:
+    def keep(steps: int, figures: dict[str, Any]) -> bool:
         trial.report(figures["episode_return"], steps)
         return not trial.should_prune()
 
@@ -229,7 +229,7 @@ def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: 
         raise _Interrupted
     if record["status"] == "stopped":
         raise optuna.TrialPruned
-    return record["evaluation"]["curve"]["episode_return"][-1]
+    return float(record["evaluation"]["curve"]["episode_return"][-1])
 
 
 def _hyperparameters(trial: optuna.Trial | optuna.trial.FrozenTrial, algorithm: str) -> dict[str, Any]:

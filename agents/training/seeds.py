@@ -109,15 +109,15 @@ def resume_seeds(
         run = RunFolder(seed_folder(folder, seed))
         record = run.record() if run.model.exists() else None  # none: stopped by force before anything was saved
         if record is None or not config.continues(record.get("config")):
-            anew = replace(config, seed=seed)
-            return train(anew, run.path, overwrite=True, progress=progress, stop=stop, learner=learner)
+            fresh = replace(config, seed=seed)
+            return train(fresh, run.path, overwrite=True, progress=progress, stop=stop, learner=learner)
         if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
             return record
         limits: dict[str, Any] = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
         return resume(run.path, **limits, progress=progress, stop=stop, learner=learner)
 
     with RunFolder(folder), stop_on_signals() as stop:
-        _write(folder, plan)  # the next one to resume goes on with these limits, however this ends
+        _write(folder, plan)  # the next one to resume has these limits, however this ends
         return _collect(folder, plan, seeds, (resume_seed(seed, stop) for seed in seeds), stop)
 
 
@@ -151,7 +151,7 @@ def _write(folder: Path, plan: dict[str, Any]) -> None:
 
 
 def _collect(
-    folder: Path, plan: dict[str, Any], seeds: list[int], records: Iterable[dict], stop: StopRequest
+    folder: Path, plan: dict[str, Any], seeds: list[int], records: Iterable[dict[str, Any]], stop: StopRequest
 ) -> dict[str, Any]:
     """Run through the trainings until somebody asks to stop; keep and give the summary."""
     runs = []

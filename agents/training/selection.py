@@ -65,7 +65,7 @@ class SelectionEvaluation:
         If the training draws from so many seeds that too few are held back, or the earlier evaluations are damaged.
     """
 
-    def __init__(self, config: TrainingConfig, wind: WindSampler, before: dict | None = None):
+    def __init__(self, config: TrainingConfig, wind: WindSampler, before: dict[str, Any] | None = None):
         self.winds = _winds(config, wind)
         limits = ("episode_length", "max_episode_steps")  # runs are as long as the evaluation
         kwargs = {name: value for name, value in config.env_kwargs.items() if name not in limits}
@@ -73,8 +73,8 @@ class SelectionEvaluation:
             config.env_id, kwargs, self.winds, duration=config.eval_seconds, skip=_SKIP, seed=_SEED, replay=0.0
         )
         # Zero residual actions are the controller, whatever components and mode the policy acts by.
-        beneath = {name: value for name, value in kwargs.items() if name != "action_spans"}
-        self._baseline_config = replace(self._config, env_kwargs=beneath | {"action_mode": "residual"})
+        residual = {name: value for name, value in kwargs.items() if name != "action_spans"}
+        self._baseline_config = replace(self._config, env_kwargs=residual | {"action_mode": "residual"})
         self.baseline, self.seconds = None, 0.0
         if before and before.get("winds") == [asdict(wind) for wind in self.winds]:
             self.baseline = _checked(before.get("baseline"), len(self.winds))
@@ -106,8 +106,8 @@ def _winds(config: TrainingConfig, wind: WindSampler) -> tuple[Wind, ...]:
     seeds = [seed for seed in SELECTION_WIND_SEEDS if seed not in wind.seeds]
     if len(seeds) < n:
         raise ValueError(
-            f"{n} winds to evaluate in need as many seeds of {SELECTION_WIND_SEEDS[-1]} to {SELECTION_WIND_SEEDS[0]} "
-            f"that training does not draw; it leaves {len(seeds)}"
+            f"eval_winds must be at most {len(seeds)}, the seeds of {SELECTION_WIND_SEEDS[-1]} to "
+            f"{SELECTION_WIND_SEEDS[0]} that training does not draw; got {n}"
         )
     return tuple(Wind(speed, seed) for speed, seed in zip(speeds, seeds, strict=False))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -11,6 +11,11 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 
+if TYPE_CHECKING:
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+
+    from wt_gym.envs.turbine_env import WindTurbineEnv
+
 __all__ = ["TurbineVecEnv"]
 
 
@@ -18,7 +23,7 @@ class TurbineVecEnv(VecEnv):
     """`wt_gym.envs.vector_env.WindTurbineVectorEnv` behind the interface of stable-baselines3.
 
     Threads step the turbines. Infos are those of the single environments, with ``terminal_observation`` and
-    ``TimeLimit.truncated`` as stable-baselines3 wants them; no wrapper stands around a single environment.
+    ``TimeLimit.truncated`` as stable-baselines3 requires them; no wrapper stands around a single environment.
 
     Parameters
     ----------
@@ -31,10 +36,10 @@ class TurbineVecEnv(VecEnv):
     Raises
     ------
     ValueError
-        If the id is no environment of this package.
+        If the id is not an environment of this package.
     """
 
-    def __init__(self, env_id: str, num_envs: int, **kwargs):
+    def __init__(self, env_id: str, num_envs: int, **kwargs: Any):
         made = gym.make_vec(env_id, num_envs, "vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP, **kwargs)
         self.turbines = cast(WindTurbineVectorEnv, made)
         super().__init__(num_envs, made.single_observation_space, made.single_action_space)
@@ -54,7 +59,7 @@ class TurbineVecEnv(VecEnv):
         """Keep the actions for `step_wait`."""
         self._actions = actions
 
-    def step_wait(self):
+    def step_wait(self) -> VecEnvStepReturn:
         """Advance every turbine by a control step; where an episode ends the next begins."""
         outcomes = self.turbines.step_each(self._actions)
         infos = []
@@ -73,20 +78,24 @@ class TurbineVecEnv(VecEnv):
         """Release simulators and threads."""
         self.turbines.close()
 
-    def get_attr(self, attr_name: str, indices=None) -> list[Any]:
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Attribute of the single environments."""
         return [getattr(env, attr_name) for env in self._chosen(indices)]
 
-    def set_attr(self, attr_name: str, value: Any, indices=None) -> None:
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the single environments."""
         for env in self._chosen(indices):
             setattr(env, attr_name, value)
 
-    def env_method(self, method_name: str, *method_args, indices=None, **method_kwargs) -> list[Any]:
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
         """Call a method of the single environments."""
         return [getattr(env, method_name)(*method_args, **method_kwargs) for env in self._chosen(indices)]
 
-    def env_is_wrapped(self, wrapper_class, indices=None) -> list[bool]:
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+    ) -> list[bool]:
         """Say that no wrapper stands around a single environment."""
         return [False for _ in self._chosen(indices)]
 
@@ -94,5 +103,5 @@ class TurbineVecEnv(VecEnv):
         """Pictures of the turbines."""
         return list(self.turbines.render())
 
-    def _chosen(self, indices) -> list:
+    def _chosen(self, indices: VecEnvIndices) -> list[WindTurbineEnv]:
         return [self.turbines.envs[k] for k in self._get_indices(indices)]

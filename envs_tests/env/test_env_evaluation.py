@@ -91,7 +91,7 @@ def test_two_processes_make_the_runs_of_one(tmp_path):
 
 
 def test_objects_stay_in_their_process(tmp_path):
-    with pytest.raises(ValueError, match="Mine came as objects"):
+    with pytest.raises(ValueError, match="must be names or paths, got objects for Mine"):
         evaluate({"Baseline": "baseline", "Mine": object()}, CONFIG, executor=ProcessExecutor(2))
 
 
@@ -235,7 +235,7 @@ def test_a_record_says_what_an_id_meant_then():
 
 def test_folders_that_cannot_be_used_are_refused_before_the_first_run(tmp_path, count_runs):
     done, _ = count_runs
-    with pytest.raises(ValueError, match="Mine came as objects"):
+    with pytest.raises(ValueError, match="must be names or paths, got objects for Mine"):
         EvaluationFolder(tmp_path, {"Mine": ConstantAgent}, CONFIG)
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):
@@ -268,7 +268,7 @@ def test_controllers_give_actions_where_nothing_runs_beneath():
     base, discon, damped = evaluate(agents, config, progress=False).runs
     assert base.metrics == discon.metrics
     assert base.metrics["pitch_travel"] != damped.metrics["pitch_travel"]
-    with pytest.raises(ValueError, match="individual pitch needs pitch='individual'"):
+    with pytest.raises(ValueError, match="pitch must be 'individual' for a controller of individual pitch"):
         evaluate({"ipc": "ipc"}, config, progress=False)
 
 
@@ -448,11 +448,11 @@ def test_agents_that_did_not_meet_one_wind_are_not_compared(monkeypatch):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"seed": -(2**40)}, "the seed must lie between 0 and"),
+        ({"seed": -(2**40)}, "the seed must be from 0 to"),
         ({"replay": -1.0}, "the length of the replay must lie between 0 and"),
         ({"replay": 1e30}, "the length of the replay must lie between 0 and"),
         ({"duration": 1e300}, "the duration must lie between 0 and"),
-        ({"winds": (Wind(9.0, 10**23),)}, "a wind seed must lie between 0 and 9223372036854775807, got 1000"),
+        ({"winds": (Wind(9.0, 10**23),)}, "a wind seed must be from 0 to 9223372036854775807, got 1000"),
         ({"winds": (Wind(9.0), Wind(9.0))}, "each once, got 9 m/s, 9 m/s"),
         ({"winds": ()}, "winds must be given"),
         ({"mean_wind_speed": -3.0}, "mean_speed of a wind climate must be positive"),

@@ -90,7 +90,7 @@ def test_the_card_says_what_the_agent_is_made_for(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("agent", "message"),
-    [("ipc", "only a trained agent has a policy"), ("nothing.zip", "no trained model")],
+    [("ipc", "must be a trained one to be exported as a policy"), ("nothing.zip", "no trained model")],
 )
 def test_what_has_no_policy_is_refused(agent, message, tmp_path):
     with pytest.raises(SystemExit, match=message):

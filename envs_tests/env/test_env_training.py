@@ -193,7 +193,7 @@ def interrupted(folder, send, number, *options):
     finally:
         process.kill()
     assert process.returncode == 128 + number
-    assert f"ended by {number.name}; go on with: wt-gym train --resume {folder}" in output
+    assert f"ended by {number.name}; resume with: wt-gym train --resume {folder}" in output
     assert "Traceback" not in errors
     assert not (folder / "training.lock").exists()
     record = json.loads((folder / "training.json").read_text())
@@ -529,7 +529,7 @@ def test_a_training_goes_on_where_only_the_spelling_of_its_pay_has_changed(tmp_p
     assert resume(tmp_path, total_steps=96, progress=False)["steps"] == 96
     record["environment"]["reward"]["tower_side_side_fatigue"] = 0.2
     (tmp_path / "training.json").write_text(json.dumps(record))
-    with pytest.raises(ValueError, match=r"has other arguments now .* reward; start anew"):
+    with pytest.raises(ValueError, match=r"has other arguments now .* reward; start a new one"):
         resume(tmp_path, total_steps=128, progress=False)
 
 

@@ -84,7 +84,7 @@ def test_a_choice_is_a_word_before_a_controller_before_a_path(tmp_path, monkeypa
     assert found == ["word", "controller", "trained", "trained", "trained"]
     with pytest.raises(ValueError, match="'ipc:algo=SAC' must be a number"):
         read_name("ipc:algo=SAC")
-    with pytest.raises(ValueError, match="takes algo, env, trust behind its name, got 'gain'"):
+    with pytest.raises(ValueError, match="must be among algo, env, trust, got 'gain'"):
         read_name("./mine:gain=1")
 
 

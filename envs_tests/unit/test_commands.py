@@ -175,9 +175,9 @@ def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
     [
         (["--duration", "1e300"], "--duration must lie between 1 and 1e+06 s, got 1e+300"),
         (["--duration", "nan"], "--duration must lie between 1 and 1e+06 s, got nan"),
-        (["--average", "400"], "--average must lie above 0 and at most at the --duration of 300 s, got 400"),
-        (["--wind-speed", "8", "1e9"], "--wind-speed must lie between 0 and 50 m/s, got 1e+09"),
-        (["--turbulent", "--seed", "-1"], "--seed must lie between 0 and"),
+        (["--average", "400"], "--average must be above 0 and at most the --duration of 300 s, got 400"),
+        (["--wind-speed", "8", "1e9"], "--wind-speed must be from 0 to 50 m/s, got 1e+09"),
+        (["--turbulent", "--seed", "-1"], "--seed must be from 0 to"),
         (["--fidelity", "none"], "got 'none'"),
     ],
 )

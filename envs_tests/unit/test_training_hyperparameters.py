@@ -87,7 +87,7 @@ def test_options_that_cannot_be_read(text):
         ("default:\n  net_arch: 64", "net_arch must be a list"),
         ("default:\n  normalize_observations: 1", "must be one of true, false"),
         ("default:\n  activation_fn: torch.nn.ReLU", "one of tanh, relu, elu"),
-        ("CartPole: {gamma: 0.9}", "neither 'default' nor the id"),
+        ("CartPole: {gamma: 0.9}", "sections must be 'default' or the id of an environment, got 'CartPole'"),
         ("default: !!python/object/apply:os.getcwd []", "not valid YAML"),
     ],
 )

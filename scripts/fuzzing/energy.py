@@ -89,4 +89,4 @@ class EnergyAccount:
 
     def _excess_limit(self, signals: Signals) -> float:
         induced = abs(signals["aero_thrust"]) / (2.0 * self._density * self._area)
-        return self._sphere * (self._square + induced)
+        return float(self._sphere * (self._square + induced))

@@ -71,7 +71,7 @@ class CaseResult:
     case: FuzzCase
     steps: int = 0
     episodes: int = 0
-    endings: Counter = field(default_factory=Counter)
+    endings: Counter[str] = field(default_factory=Counter)
     findings: list[Finding] = field(default_factory=list)
 
 

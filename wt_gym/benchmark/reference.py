@@ -67,7 +67,7 @@ class Reference:
         if parts:
             raise BenchmarkError(
                 f"a result of {task.id} was made with another {' and '.join(parts)} than the reference numbers: run "
-                f"the agent anew, or, if the reference is the older one, wt-gym benchmark reference --task "
+                f"the agent again, or, if the reference is the older one, wt-gym benchmark reference --task "
                 f"{task.name}"
             )
 
@@ -161,20 +161,20 @@ def confirm_reference(
     wt_gym.errors.BenchmarkError
         If a metric of the baseline has changed, or what the best known agent improves.
     """
-    anew = f"the reference numbers are out of date; wt-gym benchmark reference --task {task.name} makes them anew"
+    renew = f"the reference numbers are out of date; wt-gym benchmark reference --task {task.name} renews them"
     for label, known in reference.baseline.items():
         found = baseline[label]["metrics"]
         changed = [name for name, value in known.items()
                    if name not in found or not abs(found[name] - value) <= SAME * abs(value)]  # fmt: skip
         if changed:
             raise BenchmarkError(
-                f"task {task.name}: the baseline gives another {', '.join(changed[:3])} in {label}: {anew}"
+                f"task {task.name}: the baseline gives another {', '.join(changed[:3])} in {label}: {renew}"
             )
     found = make_reference(task, baseline, {reference.best_agent: best}).best_improvement
     if not abs(found - reference.best_improvement) <= SAME:
         raise BenchmarkError(
             f"task {task.name}: {reference.best_agent} improves {found:.6g}, not {reference.best_improvement:.6g}: "
-            f"{anew}"
+            f"{renew}"
         )
     return replace(reference, fingerprint=dict(fingerprint))
 

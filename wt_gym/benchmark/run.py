@@ -39,7 +39,7 @@ INTERFACE = (
     "action_mode", "pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "controller",
     "observation", "history",
 )  # fmt: skip
-"""Arguments of the environment that an agent may choose: what it sees, what its actions mean, what runs beneath."""
+"""Arguments of the environment that an agent may choose: what it sees, what its actions mean, its base controller."""
 
 _ENDLESS = 10**9  # control steps
 _SPELL = 10.0  # s, over which power beyond the rated one may make up for power below it
@@ -90,7 +90,9 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     interface = dict(interface or {})
     foreign = [name for name in interface if name not in INTERFACE]
     if foreign:
-        raise BenchmarkError(f"an agent may choose {', '.join(INTERFACE)} of the environment, not {', '.join(foreign)}")
+        raise BenchmarkError(
+            f"what an agent chooses of the environment must be among {', '.join(INTERFACE)}, got {', '.join(foreign)}"
+        )
     if isinstance(interface.get("controller"), list):
         name, parameters = interface["controller"]
         interface["controller"] = partial(_make_controller, name, parameters)
@@ -164,7 +166,7 @@ def play(
 def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[str, float]:
     """Metrics of a run beside those of `wt_gym.analysis.metrics.run_metrics`.
 
-    ``captured_power`` is the mean of the power, of which every 10 s count at most as rated, plus the gain of the
+    ``captured_power`` is the mean of the power, whose every 10 s count at most as rated, plus the gain of the
     rotor's kinetic energy over the measured time, at most the rated power [W]: emptying the rotor at the end earns
     nothing, nor does overloading the generator in the gusts of a wind that has lulls, nor what was stored beyond rated
     speed before the measured time begins. Ten seconds are longer than the swings of tower and blades, which a damper by
@@ -188,7 +190,7 @@ def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[s
 
 
 def delivered_power(power: NDArray[np.float64], time: NDArray[np.float64], rated: float) -> float:
-    """Mean of a power of which every ten seconds count at most as rated.
+    """Mean of a power whose every ten seconds count at most as rated.
 
     Parameters
     ----------

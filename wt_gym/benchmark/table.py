@@ -27,7 +27,7 @@ _SHOWN = {
     "tower_fore_aft_del": "tower f-a DEL",
     "tower_side_side_del": "tower s-s DEL",
 }
-"""Metrics of which the mean relative change against the baseline is shown."""
+"""Metrics whose mean relative change against the baseline is shown."""
 
 
 _BEGIN, _END = "<!-- leaderboard -->", "<!-- end of the leaderboard -->"

@@ -146,7 +146,7 @@ class BenchmarkTask:
     duration, skip : float
         Length of a run, and the start left out of the metrics [s].
     winds : tuple of BenchmarkWind
-        None of which default trainings use.
+        Default trainings use none of them.
     terms : tuple of Term
     limits : tuple of Limit
     clip : (float, float)
@@ -186,7 +186,9 @@ class BenchmarkTask:
         name = values.get("name", "?")
         missing, unknown = sorted(_KEYS - set(values)), sorted(set(values) - _KEYS - {"reference"})
         if missing or unknown:
-            raise BenchmarkError(f"task {name}: missing {missing}, unknown {unknown}")
+            raise BenchmarkError(
+                f"task {name}: fields must be {', '.join(sorted(_KEYS))}; got none of {missing}, and unknown {unknown}"
+            )
         if not 0.0 <= values["skip"] < values["duration"]:
             raise BenchmarkError(f"task {name}: skip must be at least 0 and less than the duration")
         low, high = values["clip"]
@@ -194,7 +196,9 @@ class BenchmarkTask:
             raise BenchmarkError(f"task {name}: clip must be a range around 0 and 100, got {values['clip']}")
         winds = _winds(name, values["winds"])
         if len(winds) < 6 or len({wind.label for wind in winds}) < len(winds):
-            raise BenchmarkError(f"task {name}: needs at least 6 different winds, got {[w.label for w in winds]}")
+            raise BenchmarkError(
+                f"task {name}: winds must be at least 6 different ones, got {[w.label for w in winds]}"
+            )
         return cls(
             name=name,
             version=int(values["version"]),
@@ -226,7 +230,7 @@ class BenchmarkTask:
         return total
 
     def broken_limits(self, metrics: Mapping[str, float], baseline: Mapping[str, float]) -> tuple[str, ...]:
-        """Metrics of which the limit is not kept."""
+        """Metrics whose limit is not kept."""
         return tuple(x.metric for x in self.limits if x.broken(metrics[x.metric], baseline[x.metric]))
 
 

@@ -8,7 +8,7 @@
 Every measurement runs in a process of its own, after compilation, and on one thread where it does not say otherwise;
 the machine should be otherwise idle.
 The real-time factor is simulated seconds by wall seconds of the whole simulator (NREL 5-MW, turbulent wind at 12 m/s,
-baseline controller). Structural steps and induction are measured in a clone only: their examples are no part of the
+baseline controller). Structural steps and induction are measured in a clone only: their examples are not part of the
 installed package.
 """
 

@@ -114,7 +114,7 @@ def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     return lines + [
         f"runs of {', '.join(names)} will have no score: the reference numbers were made with another {parts}; {renew} "
         f"--task {' '.join(names)} --confirm takes them over where no number has changed, without --confirm they are "
-        "made anew"
+        "made again"
         for parts, names in others.items()
     ]
 
@@ -244,7 +244,7 @@ def main(words: list[str] | None = None) -> None:
     """Do what the command says."""
     arguments = parse_arguments(words)
     commands = {"tasks": tasks, "run": run, "table": table, "reference": reference, "front": front}
-    with user_errors(), stoppable("the same command goes on with the runs that are kept"):
+    with user_errors(), stoppable("the same command resumes with the runs that are kept"):
         found = commands[arguments.command](arguments)
     if getattr(arguments, "json", False):
         print(json.dumps(found))

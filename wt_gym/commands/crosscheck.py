@@ -5,7 +5,7 @@
 
 Agents are those of wt-gym evaluate; the first is the baseline, in each simulator for itself. OpenFAST takes about ten
 seconds of processor time for a minute of wind and is by far the slower one: --jobs shares the runs among processes.
-Every run is kept as soon as it is done, and the same command goes on where it was stopped.
+Every run is kept as soon as it is done, and the same command resumes where it was stopped.
 
 The folder gets crosscheck.md with figures, crosscheck.json with its numbers, and both evaluations. Runs start from the
 steady operating point.
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
+from wt_gym.commands.evaluation_options import add_other_environment_option
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
 from wt_gym.commands.site_options import OWN_SIMULATOR, add_simulator_option, add_site_option, with_options
 
@@ -50,9 +51,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
     add_site_option(parser)
     add_simulator_option(parser, "openfast")
-    parser.add_argument(
-        "--allow-other-environment", action="store_true", help="as of wt-gym evaluate",
-    )  # fmt: skip
+    add_other_environment_option(parser)
     add_model_options(parser)
     add_engine_options(parser, "runs")
     return parser.parse_args(words)
@@ -78,7 +77,7 @@ def main(words: list[str] | None = None) -> None:
     arguments = parse_arguments(words)
     out, other = Path(arguments.out), arguments.simulator
     name = other["name"] if isinstance(other, dict) and "name" in other else str(other)
-    hint = f"the same command without --overwrite goes on with what is in {out}"
+    hint = f"the same command without --overwrite resumes with what is in {out}"
     with user_errors(), stoppable(hint):
         if other == OWN_SIMULATOR:
             raise ValueError(f"--simulator must be another one than {OWN_SIMULATOR}, which the crosscheck runs anyway")

@@ -26,7 +26,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser = OneLineParser("list", description=__doc__)
     parser.add_argument("what", choices=WHAT, metavar="WHAT", help=", ".join(WHAT))
     parser.add_argument("names", nargs="*", metavar="NAME", help="only these (by default all)")
-    parser.add_argument("--turbine", help="of which the defaults of controllers and the channels are shown")
+    parser.add_argument("--turbine", help="turbine whose defaults of controllers and channels are shown")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     return parser.parse_args(words)
 

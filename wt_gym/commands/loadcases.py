@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
+from wt_gym.commands.evaluation_options import add_climate_options, add_other_environment_option
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option, with_options
 
@@ -46,19 +47,10 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
     add_site_option(parser)
     add_simulator_option(parser)
-    parser.add_argument(
-        "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
-        "base controllers than those of their training",
-    )  # fmt: skip
+    add_other_environment_option(parser)
     add_model_options(parser)
     add_engine_options(parser, "runs")
-    climate = parser.add_argument_group("wind climate, for loads over a life")
-    one = climate.add_mutually_exclusive_group()
-    one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
-    one.add_argument("--mean-wind-speed", type=float, metavar="M_S", help="annual mean in place of the class's [m/s]")
-    climate.add_argument(
-        "--weibull-shape", type=float, default=2.0, metavar="K", help="Weibull exponent (default: %(default)s)"
-    )
+    add_climate_options(parser)
     report = parser.add_argument_group("report")
     report.add_argument("--title", help="title of the report")
     report.add_argument("--no-report", action="store_true", help="write runs and table only")
@@ -96,7 +88,7 @@ def main(words: list[str] | None = None) -> None:
     arguments = parse_arguments(words)
 
     out = Path(arguments.out)
-    hint = f"the same command goes on with what is in {out}"
+    hint = f"the same command resumes with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
         from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
         from wt_gym.agents.loadcases.study import REPORT_FILE, run_load_cases

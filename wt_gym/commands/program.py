@@ -146,7 +146,7 @@ def stoppable(hint: str) -> Iterator[None]:
     Parameters
     ----------
     hint : str
-        What is there, and how to go on.
+        What is there, and how to resume.
     """
 
     def terminate(*_: object) -> NoReturn:

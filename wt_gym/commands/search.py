@@ -5,7 +5,7 @@
     wt-gym train --hyperparameters runs/search/best.yml --wind-speed 15
 
 Every trial is a training, judged against the baseline controller in winds held back from it. The study lives in the
-folder: the same command goes on where an earlier one was stopped.
+folder: the same command resumes where an earlier one was stopped.
 
 Exit status: as of wt-gym train.
 """
@@ -58,5 +58,5 @@ def main(words: list[str] | None = None) -> None:
     if arguments.json:
         print(json.dumps(result))
     if result["status"] == "interrupted":
-        print(f"ended by {result['stopped_by']}; the same command goes on", file=sys.stderr)
+        print(f"ended by {result['stopped_by']}; the same command resumes", file=sys.stderr)
         sys.exit(128 + signal.Signals[result["stopped_by"]])

@@ -95,18 +95,18 @@ def check(arguments: argparse.Namespace) -> None:
     check_duration("--duration", arguments.duration, LEAST_DURATION)
     if not 0.0 < arguments.average <= arguments.duration:
         raise ValueError(
-            f"--average must lie above 0 and at most at the --duration of {arguments.duration:g} s, got "
+            f"--average must be above 0 and at most the --duration of {arguments.duration:g} s, got "
             f"{arguments.average:g}"
         )
     for value in arguments.wind_speed:
         least = SLOWEST_TURBULENCE if arguments.turbulent else 0.0
         if not least <= value <= FASTEST_WIND:
             still = " with --turbulent" if arguments.turbulent else ""
-            raise ValueError(f"--wind-speed must lie between {least:g} and {FASTEST_WIND:g} m/s{still}, got {value:g}")
+            raise ValueError(f"--wind-speed must be from {least:g} to {FASTEST_WIND:g} m/s{still}, got {value:g}")
     if arguments.wind and (arguments.turbulent or arguments.shear or arguments.yaw_misalignment):
         raise ValueError("--wind has its own turbulence, shear and direction: leave those options out")
     if not 0 <= arguments.seed <= LARGEST_WIND_SEED:
-        raise ValueError(f"--seed must lie between 0 and {LARGEST_WIND_SEED}, got {arguments.seed}")
+        raise ValueError(f"--seed must be from 0 to {LARGEST_WIND_SEED}, got {arguments.seed}")
     fidelity(arguments.fidelity)
     simulator_maker(arguments.simulator, arguments.turbine, pictured=False)
     names = Counter(_label(wind) for wind in _winds(arguments))
@@ -200,7 +200,7 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
 
 
 def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Recorder:
-    """Run one wind; what was simulated is written where a file is wanted, of a stopped run too."""
+    """Run one wind; what was simulated is written where a file is given, of a stopped run too."""
     from wt_gym.envs.simulators import simulator_maker
     from wt_gym.runs.playing import run_baseline
     from wt_gym.runs.progress import ProgressLine

@@ -39,7 +39,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--out", default=argparse.SUPPRESS, help="folder for the results (default: runs/ppo, or the "
         "algorithm)")  # fmt: skip
     parser.add_argument("--overwrite", action="store_true", help="remove the training that is in the folder")
-    parser.add_argument("--resume", metavar="FOLDER", help="go on with a training, as it is configured; --steps and "
+    parser.add_argument("--resume", metavar="FOLDER", help="resume a training, as it is configured; --steps and "
         "--max-seconds can change")  # fmt: skip
     add_training_options(parser)
     parser.add_argument("--config", metavar="FILE", help="YAML file with any of these options, by name; those typed "
@@ -86,7 +86,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         fixed = [f"--{name.replace('_', '-')}" for name in vars(arguments) if name not in kept]
         fixed += ["--overwrite"] * arguments.overwrite
         if fixed:
-            parser.error(f"--resume goes on with the configuration of the folder: leave out {', '.join(fixed)}")
+            parser.error(f"--resume takes the configuration of the folder: leave out {', '.join(fixed)}")
     return arguments
 
 
@@ -165,7 +165,7 @@ def main(words: list[str] | None = None) -> None:
         folder, record = (start if arguments.resume is None else resume_folder)(arguments)
     report(folder, record)
     if record["status"] == "interrupted":
-        print(f"ended by {record['stopped_by']}; go on with: wt-gym train --resume {folder}")
+        print(f"ended by {record['stopped_by']}; resume with: wt-gym train --resume {folder}")
     if arguments.json:
         print(json.dumps(record, default=str))
     if record["status"] == "interrupted":

@@ -47,7 +47,7 @@ def words_of(path: str | Path, typed: Sequence[str] = ()) -> list[str]:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no such mapping.
+        If it is not such a mapping.
     """
     import yaml  # in the extra "train"
 

@@ -69,7 +69,7 @@ def config_from(arguments: argparse.Namespace, **more: Any) -> TrainingConfig:
     kwargs = dict(kwargs)
     if "wind_speed" in given:
         if len(given["wind_speed"]) > 2:
-            raise ValueError(f"--wind-speed takes one number or two, got {given['wind_speed']}")
+            raise ValueError(f"--wind-speed must be one number or two, got {given['wind_speed']}")
         low, *high = given["wind_speed"]
         kwargs["wind_speed"] = (low, high[0]) if high else low
     kwargs |= {name: given[name] for name in ("episode_length", "fidelity") if name in given}

@@ -1,15 +1,11 @@
-"""Process that runs one simulation of OpenFAST's library; started by `wt_gym.bridges.openfast.process`.
+"""One simulation of OpenFAST's library in a process of its own, see `wt_gym.child_process`.
 
-It uses the standard library alone, so that it starts in a moment. Messages are pickles over standard input and output;
-what OpenFAST prints goes to the file that is named on the command line.
+Imports the standard library alone.
 """
 
 import ctypes
 import os
-import pickle
-import sys
 from collections.abc import Sequence
-from typing import Any
 
 _TEXT = 1025
 """Length of OpenFAST's messages (IntfStrLen)."""
@@ -104,34 +100,25 @@ class OpenFAST:
         return b"".join(taken)
 
 
-def main() -> None:
-    """Serve requests until the pipe closes."""
-    requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    log = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-    for stream in (1, 2):  # what OpenFAST prints must not get among the answers
-        os.dup2(log, stream)
-    simulation: OpenFAST | None = None
-    while True:
-        try:
-            request, *values = pickle.load(requests)
-        except EOFError:
-            return
-        answer: tuple[Any, ...]
-        try:
-            if request == "start":
-                library, model, relay, row = values
-                simulation = OpenFAST(library, model, relay)
-                simulation.start(row)
-                answer = ("started", simulation.step, simulation.names, bytes(simulation.outputs))
-            elif simulation is None:
-                raise Failure("nothing was started")
-            else:
-                answer = ("advanced", simulation.advance(values[0]))
-        except (Failure, OSError, AttributeError, ValueError) as error:
-            answer = ("failed", str(error))
-        pickle.dump(answer, answers, protocol=pickle.HIGHEST_PROTOCOL)
-        answers.flush()
+class Simulation:
+    """What answers requests."""
+
+    def __init__(self) -> None:
+        self._openfast: OpenFAST | None = None
+
+    def start(
+        self, library: str, model: str, relay: str | None, row: Sequence[float]
+    ) -> tuple[float, list[str], bytes]:
+        """Load the library and initialize; its step [s], names of the outputs and their values."""
+        self._openfast = openfast = OpenFAST(library, model, relay)
+        openfast.start(row)
+        return openfast.step, openfast.names, bytes(openfast.outputs)
+
+    def advance(self, rows: Sequence[float]) -> bytes:
+        """One step a row of demands; the bytes of all outputs."""
+        if self._openfast is None:
+            raise Failure("nothing was started")
+        return self._openfast.advance(rows)
 
 
-if __name__ == "__main__":
-    main()
+begin, FAILURES = Simulation, (Failure, OSError, AttributeError, ValueError)

@@ -2,8 +2,8 @@
 
 Such libraries keep their state in global variables. So each instance loads a private copy of the file, whose variables
 are its own, and unloads it when it is closed. What the original depends on is found because the original is loaded,
-too, but never called. An isolated library runs in a process of its own (`worker`), so that a crash is an error of the
-controller and not the end of the training.
+too, but never called. An isolated library runs in a process of its own (`wt_gym.child_process`), so that a crash is an
+error of the controller and not the end of the training.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ import ctypes
 import logging
 import os
 import shutil
-import struct
-import subprocess
 import sys
 import tempfile
 import weakref
 from functools import cache
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.child_process import ChildEndedError, ChildProcess
+from wt_gym.control.bladed import worker
 from wt_gym.control.bladed.records import MESSAGE_LENGTH
 from wt_gym.errors import SimulationError
 
@@ -93,22 +93,9 @@ class Library:
         """Where the library may write files: in a folder that goes with it."""
         self._prints = Path(self._folder.name) / "prints.txt"
         self._called = False
-        self.alive = True
-        """Whether it can be called: not after its process has ended."""
-        self._end: weakref.finalize[Any, Any]
-        self._process: subprocess.Popen[bytes] | None = None
+        self._child: ChildProcess | None = None
         if isolated:
-            worker = Path(__file__).with_name("worker.py")
-            command = [sys.executable, str(worker), str(path), function]
-            with self._prints.open("wb") as prints:
-                self._process = subprocess.Popen(
-                    command,
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=prints,
-                    env=os.environ | {"GFORTRAN_UNBUFFERED_PRECONNECTED": "y"},  # prints are there after a crash
-                )
-            self._end = weakref.finalize(self, _stop, self._process)
+            self._child = ChildProcess(Path(worker.__file__), (str(path), function), self._prints)
         else:
             copy = Path(self._folder.name) / path.name
             shutil.copy(path, copy)
@@ -117,7 +104,12 @@ class Library:
             self._function.restype = None
             self._flag, self._message = ctypes.c_int32(0), ctypes.create_string_buffer(MESSAGE_LENGTH)
             self._fixed = ctypes.c_char_p(self.output_name.encode()), self._message
-            self._end = weakref.finalize(self, _unload, library)
+            self._unload = weakref.finalize(self, _unload, library)
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can be called: not after its process has ended."""
+        return self._child is None or self._child.alive
 
     def call(self, swap: np.ndarray, input_file: str) -> tuple[int, str]:
         """Call the library once; it changes the records.
@@ -139,8 +131,8 @@ class Library:
         wt_gym.errors.SimulationError
             If the process of an isolated library ended.
         """
-        if self._process is not None:
-            return self._call_process(self._process, swap, input_file)
+        if self._child is not None:
+            return self._call_child(self._child, swap, input_file)
         self._flag.value, self._message.value = 0, b""
         arguments = ctypes.c_void_p(swap.ctypes.data), ctypes.byref(self._flag), input_file.encode(), *self._fixed
         if self._called:
@@ -174,49 +166,24 @@ class Library:
         if sys.platform != "win32":
             ctypes.CDLL(None).fflush(None)
 
-    def _call_process(self, process: subprocess.Popen[bytes], swap: np.ndarray, input_file: str) -> tuple[int, str]:
-        requests, answers = cast("IO[bytes]", process.stdin), cast("IO[bytes]", process.stdout)
-        parts = input_file.encode(), self.output_name.encode(), swap.tobytes()
+    def _call_child(self, child: ChildProcess, swap: np.ndarray, input_file: str) -> tuple[int, str]:
         try:
-            for part in parts:
-                requests.write(struct.pack("<I", len(part)) + part)
-            requests.flush()
-            flag, message, records = (_part(answers) for _ in range(3))
-        except (BrokenPipeError, EOFError) as error:
-            self.alive = False
-            code = process.wait()
-            how = f"by signal {-code}" if code < 0 else f"with exit status {code}"
-            last = self._prints.read_text(errors="replace").strip().rpartition("\n")[2]
+            flag, message, records = child.ask("call", input_file.encode(), self.output_name.encode(), swap.tobytes())
+        except ChildEndedError as error:
+            last = error.printed.rpartition("\n")[2]
             raise SimulationError(
-                f"the controller library {self.path.name} ended its process {how}" + (f": {last}" if last else "")
+                f"the controller library {self.path.name} ended its process {error.how}" + (f": {last}" if last else "")
             ) from error
         swap[:] = np.frombuffer(records, dtype=np.float32)
-        return struct.unpack("<i", flag)[0], message.decode(errors="replace").strip()
+        return flag, message.decode(errors="replace").strip()
 
     def close(self) -> None:
         """Unload the library; it is not told, see `BladedController.close`."""
-        self._end()
+        if self._child is not None:
+            self._child.close()
+        else:
+            self._unload()
         self._folder.cleanup()
-
-
-def _part(answers: IO[bytes]) -> bytes:
-    """One part of an answer."""
-    head = answers.read(4)
-    if len(head) < 4:
-        raise EOFError
-    size = struct.unpack("<I", head)[0]
-    part = answers.read(size)
-    if len(part) < size:
-        raise EOFError
-    return part
-
-
-def _stop(process: subprocess.Popen[bytes]) -> None:
-    """End the process of a library, which ends when nothing more is asked."""
-    for stream in (process.stdin, process.stdout):
-        with contextlib.suppress(BrokenPipeError):
-            cast("IO[bytes]", stream).close()
-    process.wait()
 
 
 def _unload(library: ctypes.CDLL) -> None:
