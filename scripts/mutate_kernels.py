@@ -108,7 +108,7 @@ MUTANTS = tuple(Mutant(*row) for row in (
     ("core of a bound vortex without its length", f"{LATTICE}/bound_kernels.py",
      "soft = core2 * (lx * lx + ly * ly + lz * lz)", "soft = core2 * (lx * lx + ly * ly)",
      AERO + "::test_influence_of_the_bound_rings_is_that_of_their_segments"),
-    ("free vortex with the wrong distance", "wt_gym/aerodynamics/induction/induction_kernels.py", "(pr + r) *",
+    ("free vortex with the wrong distance", "wt_gym/aerodynamics/induction/induction_kernels.py", "(pr + rr) *",
      "(pr + pr) *", AERO + "::test_straight_infinite_and_semi_infinite_vortex"),
     ("mean behind the disc over the radius", f"{WAKE}/wake_kernels.py", "weight = duration * (outer - inner)",
      "weight = duration", AERO + "::test_velocity_behind_the_disc_is_a_mean_over_area_and_one_passing"),

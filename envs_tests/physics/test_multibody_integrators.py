@@ -14,6 +14,7 @@ from validation.integrators import (
     spectral_radius,
 )
 from wt_gym.constants import GRAVITY
+from wt_gym.errors import SimulationError
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import (
     INTEGRATORS,
@@ -383,3 +384,20 @@ def test_a_further_integrator_is_one_entry(monkeypatch):
     expected = spectral_radius(np.linalg.solve(left, right))
     assert 0.98 < expected < 0.9999
     assert spectral_radius(amplification(integrator, h)) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("copied", INTEGRATORS)
+def test_fidelities_ask_the_entry_of_an_integrator_and_not_its_name(monkeypatch, copied):
+    """An integrator by another name allows what its entry says: several bodies a blade, modes that follow, motions."""
+    entry = INTEGRATORS[copied]
+    monkeypatch.setitem(INTEGRATORS, "dummy", entry)
+    assert Fidelity(integrator="dummy").takes_motion == entry.explicit
+    for changes, allowed in (
+        ({"blade_bodies": 2}, not entry.explicit),
+        ({"blade_basis": "deformed"}, entry.keeps_states),
+    ):
+        if allowed:
+            assert Fidelity(integrator="dummy", **changes).integrator == "dummy"
+        else:
+            with pytest.raises(SimulationError, match="'dummy'"):
+                Fidelity(integrator="dummy", **changes)

@@ -139,7 +139,7 @@ def test_a_bent_piece_carries_those_behind_it(turbines):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"blade_coordinates": "rigid"}, "several bodies want 'modal' or 'nodal'"),
+        ({"blade_coordinates": "rigid"}, "several bodies must have 'modal' or 'nodal'"),
         ({"integrator": "hamming"}, "an implicit integrator"),
         ({"blade_bodies": 0}, "blade_bodies is 0; must be a whole number"),
         ({"blade_bodies": 2.5}, "blade_bodies is 2.5"),

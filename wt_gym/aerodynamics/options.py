@@ -185,13 +185,13 @@ class AeroOptions:
             )
 
     def _check_number(self, name: str, within: Callable[[float], bool], allowed: str) -> None:
-        """Refuse a value that is no number or not within the range."""
+        """Refuse a value that is not a number or not within the range."""
         value = getattr(self, name)
         if not isinstance(value, numbers.Real) or not within(float(value)):
             raise AerodynamicsError(f"AeroOptions.{name} is {value!r}; {allowed}")
 
     def _check_counts(self) -> None:
-        """Refuse counts that are no whole numbers or too small, and thinning that contradicts itself."""
+        """Refuse counts that are not whole numbers or too small, and thinning that contradicts itself."""
         for name, least in COUNTS.items():
             value = getattr(self, name)
             if not _is_count(value) or value < least:
@@ -283,7 +283,7 @@ ENGINEERING = AeroOptions(
     n_chord=2, n_span=16, azimuth_step_deg=8.0, wake_rows=72, full_rows=16, coarse_stride=3, sparse_from=32,
     sparse_stride=3, sparse_span=3, fresh_rows=1, refresh_stride=8, wind_stride=3, far_wake_rows=22, squire=1e-3,
 )  # fmt: skip
-# 11 turns at 9 rpm, 15 at 12 rpm, all of them free and computed anew every step; every second row beyond the first 200.
+# 11 turns at 9 rpm, 15 at 12 rpm, all of them free and recomputed every step; every second row beyond the first 200.
 # The tree code stays well below the error that it is allowed: 3e-3 gives less than 1e-3 (scripts/bench_induction.py).
 REFERENCE = AeroOptions(
     n_chord=4, n_span=24, azimuth_step_deg=7.5, wake_rows=480, full_rows=200, coarse_stride=2, fresh_rows=480,

@@ -148,7 +148,7 @@ class VortexLattice:
         self._clear(state, self._checked_nodes(nodes))
         self._solve(state, nodes, velocities, wind, 0.0, first=True)
         self.accept(state)
-        # An impulsive start is no level in time from which a rate could be taken.
+        # No rate can be taken from an impulsive start: it is not a level in time.
         state.arrays.n_levels[0] = 0
 
     def initialize_wake(
@@ -204,13 +204,13 @@ class VortexLattice:
         tolerance: float = BALANCED,
         guess: NDArray[np.float64] | None = None,
     ) -> float:
-        """Start with a prescribed wake, but for the velocities with which it moves on.
+        """Start with a prescribed wake, except for its velocities.
 
         Returns the change of the circulation in the last pass, over its size. Nodes, velocities and wind are checked
         already.
 
         The wake answers a change of circulation with about half its size. From pass to pass half of the change is
-        taken at first, then what a secant through the last two passes wants (Aitken's relaxation, Irons & Tuck 1969).
+        taken at first, then what a secant through the last two passes gives (Aitken's relaxation, Irons & Tuck 1969).
         ``guess`` is the circulation (n_blades, n_chord, n_span) to begin with.
         """
         n_rows = len(wake_rows)
@@ -230,7 +230,7 @@ class VortexLattice:
         for _ in range(PASSES):
             before = self._shed_circulation(a)
             a.wake_gamma[:n_rows] = before
-            self._solve_anew(state, nodes, velocities, wind)
+            self._solve_steady(state, nodes, velocities, wind)
             step = self._shed_circulation(a) - before
             change = np.abs(step).max()
             if last is not None and (square := np.sum((step - last) ** 2)) > 0.0:
@@ -240,7 +240,7 @@ class VortexLattice:
             if change <= tolerance * np.abs(before).max():
                 break
         a.wake_gamma[:n_rows] = self._shed_circulation(a)
-        self._solve_anew(state, nodes, velocities, wind)
+        self._solve_steady(state, nodes, velocities, wind)
         return float(change / max(np.abs(before).max(), 1e-9))
 
     def _shed_circulation(self, a: AeroArrays) -> NDArray[np.float64]:
@@ -342,7 +342,7 @@ class VortexLattice:
             own = state.arrays.wake_gamma[: len(numbers)]
             recent = np.exp(-ages * abs(rotor_speed) / (0.5 * np.pi))[:, None, None]
             own[:] = recent * own + (1.0 - recent) * (wake_thrust / thrust) * own.mean(axis=1, keepdims=True)
-            self._solve_anew(state, nodes, velocities, wind)
+            self._solve_steady(state, nodes, velocities, wind)
         if accept:
             self._accept(state, place=False, all_rows=True)
             state.arrays.shed[1:] = -numbers
@@ -473,7 +473,7 @@ class VortexLattice:
             self.prepare(state, nodes)
         return self._solve_prepared(state, nodes, velocities, wind, dt, first)
 
-    def _solve_anew(
+    def _solve_steady(
         self, state: AeroState, nodes: NDArray[np.float64], velocities: NDArray[np.float64], wind: NDArray[np.float64]
     ) -> None:
         """Steady solution with the wake as it stands, of arguments that are checked."""

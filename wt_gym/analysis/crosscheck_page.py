@@ -82,8 +82,8 @@ def page(check: Crosscheck, command: str | None = None) -> str:
     lines = [
         f"# {evaluation.turbine}: {check.names[0]} and {check.names[1]}",
         "",
-        f"{settings['env_id']}, {settings['duration']:g} s a run, of which the first {settings['skip']:g} s are left "
-        f"out. Winds: {winds}.",
+        f"{settings['env_id']}, {settings['duration']:g} s a run, without the first {settings['skip']:g} s. "
+        f"Winds: {winds}.",
         "",
         *([f"```\n{command}\n```", ""] if command else []),
         tables(check),

@@ -64,7 +64,7 @@ class Estimate:
         """What a change of a metric means: ``"better"``, ``"worse"``, ``"equal"``, ``"open"`` or ``"none"``.
 
         ``"open"`` is a change whose interval holds zero; ``"equal"`` one below 1 %, or below half the last digit shown;
-        ``"none"`` one of a metric of which neither more nor less is better.
+        ``"none"`` one of a metric without a better direction.
         """
         metric = METRICS[key]
         if metric.better == 0:

@@ -37,7 +37,7 @@ class Wind:
     seed : int or None
         Of the turbulence; None without.
     draw : int or None
-        Number of the draw where more is drawn than turbulence: gusts, inflows of one's own, directions.
+        Number of the draw where more is drawn than turbulence: gusts, custom inflows, directions.
     description : str
         The wind of a run in words, where speed and seed do not tell what it was.
     """

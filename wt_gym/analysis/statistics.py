@@ -71,7 +71,7 @@ def stratified_resamples(strata: Sequence[float], n_resamples: int = N_RESAMPLES
 def bootstrap_interval(
     statistic: Callable[[NDArray[np.intp]], ArrayLike], strata: Sequence[float], level: float = 0.95
 ) -> tuple[float, float]:
-    """Interval of a statistic of a few values, each drawn anew within its stratum.
+    """Interval of a statistic of a few values, each redrawn within its stratum.
 
     Between the percentiles of the expanded bootstrap (Hesterberg, The American Statistician 69 (2015) 371, section
     4.3): those of Student's t in place of the normal distribution, and wider by what resamples scatter too little,

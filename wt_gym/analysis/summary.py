@@ -52,7 +52,7 @@ _TABLE = {
     "tip_clearance_min": "clearance min",
     "overspeed_count": "overspeeds",
 }
-# More lost power than this is no trade for lower loads.
+# More lost power than this does not count as a trade for lower loads.
 _TRADED_POWER = 0.05
 _MANY_WINDS = 6
 # A headline names so many agents at most.
@@ -175,7 +175,7 @@ def verdict(evaluation: Evaluation, agent: str) -> Verdict:
     """Judge an agent by `JUDGED`: better with gains only, worse with costs only, a trade with both.
 
     A change counts if it exceeds 1 % and, where there are winds enough for an interval, that excludes zero. More than
-    5 % of lost power is no trade.
+    5 % of lost power does not count as a trade.
     """
     if not (_all_complete(evaluation, agent) and _all_complete(evaluation, evaluation.baseline)):
         return Verdict("lost", "Runs ended early")

@@ -162,7 +162,7 @@ class Work(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """What acts on a system, at the start [0] and the end [1] of an interval; linear in between but for servos."""
+    """What acts on a system, at the start [0] and the end [1] of an interval; linear in between except for servos."""
 
     body_loads: Array  # (2, n_b, 6 + n_f) force [N] and moment [N m] at the origin, body axes; on elastic coordinates
     dof_force: Array  # (2, n_u) on the velocities [N, N m]

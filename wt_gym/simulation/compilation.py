@@ -83,14 +83,14 @@ def _is_worker() -> bool:
     return multiprocessing.parent_process() is not None or COMPILE_ALONE in os.environ
 
 
-def _begin_anew() -> None:
-    """In a forked process, in which no other thread goes on with what it had begun."""
+def _restart() -> None:
+    """In a forked process, where no other thread continues what it had begun."""
     global _one_at_a_time, _under_way
     _one_at_a_time, _under_way = RLock(), False
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_begin_anew)
+    os.register_at_fork(after_in_child=_restart)
 
 
 def _cores() -> int:

@@ -1,7 +1,7 @@
-"""Compile the kernels of a turbine before they are wanted, in two processes at once.
+"""Compile the kernels of a turbine before they are needed, in two processes at once.
 
 A process compiles one kernel after another. What moves the structure and what moves the air do not call each other:
-each is compiled in a process of its own, into the cache that both share. The first goes on with the step that calls
+each is compiled in a process of its own, into the cache that both share. The first continues with the step that calls
 both, the other one, which is done earlier, with what only a start calls.
 """
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 import numbers
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.deprecated import renamed_arguments, renamed_attribute
 from wt_gym.errors import SimulationError, did_you_mean
 from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
-from wt_gym.multibody.integrators.schemes import INTEGRATORS, SchemeSettings, integrator_name
+from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, IntegratorEntry, SchemeSettings, integrator_name
 from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 __all__ = ["ELASTODYN_NREL_5MW_TOWER", "FIDELITIES", "Fidelity", "fidelity"]
 
@@ -82,12 +85,13 @@ class Fidelity:
     blade_bodies : int
         Floating-frame bodies of a blade, one behind the other: with several a blade may bend far, and its bending
         twists it. Modal bodies have the static shapes of their tips as coordinates, in the directions of which
-        ``blade_modes`` counts at least one; nodal ones the displacements of their nodes. They want an implicit
+        ``blade_modes`` counts at least one; nodal ones the displacements of their nodes. They need an implicit
         ``integrator``.
     integrator : str
-        "hamming", explicit: the structural steps are as short as the highest frequency wants them. "newmark" (¼, ½) or
-        "generalized_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
-        nodal coordinates, torsion and blades of several bodies.
+        A name of `wt_gym.multibody.integrators.schemes.INTEGRATORS`. Explicit ("hamming"): the structural steps are as
+        short as the highest frequency requires. Implicit ("newmark", with ¼ and ½, and "generalized_alpha", Chung &
+        Hulbert 1993): steps of ``max_substep`` whatever the frequencies, for nodal coordinates, torsion and blades of
+        several bodies.
     spectral_radius : float, optional
         Of the generalized-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
         default 0.3 where blades twist (``blade_modes`` counts a torsion mode), else 0.8, see `scheme_radius`: the
@@ -109,8 +113,8 @@ class Fidelity:
         "embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
         constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
         embedded form is several times faster. "observer": all bodies in local observer frames, held together by
-        constraint equations (Holm-Jørgensen, Nielsen & Rubak); the scheme is "generalized_alpha" where ``integrator``
-        says so, else "newmark", with steps of at most ``max_substep``.
+        constraint equations (Holm-Jørgensen, Nielsen & Rubak), in implicit steps of at most ``max_substep`` by the
+        rule of ``integrator`` (`IntegratorEntry.rule`): of an explicit one, Newmark's.
     stabilization : float
         Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
     projection : bool
@@ -121,7 +125,7 @@ class Fidelity:
         (`wt_gym.simulation.step.tower_air`). Otherwise they stand about the undeformed tower and feel nothing.
     blade_basis : str
         "fixed": the modes of the clamped blade at rest; "deformed": those of the blade as it turns, bent and loaded,
-        computed anew at each aerodynamic step (`wt_gym.simulation.model.deformed_basis`).
+        recomputed at each aerodynamic step (`wt_gym.simulation.model.deformed_basis`).
     reference_condition : str
         Of the flexible bodies in observer frames: "clamped", "simply_supported" or "three_quarter", see
         :mod:`wt_gym.multibody.observer_frame.observer_frame_body`.
@@ -151,7 +155,7 @@ class Fidelity:
     tower_shapes: tuple[tuple[tuple[float, ...], ...], ...] | None = None
     yaw_drive: str = "stiff"
     blade_bodies: int = 1
-    integrator: str = "hamming"
+    integrator: str = DEFAULT
     tower_shadow: bool = True
     tower_body: tuple[int, int] | None = None
     nacelle_body: tuple[int, int] | None = None
@@ -201,10 +205,10 @@ class Fidelity:
                 f"Fidelity.blade_bodies is {self.blade_bodies!r}; must be a whole number of at least 1"
             )
         if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self._explicit):
-            implicit = " or ".join(repr(name) for name, entry in INTEGRATORS.items() if not entry.explicit)
+            implicit = _integrators(lambda entry: not entry.explicit)
             raise SimulationError(
                 f"Fidelity.blade_bodies is {self.blade_bodies} with blade_coordinates = {self.blade_coordinates!r} and "
-                f"integrator = {self.integrator!r}: several bodies want 'modal' or 'nodal' coordinates, and an "
+                f"integrator = {self.integrator!r}; several bodies must have 'modal' or 'nodal' coordinates, and an "
                 f"implicit integrator ({implicit}) for their high frequencies"
             )
         for name, low in (("tower_body", 3), ("nacelle_body", 5)):
@@ -231,11 +235,16 @@ class Fidelity:
         if self.moving_bodies and self.tower_body is None and self.nacelle_body is None:
             raise SimulationError("Fidelity.moving_bodies needs a tower_body or a nacelle_body to move")
         if self.blade_basis == "deformed":
-            for name, needed in (("blade_coordinates", "modal"), ("blade_bodies", 1), ("integrator", "hamming")):
+            for name, needed in (("blade_coordinates", "modal"), ("blade_bodies", 1)):
                 if getattr(self, name) != needed:
                     raise SimulationError(
                         f"Fidelity.blade_basis 'deformed' needs {name} {needed!r}, not {getattr(self, name)!r}"
                     )
+            if not INTEGRATORS[self.integrator].keeps_states:
+                raise SimulationError(
+                    "Fidelity.blade_basis 'deformed' needs an integrator whose history passes to other modes "
+                    f"({_integrators(lambda entry: entry.keeps_states)}), not {self.integrator!r}"
+                )
 
     @property
     def _explicit(self) -> bool:
@@ -304,9 +313,9 @@ class Fidelity:
 
     @property
     def takes_motion(self) -> bool:
-        """Whether `Simulator.reset` can begin amid a motion: modal coordinates, embedded form, Hamming integrator."""
+        """Whether `Simulator.reset` can begin amid a motion: modal coordinates, embedded form, explicit integrator."""
         modal = (self.blade_coordinates, self.tower_coordinates) == ("modal", "modal") and self.blade_bodies == 1
-        return modal and self.formulation == "embedded" and self.integrator == "hamming"
+        return modal and self.formulation == "embedded" and self._explicit
 
     def step_for(self, rated_speed: float) -> float:
         """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
@@ -323,13 +332,17 @@ class Fidelity:
     def substeps_for(self, time_step: float, highest: float | None) -> int:
         """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: no limit.
 
-        One, two and three corrector passes are stable up to ω h = 0.276, 0.78 and 1.08 without damping; a quarter is
-        kept in reserve.
+        A quarter of what the integrator is stable for without damping is kept in reserve.
         """
         if highest is None:
             return math.ceil(time_step / self.max_substep - 1e-9)
         phase: float = RESERVE * INTEGRATORS[self.integrator].phase_limit(self.scheme_settings)
         return math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
+
+
+def _integrators(having: Callable[[IntegratorEntry], bool]) -> str:
+    """Names of the integrators with a property, for messages."""
+    return " or ".join(repr(name) for name, entry in INTEGRATORS.items() if having(entry))
 
 
 GEBHARDT_AIR = AeroOptions(

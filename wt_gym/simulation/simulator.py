@@ -91,7 +91,7 @@ class Simulator:
         image, whose rotor turns clockwise, in the mirrored wind (`wt_gym.simulation.reflection`); arguments, signals
         and shapes are those of the turbine.
     faults : tuple of wt_gym.simulation.drivetrain.faults.DriveFault
-        What fails, and when. As the inflow it may be exchanged before a reset, and is no part of a snapshot.
+        What fails, and when. As the inflow it may be exchanged before a reset, and does not belong to a snapshot.
 
     Examples
     --------
@@ -151,7 +151,7 @@ class Simulator:
         self._felt = MirroredInflow.of(inflow) if self.mirrored else inflow  # by the image that is simulated
 
     def __getstate__(self) -> tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None]:
-        """What a copy or a pickle takes along: the arguments and the state; the rest is built anew from them."""
+        """What a copy or a pickle takes along: the arguments and the state; the rest is rebuilt from them."""
         arguments = self.turbine, self.inflow, self.fidelity, self._threads, self.drives.sound_generator
         return arguments, self._faults, self.state() if self._started else None
 
@@ -219,9 +219,9 @@ class Simulator:
             Mean thrust of the air on the rotor over some ten seconds before [N], in which the wake was shed. By default
             that of the start.
         motion : array (n,), optional
-            Motion of the structure, as `motion` gives it of a simulator with the same turbine and fidelity, to go on
+            Motion of the structure, as `motion` gives it of a simulator with the same turbine and fidelity, to continue
             with its velocities and accelerations; ``tower_top`` is then left aside. Modal coordinates, formulation
-            "embedded" and the Hamming integrator only.
+            "embedded" and an explicit integrator only.
 
         Returns
         -------
@@ -248,8 +248,8 @@ class Simulator:
             size = self.structure.n_motion
             if not self.fidelity.takes_motion or motion.shape != (size,) or not np.isfinite(motion).all():
                 raise ActionError(
-                    f"motion must be {size} finite numbers, for modal coordinates, formulation 'embedded' and the "
-                    f"Hamming integrator; got shape {motion.shape} for {self.fidelity!r:.200}"
+                    f"motion must be {size} finite numbers, for modal coordinates, formulation 'embedded' and an "
+                    f"explicit integrator; got shape {motion.shape} for {self.fidelity!r:.200}"
                 )
         if wake_thrust is not None:
             check_finite(wake_thrust=wake_thrust)
@@ -289,8 +289,8 @@ class Simulator:
             Demanded torque on the high-speed shaft [N m]; rate-limited and kept between 0 and the generator's maximum,
             which falls to zero as the rotor stops.
         accumulate : bool
-            Whether extremes and ways in the signals go on from those of the call before, instead of beginning anew;
-            after a reset they do that in any case.
+            Whether extremes and travel in the signals continue from those of the call before; otherwise, and after a
+            reset, they restart.
 
         Returns
         -------
@@ -300,7 +300,7 @@ class Simulator:
         Raises
         ------
         ActionError
-            For demands that are not finite or a duration that is no multiple of the time step.
+            For demands that are not finite or a duration that is not a multiple of the time step.
         SimulationError
             When the simulation diverges, or the inflow gives no wind; the simulator must then be reset.
         """

@@ -65,8 +65,8 @@ class Starter:
         wake_thrust : float, optional
             Mean thrust in the time before, to which the wake belongs [N]; by default that of the balance.
         motion : array (n,), optional
-            Of the structure (`TurbineStructure.motion`): it goes on with its velocities and accelerations, deformed as
-            the loads of the start make it.
+            Of the structure (`TurbineStructure.motion`): it continues with its velocities and accelerations, deformed
+            as the loads of the start make it.
 
         Raises
         ------
@@ -81,8 +81,8 @@ class Starter:
         balanced.aero.clear()  # the tower stands in what the last wake slowed
         y = self._rigid_state(rotor_speed, azimuth)
         if motion is not None:
-            wanted = balanced.models.structure.move(y, motion, self.drives.command[1])
-            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, wake_thrust, wanted)
+            accelerations = balanced.models.structure.move(y, motion, self.drives.command[1])
+            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, wake_thrust, accelerations)
         else:
             self._find_equilibrium(y, rotor_speed, generator_torque, inflow, wake_thrust)
             self._turn_loads(y, rotor_speed, azimuth)
@@ -150,7 +150,7 @@ class Starter:
     ) -> None:
         """Wake, loads and elastic state (y, in place) in balance with each other and the generator.
 
-        Balance means the given accelerations: a motion that goes on in another wind is not jolted by it.
+        Balance means the given accelerations: a motion that continues in another wind is not jolted by it.
         """
         c = self._balanced
         s, induced = c.models.structure, None

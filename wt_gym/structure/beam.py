@@ -70,7 +70,7 @@ class BeamSections(BeamStations):
     Raises
     ------
     TurbineDefinitionError
-        For tables that are no beam, see :class:`wt_gym.turbines.beam.BeamStations`.
+        For tables that do not make a beam, see :class:`wt_gym.turbines.beam.BeamStations`.
     """
 
     axis: NDArray[np.float64]

@@ -58,7 +58,7 @@ def body_from_beam(
     damping_ratio: float = 0.0,
     markers: Mapping[str, float] | None = None,
 ) -> FlexibleBody:
-    """A body whose frame lies at node 0 of a beam, clamped there or on its foundation, in coordinates of one's choice.
+    """A body whose frame lies at node 0 of a beam, clamped there or on its foundation, in the chosen coordinates.
 
     Parameters
     ----------

@@ -147,7 +147,7 @@ def select_modes(modes: Modes, **count: int) -> list[int]:
     ----------
     modes : Modes
     **count
-        Number wanted of each kind, e.g. ``flap=2, edge=1, torsion=0``.
+        Number required of each kind, e.g. ``flap=2, edge=1, torsion=0``.
 
     Returns
     -------
@@ -157,17 +157,17 @@ def select_modes(modes: Modes, **count: int) -> list[int]:
     Raises
     ------
     ValueError
-        When fewer modes of a kind were computed than wanted.
+        When fewer modes of a kind were computed than required.
     """
     chosen = []
-    for kind, wanted in count.items():
+    for kind, number in count.items():
         found = [i for i, k in enumerate(modes.kind) if k == kind]
-        if len(found) < wanted:
+        if len(found) < number:
             raise ValueError(
                 f"{kind} modes must be at most {len(found)}, the number among the {len(modes.kind)} computed modes; "
-                f"got {wanted}"
+                f"got {number}"
             )
-        chosen += found[:wanted]
+        chosen += found[:number]
     return chosen
 
 

@@ -1,12 +1,12 @@
 """A beam cut into several floating-frame bodies: large deflections from small ones.
 
-Each piece deforms linearly (with second-order foreshortening) in its own frame, which is clamped to the tip section of
-the piece before it. The frames follow the deflected beam, so that only the deflection *within* a piece has to be small;
-with enough pieces the chain converges to the geometrically exact beam. (Substructuring in the floating frame of
-reference: Wu & Haug 1988, Int. J. Numer. Methods Eng. 26, 2211–2226; static tip modes with fixed-interface modes:
-Craig & Bampton 1968, AIAA J. 6, 1313–1319.)
+Each sub-body deforms linearly (with second-order foreshortening) in its own frame, which is clamped to the tip section
+of the sub-body before it. The frames follow the deflected beam, so that only the deflection *within* a sub-body has to
+be small; with enough sub-bodies the chain converges to the geometrically exact beam. (Substructuring in the floating
+frame of reference: Wu & Haug 1988, Int. J. Numer. Methods Eng. 26, 2211–2226; static tip modes with fixed-interface
+modes: Craig & Bampton 1968, AIAA J. 6, 1313–1319.)
 
-The frame of every piece is parallel to the frame of the whole beam in the undeformed state; its origin lies on the
+The frame of every sub-body is parallel to the frame of the whole beam in the undeformed state; its origin lies on the
 reference axis at the cut. Arc lengths are those of the whole beam throughout.
 """
 
@@ -44,14 +44,14 @@ class SystemOfBodies(Protocol[J]):
 
 @dataclass(frozen=True)
 class SubBody:
-    """One piece of a cut beam.
+    """One sub-body of a cut beam.
 
     Attributes
     ----------
     body : FlexibleBody
         With the markers "root" and "tip".
     beam : Beam
-        Finite elements of the piece in its own frame; node 0 is the cut.
+        Finite elements of the sub-body in its own frame; node 0 is the cut.
     basis : array (n_dof, n)
         Nodal displacements per elastic coordinate.
     start, end : float
@@ -70,10 +70,10 @@ class SubBody:
         Raises
         ------
         ValueError
-            When s lies outside the piece.
+            When s lies outside the sub-body.
         """
         if not self.start - 1e-9 <= s <= self.end + 1e-9:
-            raise ValueError(f"arc length {s} lies outside the piece {self.body.name!r} [{self.start}, {self.end}]")
+            raise ValueError(f"arc length {s} lies outside the sub-body {self.body.name!r} [{self.start}, {self.end}]")
         return offset_marker(self.beam, self.basis, s, np.asarray(offset, dtype=float))
 
 
@@ -87,7 +87,7 @@ def cut_beam(
     dofs: Sequence[int] = ALL_DOFS,
     stiffness_damping: float = 0.0,
 ) -> tuple[SubBody, ...]:
-    """Cut a beam into pieces.
+    """Cut a beam into sub-bodies.
 
     Parameters
     ----------
@@ -98,13 +98,13 @@ def cut_beam(
     nodes : array (n_nodes,) or int
         Arc lengths of the finite-element nodes [m], or the number of equal elements.
     cuts : int or array
-        Number of pieces with (nearly) equal numbers of elements, or the arc lengths of the inner cuts; each must be one
-        of the nodes.
+        Number of sub-bodies with (nearly) equal numbers of elements, or the arc lengths of the inner cuts; each must be
+        one of the nodes.
     coordinates : {"nodal", "modal"}
-        Elastic coordinates of a piece: the displacements of its nodes behind the cut, or its static tip modes with
+        Elastic coordinates of a sub-body: the displacements of its nodes behind the cut, or its static tip modes with
         ``n_modes`` vibration modes between fixed ends, which represent the tip marker exactly.
     n_modes : int
-        Vibration modes between fixed ends of each piece (modal coordinates).
+        Vibration modes between fixed ends of each sub-body (modal coordinates).
     dofs : sequence of int
         Degrees of freedom of each node that may move; without 2 a straight beam along z is inextensible, (0, 4) is
         bending in the x–z plane.
@@ -119,7 +119,7 @@ def cut_beam(
     Raises
     ------
     ValueError
-        For cuts that are no nodes, more pieces than elements, or unknown coordinates.
+        For cuts that are not nodes, more sub-bodies than elements, or unknown coordinates.
     """
     if np.isscalar(nodes):
         nodes = np.linspace(sections.station[0], sections.station[-1], int(cast(float, nodes)) + 1)
@@ -135,7 +135,7 @@ def cut_beam(
         elif coordinates == "modal":
             basis = tip_and_interior_modes(beam, n_modes, dofs)
         else:
-            raise ValueError(f"coordinates of a piece are 'nodal' or 'modal', got {coordinates!r}")
+            raise ValueError(f"coordinates of a sub-body must be 'nodal' or 'modal', got {coordinates!r}")
         body = FlexibleBody.from_beam(f"{name}_{k + 1}", beam, basis)
         if stiffness_damping:
             body = replace(body, damping=stiffness_damping * body.stiffness)
@@ -184,7 +184,7 @@ def add_chain(
     parent: int | None = None,
     marker: str = "origin",
 ) -> tuple[int, ...]:
-    """Add the pieces of a cut beam to a multibody system, each fixed to the tip of the one before.
+    """Add the sub-bodies of a cut beam to a multibody system, each fixed to the tip of the one before.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def add_chain(
     sub_bodies : sequence of SubBody
         From root to tip.
     joint : Joint
-        Carries the first piece.
+        Carries the first sub-body.
     parent, marker
         Where that joint sits, as for ``MultibodySystem.add``.
 
@@ -209,7 +209,7 @@ def add_chain(
 
 
 def sub_body_at(sub_bodies: Sequence[SubBody], s: float) -> int:
-    """Number of the piece that carries the arc length s [m] of the whole beam; a cut belongs to the outer piece.
+    """Number of the sub-body that carries the arc length s [m] of the whole beam; a cut belongs to the outer sub-body.
 
     Raises
     ------
@@ -225,10 +225,10 @@ def _bounds(nodes: NDArray[np.float64], cuts: int | Sequence[float] | NDArray[np
     """Node numbers of both ends and of the cuts."""
     n_elements = len(nodes) - 1
     if np.isscalar(cuts):
-        wanted = cast(float, cuts)
-        if not 1 <= int(wanted) <= n_elements:
-            raise ValueError(f"a beam of {n_elements} elements makes 1 … {n_elements} pieces, {wanted} wanted")
-        return np.round(np.linspace(0, n_elements, int(wanted) + 1)).astype(int)
+        number = cast(float, cuts)
+        if not 1 <= int(number) <= n_elements:
+            raise ValueError(f"a beam of {n_elements} elements must have 1 … {n_elements} sub-bodies, got {number}")
+        return np.round(np.linspace(0, n_elements, int(number) + 1)).astype(int)
     inner = cast("Sequence[float]", cuts)
     found = [int(np.abs(nodes - s).argmin()) for s in inner]
     for s, node in zip(inner, found, strict=True):

@@ -70,10 +70,6 @@ class Polar(ArrayRecord):
             np.interp(wrapped, self.alpha, self.cm),
         )
 
-    def on_grid(self, alpha: NDArray[np.float64]) -> "Polar":
-        """Return the same polar tabulated at ``alpha`` (n,) [rad]; exact if the grid holds all points of the table."""
-        return Polar(alpha, *self.coefficients(alpha))
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Airfoil(ArrayRecord):

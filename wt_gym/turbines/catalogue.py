@@ -78,7 +78,7 @@ def load_turbine(
     Raises
     ------
     TurbineDefinitionError
-        If the name or path is unknown, the file is no YAML, does not fit windIO's schema, lacks a number the simulator
+        If the name or path is unknown, the file is not YAML, does not fit windIO's schema, lacks a number the simulator
         needs or contradicts itself. The message names the file, the key path and what is allowed.
 
     Examples

@@ -39,7 +39,7 @@ def check_number(field: str, value: Any, low: float, high: float, *, open_low: b
     Raises
     ------
     TurbineDefinitionError
-        If it is no number, not finite, or out of range.
+        If it is not a number, not finite, or out of range.
     """
     allowed = f"a finite number in {'(' if open_low else '['}{low:g}, {high:g}]"
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
@@ -84,7 +84,7 @@ def check_array(
     except (TypeError, ValueError) as error:
         raise fail(field, value, f"an array of numbers with shape {_shape_text(shape)}") from error
     matches = array.ndim == len(shape) and all(
-        n >= 1 if want is None else n == want for n, want in zip(array.shape, shape, strict=True)
+        n >= 1 if size is None else n == size for n, size in zip(array.shape, shape, strict=True)
     )
     if not matches:
         raise fail(field, f"shape {array.shape}", f"shape {_shape_text(shape)}")
@@ -148,7 +148,7 @@ def _summary(value: Any) -> str:
 
 
 def _shape_text(shape: Sequence[int | None]) -> str:
-    return "(" + ", ".join("n" if want is None else str(want) for want in shape) + ")"
+    return "(" + ", ".join("n" if size is None else str(size) for size in shape) + ")"
 
 
 class ArrayRecord:

@@ -50,7 +50,7 @@ class ControlData(ArrayRecord):
         Pitch of the gain schedule, ascending [rad].
     pitch_proportional_gain, pitch_integral_gain : ndarray (n,) or None
         From generator speed error [rad/s] to pitch [rad] at ``gain_pitch`` [s], [-]. Both come with ``gain_pitch``. The
-        proportional gain may turn negative at a large pitch, where the air damps more than is wanted.
+        proportional gain may turn negative at a large pitch, where the air damps more than is required.
     gain_doubling_pitch : float or None
         Pitch at which the gains are half of those at zero pitch [rad] (PC_KK); ``gain_pitch`` is then the one value 0.
     power_per_pitch : float or None
@@ -78,7 +78,7 @@ class ControlData(ArrayRecord):
     Raises
     ------
     wt_gym.errors.TurbineDefinitionError
-        For a number out of range, or a table of which a part is missing.
+        For a number out of range, or a table with a part missing.
     """
 
     fine_pitch: float | None = None

@@ -63,11 +63,11 @@ def with_damper(turbine: Turbine) -> Turbine:
 GENERATORS = ("torque", "damper")
 
 Law = TypeVar("Law")
-"""A law of one's own, see `wt_gym.simulation.drivetrain.drives`."""
+"""A custom law, see `wt_gym.simulation.drivetrain.drives`."""
 
 
 def with_generator(turbine: Turbine, choice: str | Law | None) -> tuple[Turbine, Law | None]:
-    """A turbine with the generator that is chosen by name, and what is left of the choice: a law of one's own, or None.
+    """A turbine with the generator that is chosen by name, and what is left of the choice: a custom law, or None.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Contents of windIO files that were read and found valid before: reading and checking one anew takes seconds.
+"""Contents of windIO files that were read and found valid before: reading and checking one again takes seconds.
 
 Kept as JSON in ``$WT_GYM_CACHE/turbines`` or the user's cache directory, by the digest of the file and the version of
-windIO whose schema it fits. A file here that does not bear out its own digest is ignored and made again.
+windIO whose schema it fits. A file here that does not match its own digest is ignored and made again.
 """
 
 import contextlib

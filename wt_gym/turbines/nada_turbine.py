@@ -55,10 +55,10 @@ def nada_speed() -> float:
 def plate_polar(stall: float, width: float, friction: float, n: int = 361) -> Polar:
     """Polar of a thin plate with sharp edges over the full circle.
 
-    The force is normal to the plate but for friction: attached flow has the circulation of thin-airfoil theory and no
-    suction at the leading edge, c_n = 2 π sin α; separated flow c_n = 1/(0.222 + 0.283/sin α) (Hoerner 1965); between
-    them the share of attached flow falls as 1/(1 + exp((α − stall)/width)). The force acts at a quarter of the chord
-    from the edge that leads, and at half of it across the wind.
+    The force is normal to the plate except for friction: attached flow has the circulation of thin-airfoil theory and
+    no suction at the leading edge, c_n = 2 π sin α; separated flow c_n = 1/(0.222 + 0.283/sin α) (Hoerner 1965);
+    between them the share of attached flow falls as 1/(1 + exp((α − stall)/width)). The force acts at a quarter of the
+    chord from the edge that leads, and at half of it across the wind.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ def read_openfast(
     rated_rotor_speed : float, optional
         [rad/s], likewise.
     blade : str, optional
-        "elastodyn" or "beamdyn": of which module's files the structure of the blade is; by default what CompElast says.
+        "elastodyn" or "beamdyn", the module whose files give the structure of the blade; by default that of CompElast.
 
     Returns
     -------

@@ -17,7 +17,7 @@ __all__ = ["AirfoilFile", "read_airfoil_file"]
 
 QUARTER_CHORD = 0.25
 THICKNESS_GUESS = 0.18
-"""Relative thickness of a lifting section of which neither coordinates nor thickness are known."""
+"""Relative thickness of a lifting section whose coordinates and thickness are unknown."""
 
 THICK = 0.5
 """Relative thickness from which on a section is rather a cylinder, with its reference point in the middle."""

@@ -277,14 +277,8 @@ def _elastodyn_sections(
     tube with the section's outer size, EA = 8 EI/c^2; torsion is as stiff as bending in both directions together, which
     leaves a blade that hardly twists.
     """
-    table = file.table("NBlInpSt", "BlFract")
-    for name in ("strctwst", "bmassden", "flpstff", "edgstff"):
-        if name not in table:
-            raise TurbineDefinitionError(f"{file.path.name}: no column {name} in the table of the blade")
-    fraction = table["blfract"].copy()
-    if abs(fraction[0]) > 1e-6 or abs(fraction[-1] - 1.0) > 1e-6:
-        raise file.fail("BlFract", [float(fraction[0]), float(fraction[-1])], "fractions from 0 to 1")
-    fraction[0], fraction[-1] = 0.0, 1.0
+    columns = "strctwst", "bmassden", "flpstff", "edgstff"
+    table, fraction = file.sections("NBlInpSt", "BlFract", columns, "blade")
     z = fraction * length
     tuned = _tuners(file, "FlStTunr(1)", "FlStTunr(2)", notes)
     flap = table["flpstff"] * file.number("AdjFlSt", 1.0) * tuned

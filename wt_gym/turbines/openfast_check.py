@@ -1,7 +1,7 @@
 """A second reading of an OpenFAST model, by the package ``openfast_io``, to compare with.
 
 ``openfast_io`` reads lines by their number, in the format of its own release. A file of another release it refuses at
-the first word where it wants a number, or reads with the numbers of lines beside.
+the first word where it expects a number, or reads with the numbers of lines beside.
 """
 
 from collections.abc import Callable

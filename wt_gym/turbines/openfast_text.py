@@ -7,6 +7,7 @@ file of another it takes the number of the line beside.
 """
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +171,37 @@ class TextFile:
         rows = self.rows(first, count, what, columns)
         return np.array([[self._number(what, word) for word in row[:columns]] for row in rows])
 
+    def sections(
+        self, count_key: str, fraction: str, columns: Sequence[str], what: str
+    ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
+        """Return the table of a beam and its first column (n,), the fraction of the length from 0 to 1.
+
+        Parameters
+        ----------
+        count_key : str
+            As of `table`.
+        fraction : str
+            Name of the first column.
+        columns : sequence of str
+            Required columns, in lower case.
+        what : str
+            The beam, for messages.
+
+        Raises
+        ------
+        TurbineDefinitionError
+            As of `table`, for a missing column and for fractions that do not run from 0 to 1.
+        """
+        table = self.table(count_key, fraction)
+        for name in columns:
+            if name not in table:
+                raise TurbineDefinitionError(f"{self.path.name}: no column {name} in the table of the {what}")
+        along = table[fraction.lower()].copy()
+        if abs(along[0]) > 1e-6 or abs(along[-1] - 1.0) > 1e-6:
+            raise self.fail(fraction, [float(along[0]), float(along[-1])], "fractions from 0 to 1")
+        along[0], along[-1] = 0.0, 1.0
+        return table, along
+
     def table(self, count_key: str, first_column: str) -> dict[str, NDArray[np.float64]]:
         """Return a table by the names in its header.
 
@@ -198,7 +230,7 @@ class TextFile:
 
 
 def _first_key(tokens: list[str]) -> int:
-    """Return the index of the first word that is no value; the last one where all are."""
+    """Return the index of the first word that is not a value; the last one where all are."""
     for k, token in enumerate(tokens):
         if k and not _is_value(token):
             return k

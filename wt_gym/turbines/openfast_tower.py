@@ -45,14 +45,7 @@ def read_openfast_tower(elastodyn: TextFile, file: TextFile, aerodyn: TextFile, 
     length = top - base
     if length <= 0.0:
         raise elastodyn.fail("TowerHt", top, f"a height above TowerBsHt = {base:g} m")
-    table = file.table("NTwInpSt", "HtFract")
-    for name in ("tmassden", "twfastif", "twssstif"):
-        if name not in table:
-            raise TurbineDefinitionError(f"{file.path.name}: no column {name} in the table of the tower")
-    fraction = table["htfract"].copy()
-    if abs(fraction[0]) > 1e-6 or abs(fraction[-1] - 1.0) > 1e-6:
-        raise file.fail("HtFract", [float(fraction[0]), float(fraction[-1])], "fractions from 0 to 1")
-    fraction[0], fraction[-1] = 0.0, 1.0
+    table, fraction = file.sections("NTwInpSt", "HtFract", ("tmassden", "twfastif", "twssstif"), "tower")
     station = fraction * length
     mass = table["tmassden"] * file.number("AdjTwMa", 1.0)
     fore_aft = table["twfastif"] * file.number("AdjFASt", 1.0) * _tuner(file, "FAStTunr", notes)

@@ -51,7 +51,7 @@ class Support(ArrayRecord):
     Raises
     ------
     TurbineDefinitionError
-        If a table does not fit the others, or the foundation is no stiffness.
+        If a table does not fit the others, or the foundation is not a stiffness matrix.
     """
 
     base_height: float

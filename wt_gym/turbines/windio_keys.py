@@ -147,7 +147,7 @@ def _without(value: Any, path: str) -> Any:
 
 
 def _alternatives(schema: Any) -> list[dict[str, Any]]:
-    """Return the schemas that describe a value: the one given, or those of which it names one."""
+    """Return the schemas that describe a value: the one given, or the alternatives that it names."""
     if not isinstance(schema, dict):
         return []
     if "$ref" in schema:

@@ -1,6 +1,6 @@
 """Files of windIO version 1 as files of version 2, by the converter that comes with windIO.
 
-The converter's own ``convert()`` works from file to file, prints, and goes on after a part that it cannot convert,
+The converter's own ``convert()`` works from file to file, prints, and continues after a part that it cannot convert,
 which leaves half of the angles in radians. Its steps are called here one by one, and a step that fails is an error. Two
 parts it drops are carried over: the masses and inertias of nacelle and generator, and all but the first Reynolds number
 of an airfoil. The composite layers of the blade are not converted, because nothing here reads them.

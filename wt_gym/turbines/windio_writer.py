@@ -396,8 +396,8 @@ def _airfoil(airfoil: Airfoil, name: str, rotating: bool | None) -> dict[str, An
     return entry | ({} if rotating is None else {"description": words[rotating]})
 
 
-def require_same(wanted: Any, found: Any, where: str = "Turbine") -> None:
-    """Require two turbines, or parts of them, to be equal but for rounding; notes and names are not compared.
+def require_same(expected: Any, found: Any, where: str = "Turbine") -> None:
+    """Require two turbines, or parts of them, to be equal up to rounding; notes and names are not compared.
 
     Airfoils are compared in their order along the span.
 
@@ -406,8 +406,8 @@ def require_same(wanted: Any, found: Any, where: str = "Turbine") -> None:
     TurbineDefinitionError
         Naming the first field that differs.
     """
-    for item in dataclasses.fields(wanted):
-        one, two = getattr(wanted, item.name), getattr(found, item.name)
+    for item in dataclasses.fields(expected):
+        one, two = getattr(expected, item.name), getattr(found, item.name)
         name = f"{where}.{item.name}"
         if item.name in ("notes", "airfoils", "airfoil_index", "name"):
             continue
@@ -415,10 +415,10 @@ def require_same(wanted: Any, found: Any, where: str = "Turbine") -> None:
             require_same(one, two, name)
         elif not _equal(one, two):
             raise fail(name, two, f"{one!r:.80}")
-    if isinstance(wanted, Blade) and isinstance(found, Blade):
-        pairs = zip(wanted.airfoil_index, found.airfoil_index, strict=True)
+    if isinstance(expected, Blade) and isinstance(found, Blade):
+        pairs = zip(expected.airfoil_index, found.airfoil_index, strict=True)
         for i, (one, two) in enumerate(pairs):
-            require_same(wanted.airfoils[one], found.airfoils[two], f"{where}.airfoils[{i}]")
+            require_same(expected.airfoils[one], found.airfoils[two], f"{where}.airfoils[{i}]")
 
 
 def _equal(one: Any, two: Any) -> bool:

@@ -59,7 +59,7 @@ def _label(parameters: _Parameters) -> str:
 
 
 def load(parameters: _Parameters) -> NDArray[np.float32] | None:
-    """Fluctuations (n_times, n_z, n_y, 3) from the cache, or None if there is no sound file."""
+    """Fluctuations (n_times, n_z, n_y, 3) from the cache, or None if there is no intact file."""
     path = cache_file(parameters)
     if path is None:
         return None

@@ -97,7 +97,7 @@ def evolved_boxes(box: TurbulenceBox, distances: Sequence[float]) -> tuple[Turbu
         phase = rng.uniform(0.0, 2.0 * math.pi, wavenumber.size)
         phase[0], kept[0] = 0.0, 1.0  # what a box holds as profile stays
         if n_times % 2 == 0:
-            phase[-1] = 0.0  # of the last harmonic there is no sine
+            phase[-1] = 0.0  # the last harmonic has no sine
         transfer = kept * transfer + np.sqrt(1.0 - kept * kept) * np.exp(1j * phase)
         filters[distance], reached = transfer, distance
     boxes = {}

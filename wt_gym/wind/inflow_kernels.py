@@ -24,7 +24,9 @@ def _jet_shape(z, jet_height):
 
 
 @kernel(fastmath=_FASTMATH)
-def _mean_speed(z, speed, hub_height, shear_exponent, roughness_length, jet_height, jet_share):
+def _mean_speed(z, profile):
+    """Speed at height z of a profile, see `SteadyInflow.kernel_profile`."""
+    speed, hub_height, shear_exponent, roughness_length, jet_height, jet_share, _ = profile
     magnitude = _layer_speed(z, speed, hub_height, shear_exponent, roughness_length)
     if jet_height > 0.0:
         if z <= 0.0:
@@ -50,20 +52,10 @@ def _layer_speed(z, speed, hub_height, shear_exponent, roughness_length):
 
 
 @kernel(fastmath=_FASTMATH)
-def mean_velocity(
-    points,
-    speed,
-    hub_height,
-    shear_exponent,
-    roughness_length,
-    jet_height,
-    jet_share,
-    veer,
-    direction,
-    inclination,
-    out,
-):
+def mean_velocity(points, profile, direction, inclination, out):
     """Velocity of a sheared, veered wind."""
+    hub_height = profile[1]
+    veer = profile[6]
     cos_direction = math.cos(direction)
     sin_direction = math.sin(direction)
     cos_inclination = math.cos(inclination)
@@ -75,7 +67,7 @@ def mean_velocity(
         if not abs(x) + abs(y) + abs(z) < math.inf:
             return i
         height = z - hub_height
-        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length, jet_height, jet_share)
+        magnitude = _mean_speed(z, profile)
         c = cos_direction
         s = sin_direction
         if veer != 0.0:
@@ -89,27 +81,14 @@ def mean_velocity(
 
 @kernel(fastmath=_FASTMATH)
 def transient_velocity(
-    points,
-    speed,
-    hub_height,
-    shear_exponent,
-    roughness_length,
-    jet_height,
-    jet_share,
-    veer,
-    direction,
-    inclination,
-    speed_increment,
-    turn,
-    lateral_gradient,
-    vertical_gradient,
-    reach,
-    out,
+    points, profile, direction, inclination, speed_increment, turn, lateral_gradient, vertical_gradient, reach, out
 ):
     """Velocity of a sheared, veered wind with a speed increment, a turn and linear gradients at each point (n,).
 
     The gradients [1/s] act on the lateral and vertical distance from the hub axis, held beyond ``reach`` [m].
     """
+    hub_height = profile[1]
+    veer = profile[6]
     cos_inclination = math.cos(inclination)
     sin_inclination = math.sin(inclination)
     for i in range(points.shape[0]):
@@ -121,10 +100,7 @@ def transient_velocity(
         height = z - hub_height
         heading = direction + turn[i]
         across = y * math.cos(heading) - x * math.sin(heading)
-        magnitude = (
-            _mean_speed(z, speed, hub_height, shear_exponent, roughness_length, jet_height, jet_share)
-            + speed_increment[i]
-        )
+        magnitude = _mean_speed(z, profile) + speed_increment[i]
         magnitude += lateral_gradient[i] * min(max(across, -reach), reach)
         magnitude += vertical_gradient[i] * min(max(height, -reach), reach)
         heading += veer * height
@@ -135,28 +111,32 @@ def transient_velocity(
 
 
 @kernel(fastmath=_FASTMATH)
-def turbulent_velocity(
-    points,
-    time,
-    speed,
-    hub_height,
-    shear_exponent,
-    roughness_length,
-    jet_height,
-    jet_share,
-    veer,
-    direction,
-    inclination,
-    fluctuation,
-    scale,
-    time_step,
-    spacing_y,
-    spacing_z,
-    y_center,
-    z_bottom,
-    out,
-):
-    """Velocity of the mean wind plus ``scale`` times a box (n_times, n_z, n_y, 3) carried along at ``speed``."""
+def _time_cell(time, along, speed, time_step, n_times):
+    """Samples of a box before and after what passes a point now, and the share of the way between them.
+
+    By Taylor's hypothesis it passed the hub plane along/speed ago.
+    """
+    cycles = (time - along / speed) / (time_step * n_times)
+    place = (cycles - math.floor(cycles)) * n_times
+    before = min(int(place), n_times - 1)
+    return before, before + 1 if before + 1 < n_times else 0, place - before
+
+
+@kernel(fastmath=_FASTMATH)
+def _grid_cell(distance, spacing, n):
+    """Grid point before a distance from the first of n, and the share of the way to the next; the ends hold beyond."""
+    place = min(max(distance / spacing, 0.0), n - 1.0)
+    before = min(int(place), n - 2)
+    return before, place - before
+
+
+@kernel(fastmath=_FASTMATH)
+def turbulent_velocity(points, time, profile, direction, inclination, fluctuation, scale, time_step, spacing_y,
+                       spacing_z, y_center, z_bottom, out):  # fmt: skip
+    """Velocity of the mean wind plus ``scale`` times a box (n_times, n_z, n_y, 3) carried along at its speed."""
+    speed = profile[0]
+    hub_height = profile[1]
+    veer = profile[6]
     n_times, n_z, n_y, _ = fluctuation.shape
     y_start = y_center - 0.5 * spacing_y * (n_y - 1)
     cos_direction = math.cos(direction)
@@ -177,18 +157,9 @@ def turbulent_velocity(
         across = y * cos_direction - x * sin_direction
         above = height * cos_inclination - ahead * sin_inclination + hub_height
 
-        # Taylor: what passes here now passed the hub plane along/speed ago
-        cycles = (time - along / speed) / (time_step * n_times)
-        place = (cycles - math.floor(cycles)) * n_times
-        it = min(int(place), n_times - 1)
-        ft = place - it
-        it_next = it + 1 if it + 1 < n_times else 0
-        place = min(max((across - y_start) / spacing_y, 0.0), n_y - 1.0)
-        iy = min(int(place), n_y - 2)
-        fy = place - iy
-        place = min(max((above - z_bottom) / spacing_z, 0.0), n_z - 1.0)
-        iz = min(int(place), n_z - 2)
-        fz = place - iz
+        it, it_next, ft = _time_cell(time, along, speed, time_step, n_times)
+        iy, fy = _grid_cell(across - y_start, spacing_y, n_y)
+        iz, fz = _grid_cell(above - z_bottom, spacing_z, n_z)
 
         w00 = (1.0 - fz) * (1.0 - fy)
         w01 = (1.0 - fz) * fy
@@ -211,7 +182,7 @@ def turbulent_velocity(
         u *= scale
         v *= scale
         w *= scale
-        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length, jet_height, jet_share)
+        magnitude = _mean_speed(z, profile)
         c = cos_direction
         s = sin_direction
         if veer != 0.0:
@@ -225,27 +196,14 @@ def turbulent_velocity(
 
 
 @kernel(fastmath=_FASTMATH)
-def add_tower_points(
-    points,
-    time,
-    speed,
-    hub_height,
-    direction,
-    inclination,
-    fluctuation,
-    tower,
-    scale,
-    time_step,
-    spacing_y,
-    spacing_z,
-    y_center,
-    z_bottom,
-    out,
-):
+def add_tower_points(points, time, profile, direction, inclination, fluctuation, tower, scale, time_step, spacing_y,
+                     spacing_z, y_center, z_bottom, out):  # fmt: skip
     """Below the grid of a box: exchange its lowest row in ``out`` for the wind between that row and the tower points.
 
     The points (n_times, n_tower, 3) are ``spacing_z`` apart, the first so far below the lowest row.
     """
+    speed = profile[0]
+    hub_height = profile[1]
     n_times, _, n_y, _ = fluctuation.shape
     n_tower = tower.shape[1]
     y_start = y_center - 0.5 * spacing_y * (n_y - 1)
@@ -260,14 +218,8 @@ def add_tower_points(
         if not above < z_bottom:
             continue
         along = ahead * cos_inclination + height * sin_inclination
-        cycles = (time - along / speed) / (time_step * n_times)
-        place = (cycles - math.floor(cycles)) * n_times
-        it = min(int(place), n_times - 1)
-        ft = place - it
-        it_next = it + 1 if it + 1 < n_times else 0
-        place = min(max((points[i, 1] * c - points[i, 0] * s - y_start) / spacing_y, 0.0), n_y - 1.0)
-        iy = min(int(place), n_y - 2)
-        fy = place - iy
+        it, it_next, ft = _time_cell(time, along, speed, time_step, n_times)
+        iy, fy = _grid_cell(points[i, 1] * c - points[i, 0] * s - y_start, spacing_y, n_y)
         depth = min((z_bottom - above) / spacing_z, float(n_tower))
         level = min(int(depth), n_tower - 1)
         down = scale * (depth - level)  # share of the tower point below

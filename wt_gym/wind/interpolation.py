@@ -5,7 +5,7 @@ sinc(x) = sin(πx)/(πx): the Fourier transform of the triangle with which linea
 (Oppenheim and Schafer, Discrete-Time Signal Processing, section 4.6). The rest appears as images at |m/dt ± f| with the
 amplitudes sinc²(m ± x). Together they hold the share (2 + cos 2πx)/3 of the variance: the mean square on the line from
 a to b is (a² + ab + b²)/3. Samples whose amplitudes are divided by sinc² therefore give the interpolated wind exactly
-the wanted spectrum up to half the sampling frequency. x depends only on the number of the harmonic in the record, so
+the required spectrum up to half the sampling frequency. x depends only on the number of the harmonic in the record, so
 that this holds at every speed at which a box is carried along.
 """
 
@@ -25,7 +25,7 @@ SPECTRUM_OF = ("interpolated", "samples")
 
 
 def sample_gain(n_times: int, spectrum_of: str) -> NDArray[np.float64]:
-    """Variance of the samples over that wanted, of the harmonics 1, 2, … below half the sampling frequency.
+    """Variance of the samples over the required one, of the harmonics 1, 2, … below half the sampling frequency.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def sample_gain(n_times: int, spectrum_of: str) -> NDArray[np.float64]:
 
 
 def variance_read(n_times: int, spectrum_of: str) -> NDArray[np.float64]:
-    """Variance that counts for the standard deviation of a box over that wanted at each harmonic, its images included.
+    """Variance that counts for the standard deviation of a box over the required one, by harmonic with its images.
 
     Parameters
     ----------

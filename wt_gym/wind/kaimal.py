@@ -47,9 +47,14 @@ from wt_gym.wind.interpolation import SPECTRUM_OF, sample_gain, variance_read
 from wt_gym.wind.protocol import require_number
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["SCALINGS", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesize"]
+__all__ = [
+    "SCALINGS", "BoxParameters", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "resolve_shared",
+    "synthesize",
+]  # fmt: skip
 
 SIGMA_RATIO = np.array([1.0, 0.8, 0.5])
 LENGTH_RATIO = np.array([8.1, 2.7, 0.66])
@@ -63,13 +68,13 @@ _DEFAULT_MARGIN = 1.15
 
 
 @dataclass(frozen=True)
-class KaimalParameters:
-    """Everything that determines a Kaimal box; the arguments of :meth:`TurbulenceBox.kaimal`, resolved.
+class BoxParameters:
+    """What determines a box of any model; the arguments of :class:`TurbulenceBox`'s makers, resolved.
 
     ``grid`` is (n_y, n_z), ``width`` the side of the square grid [m], ``n_times`` the number of time steps.
     """
 
-    model: ClassVar[str] = "kaimal"
+    model: ClassVar[str]
 
     mean_speed: float
     hub_height: float
@@ -83,65 +88,89 @@ class KaimalParameters:
     turbulence: str
     turbine_class: str
     scaling: str
-    lateral_coherence: bool
     spectrum_of: str
 
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Distance between grid points along y and z [m]."""
+        return self.width / (self.grid[0] - 1), self.width / (self.grid[1] - 1)
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """Frequencies of the harmonics [Hz], shape (n,): multiples of 1/T below half the sampling frequency."""
+        return np.arange(1, (self.n_times - 1) // 2 + 1) / (self.n_times * self.time_step)
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the parameters as plain values that JSON can hold."""
+        return {**asdict(self), "grid": list(self.grid)}
+
+
+def resolve_shared(
+    mean_speed: float,
+    hub_height: float,
+    rotor_diameter: float,
+    turbulence_class: str,
+    seed: int,
+    duration: float,
+    time_step: float,
+    grid: tuple[int, int] | None,
+    width: float | None,
+    turbulence: str,
+    turbine_class: str,
+    scaling: str,
+    spectrum_of: str = "interpolated",
+) -> dict[str, Any]:
+    """Check the arguments that all models share and fill in the defaults: the fields of `BoxParameters`."""
+    mean_speed = require_number(mean_speed, "mean_speed", "m/s", 0.0, open_minimum=True)
+    hub_height = require_number(hub_height, "hub_height", "m", 0.0, open_minimum=True)
+    diameter = require_number(rotor_diameter, "rotor_diameter", "m", 0.0, 2.0 * hub_height, open_minimum=True)
+    time_step = require_number(time_step, "time_step", "s", 0.0, open_minimum=True)
+    duration = require_number(duration, "duration", "s", 4.0 * time_step)
+    turbulence_sigma(mean_speed, turbulence_class, turbulence, turbine_class)  # refuses unknown classes
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InflowError(f"seed must be an integer of at least 0; got {seed!r}")
+    if scaling not in SCALINGS:
+        raise InflowError(f"scaling must be one of {', '.join(map(repr, SCALINGS))}; got {scaling!r}")
+    if spectrum_of not in SPECTRUM_OF:
+        raise InflowError(f"spectrum_of must be one of {', '.join(map(repr, SPECTRUM_OF))}; got {spectrum_of!r}")
+    n_times = round(duration / time_step)
+    if abs(n_times * time_step - duration) > 1e-6 * duration:
+        raise InflowError(f"duration must be a multiple of time_step; got {duration} s and {time_step} s")
+    if width is None:
+        width = min(_DEFAULT_MARGIN * diameter, 1.98 * hub_height)  # the grid must stay above the ground
+    width = require_number(width, "width", "m", 0.0, 2.0 * hub_height, open_minimum=True)
+    if grid is None:
+        n_points = 2 * math.ceil(0.5 * width / _DEFAULT_SPACING) + 1
+        grid = (n_points, n_points)
+    return {
+        "mean_speed": mean_speed,
+        "hub_height": hub_height,
+        "rotor_diameter": diameter,
+        "turbulence_class": turbulence_class,
+        "seed": int(seed),
+        "n_times": n_times,
+        "time_step": time_step,
+        "grid": _checked_grid(grid),
+        "width": width,
+        "turbulence": turbulence,
+        "turbine_class": turbine_class,
+        "scaling": scaling,
+        "spectrum_of": spectrum_of,
+    }
+
+
+@dataclass(frozen=True)
+class KaimalParameters(BoxParameters):
+    """Everything that determines a Kaimal box, see :meth:`TurbulenceBox.kaimal`."""
+
+    model: ClassVar[str] = "kaimal"
+
+    lateral_coherence: bool
+
     @classmethod
-    def resolve(
-        cls,
-        mean_speed: float,
-        hub_height: float,
-        rotor_diameter: float,
-        turbulence_class: str,
-        seed: int,
-        duration: float,
-        time_step: float,
-        grid: tuple[int, int] | None,
-        width: float | None,
-        turbulence: str,
-        turbine_class: str,
-        scaling: str,
-        lateral_coherence: bool,
-        spectrum_of: str = "interpolated",
-    ) -> KaimalParameters:
-        """Check the arguments and fill in the defaults."""
-        mean_speed = require_number(mean_speed, "mean_speed", "m/s", 0.0, open_minimum=True)
-        hub_height = require_number(hub_height, "hub_height", "m", 0.0, open_minimum=True)
-        diameter = require_number(rotor_diameter, "rotor_diameter", "m", 0.0, 2.0 * hub_height, open_minimum=True)
-        time_step = require_number(time_step, "time_step", "s", 0.0, open_minimum=True)
-        duration = require_number(duration, "duration", "s", 4.0 * time_step)
-        turbulence_sigma(mean_speed, turbulence_class, turbulence, turbine_class)  # refuses unknown classes
-        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-            raise InflowError(f"seed must be an integer of at least 0; got {seed!r}")
-        if scaling not in SCALINGS:
-            raise InflowError(f"scaling must be one of {', '.join(map(repr, SCALINGS))}; got {scaling!r}")
-        if spectrum_of not in SPECTRUM_OF:
-            raise InflowError(f"spectrum_of must be one of {', '.join(map(repr, SPECTRUM_OF))}; got {spectrum_of!r}")
-        n_times = round(duration / time_step)
-        if abs(n_times * time_step - duration) > 1e-6 * duration:
-            raise InflowError(f"duration must be a multiple of time_step; got {duration} s and {time_step} s")
-        if width is None:
-            width = min(_DEFAULT_MARGIN * diameter, 1.98 * hub_height)  # the grid must stay above the ground
-        width = require_number(width, "width", "m", 0.0, 2.0 * hub_height, open_minimum=True)
-        if grid is None:
-            n_points = 2 * math.ceil(0.5 * width / _DEFAULT_SPACING) + 1
-            grid = (n_points, n_points)
-        return cls(
-            mean_speed=mean_speed,
-            hub_height=hub_height,
-            rotor_diameter=diameter,
-            turbulence_class=turbulence_class,
-            seed=int(seed),
-            n_times=n_times,
-            time_step=time_step,
-            grid=_checked_grid(grid),
-            width=width,
-            turbulence=turbulence,
-            turbine_class=turbine_class,
-            scaling=scaling,
-            lateral_coherence=bool(lateral_coherence),
-            spectrum_of=spectrum_of,
-        )
+    def resolve(cls, lateral_coherence: bool, **arguments: Any) -> KaimalParameters:
+        """Check the arguments and fill in the defaults; the others are those of `resolve_shared`."""
+        return cls(**resolve_shared(**arguments), lateral_coherence=bool(lateral_coherence))
 
     @property
     def sigma(self) -> NDArray[np.float64]:
@@ -149,11 +178,6 @@ class KaimalParameters:
         return SIGMA_RATIO * turbulence_sigma(
             self.mean_speed, self.turbulence_class, self.turbulence, self.turbine_class
         )
-
-    @property
-    def frequency(self) -> NDArray[np.float64]:
-        """Frequencies of the harmonics [Hz], shape (n,): multiples of 1/T below half the sampling frequency."""
-        return np.arange(1, (self.n_times - 1) // 2 + 1) / (self.n_times * self.time_step)
 
     @property
     def unscaled_variance(self) -> NDArray[np.float64]:
@@ -187,11 +211,6 @@ class KaimalParameters:
         return variance
 
     @property
-    def spacing(self) -> tuple[float, float]:
-        """Distance between grid points along y and z [m]."""
-        return self.width / (self.grid[0] - 1), self.width / (self.grid[1] - 1)
-
-    @property
     def description(self) -> str:
         """One line that tells a person what turbulence this is."""
         return (
@@ -207,10 +226,6 @@ class KaimalParameters:
             return f"unscaled: {_three(share)} of sigma"
         what = "first harmonic" if self.scaling == "low_frequency" else "all amplitudes"
         return f"{what} times {_three(self.amplitude_factor)}"
-
-    def as_dict(self) -> dict[str, object]:
-        """Return the parameters as plain values that JSON can hold."""
-        return {**asdict(self), "grid": list(self.grid)}
 
 
 def _three(numbers: NDArray[np.float64]) -> str:

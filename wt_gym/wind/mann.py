@@ -18,7 +18,7 @@ the amplitude of a wave is D (k₀ × n) √(E(k₀)/4π) / k₀², n being whit
 and D the solution of rapid distortion in a uniform shear (Mann 1994, equations 3.12 to 3.18): it adds ζ₁ and ζ₂ times
 the third component to the first two, and multiplies the third with k₀²/k².
 
-Parameters: L = 0.8 Λ₁ and Γ = 3.9 are the standard's; αε^(2/3) follows from the standard deviation σ_u that is wanted.
+Parameters: L = 0.8 Λ₁ and Γ = 3.9 are the standard's; αε^(2/3) follows from the required standard deviation σ_u.
 What comes out for v and w follows: σ_v/σ_u and σ_w/σ_u are functions of Γ alone.
 
 The box
@@ -34,7 +34,7 @@ from seed to seed and from point to point, σ is that of many of them. ``scaling
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, cast
 
@@ -45,7 +45,7 @@ import scipy.special
 
 from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.interpolation import sample_gain, variance_read
-from wt_gym.wind.kaimal import KaimalParameters
+from wt_gym.wind.kaimal import BoxParameters, resolve_shared
 from wt_gym.wind.protocol import require_number
 
 if TYPE_CHECKING:
@@ -67,45 +67,22 @@ _RADII, _ANGLES = 280, 32
 
 
 @dataclass(frozen=True)
-class MannParameters:
-    """Everything that determines a Mann box; the arguments of :meth:`TurbulenceBox.mann`, resolved.
-
-    ``grid`` is (n_y, n_z), ``width`` the side of the square grid [m], ``n_times`` the number of time steps, ``length``
-    L [m], ``shear`` Γ.
-    """
+class MannParameters(BoxParameters):
+    """Everything that determines a Mann box, see :meth:`TurbulenceBox.mann`: ``length`` is L [m], ``shear`` Γ."""
 
     model: ClassVar[str] = "mann"
 
-    mean_speed: float
-    hub_height: float
-    rotor_diameter: float
-    turbulence_class: str
-    seed: int
-    n_times: int
-    time_step: float
-    grid: tuple[int, int]
-    width: float
-    turbulence: str
-    turbine_class: str
-    scaling: str
-    spectrum_of: str
     length: float
     shear: float
 
     @classmethod
     def resolve(cls, length: float | None, shear: float, **arguments: Any) -> MannParameters:
-        """Check the arguments and fill in the defaults; those besides L and Γ are `KaimalParameters.resolve`'s."""
-        shared = asdict(KaimalParameters.resolve(**arguments, lateral_coherence=True))
-        del shared["lateral_coherence"]
+        """Check the arguments and fill in the defaults; those besides L and Γ are those of `resolve_shared`."""
+        shared = resolve_shared(**arguments)
         if length is None:
             length = LENGTH_SHARE * length_scale(shared["hub_height"])
         length = require_number(length, "length", "m", 0.0, open_minimum=True)
         return cls(**shared, length=length, shear=require_number(shear, "shear", "", 0.0))
-
-    @property
-    def spacing(self) -> tuple[float, float]:
-        """Distance between grid points along y and z [m]."""
-        return self.width / (self.grid[0] - 1), self.width / (self.grid[1] - 1)
 
     @property
     def sigma(self) -> NDArray[np.float64]:
@@ -123,8 +100,7 @@ class MannParameters:
     @property
     def wave_number(self) -> NDArray[np.float64]:
         """k₁ of the harmonics 1/T, 2/T, … below half the sampling frequency [rad/m], shape (n,)."""
-        frequency = np.arange(1, (self.n_times - 1) // 2 + 1) / (self.n_times * self.time_step)
-        return 2.0 * np.pi * frequency / self.mean_speed
+        return 2.0 * np.pi * self.frequency / self.mean_speed
 
     @property
     def unscaled_variance(self) -> NDArray[np.float64]:
@@ -156,7 +132,7 @@ class MannParameters:
 
     def as_dict(self) -> dict[str, object]:
         """Return the parameters as plain values that JSON can hold."""
-        return {"model": self.model, **asdict(self), "grid": list(self.grid)}
+        return {"model": self.model, **super().as_dict()}
 
 
 def life_time(wave_number: NDArray[np.float64], shear: float) -> NDArray[np.float64]:
@@ -277,7 +253,7 @@ def one_point_spectra(
     -------
     numpy.ndarray
         Shape (n, 4): those of u, v and w, and the cospectrum of u and w [m³/s²]. Below and beyond the table they are
-        constant, or go on with the power −5/3 (the cospectrum −7/3).
+        constant, or continue with the power −5/3 (the cospectrum −7/3).
     """
     k, ends = np.log(np.asarray(k1, dtype=np.float64) * length), np.log(_TABLE[[0, -1]])
     sign, power = np.array([1.0, 1.0, 1.0, -1.0]), np.array([-5.0, -5.0, -5.0, -7.0]) / 3.0

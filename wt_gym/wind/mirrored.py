@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.wind.protocol import (
-    Inflow,
-    PointInflow,
-    fill_velocity,
-    read_only,
-    require_cover,
-    start_speed,
-    velocity_ahead,
-)
+from wt_gym.wind.protocol import Inflow, WrappedInflow, fill_velocity, read_only, velocity_ahead
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,7 +18,7 @@ _REFLECTION = np.array([1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
-class MirroredInflow(PointInflow):
+class MirroredInflow(WrappedInflow):
     """The mirror image of another inflow at the plane y = 0.
 
     With S = diag(1, -1, 1) the wind at a point x is S u(S x, t): what blew to the left blows to the right, and
@@ -38,36 +30,15 @@ class MirroredInflow(PointInflow):
     inner : Inflow
     """
 
-    inner: Inflow
-
     @classmethod
     def of(cls, inflow: Inflow) -> Inflow:
         """Return the mirror image of an inflow, of a mirror image what is seen in it."""
         return inflow.inner if isinstance(inflow, cls) else cls(inflow)
 
     @property
-    def mean_speed(self) -> float:
-        """Mean wind speed at hub height [m/s]."""
-        return self.inner.mean_speed
-
-    @property
-    def start_speed(self) -> float:
-        """Wind speed at hub height at time zero [m/s], turbulence left out."""
-        return start_speed(self.inner)
-
-    @property
-    def hub_height(self) -> float:
-        """Hub height [m]."""
-        return self.inner.hub_height
-
-    @property
     def description(self) -> str:
         """One line that tells a person what wind this is."""
         return f"{self.inner.description}, mirrored"
-
-    def require_cover(self, hub_height: float, rotor_diameter: float) -> None:
-        """Refuse a rotor for which the inner inflow has no wind."""
-        require_cover(self.inner, hub_height, rotor_diameter)
 
     def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         fill_velocity(self.inner, read_only(rows * _REFLECTION), time, out)

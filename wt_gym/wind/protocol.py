@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Inflow",
     "PointInflow",
+    "WrappedInflow",
     "fill_velocity",
     "read_only",
     "require_cover",
@@ -224,7 +226,7 @@ def fill_velocity(inflow: Inflow, points: NDArray[np.float64], time: float, out:
 def velocity_ahead(
     inflow: Inflow, points: NDArray[np.float64], time: float, distances: Sequence[float]
 ) -> NDArray[np.float64]:
-    """Wind where a lidar sees it, of any inflow: one that is no `PointInflow` does not change on its way.
+    """Wind where a lidar sees it, of any inflow: one that is not a `PointInflow` does not change on its way.
 
     Parameters
     ----------
@@ -253,6 +255,37 @@ def require_cover(inflow: Inflow, hub_height: float, rotor_diameter: float) -> N
 def start_speed(inflow: Inflow) -> float:
     """`PointInflow.start_speed` of any inflow: of one that does not say it the mean speed."""
     return float(getattr(inflow, "start_speed", inflow.mean_speed))
+
+
+@dataclass(frozen=True)
+class WrappedInflow(PointInflow):
+    """An inflow made of another one, of which it has speed, hub height and bounds.
+
+    Parameters
+    ----------
+    inner : Inflow
+    """
+
+    inner: Inflow
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean wind speed at hub height [m/s]."""
+        return self.inner.mean_speed
+
+    @property
+    def start_speed(self) -> float:
+        """Wind speed at hub height at time zero [m/s], turbulence left out."""
+        return start_speed(self.inner)
+
+    @property
+    def hub_height(self) -> float:
+        """Hub height [m]."""
+        return self.inner.hub_height
+
+    def require_cover(self, hub_height: float, rotor_diameter: float) -> None:
+        """Refuse a rotor for which the inner inflow has no wind."""
+        require_cover(self.inner, hub_height, rotor_diameter)
 
 
 def _checked(points: ArrayLike, time: float) -> tuple[NDArray[np.float64], float]:

@@ -1,4 +1,4 @@
-"""A wind that is the same over the rotor but for shear, and follows a time series: steps, ramps, records, events."""
+"""A wind that is the same over the rotor except for shear, and follows a time series: steps, ramps, records, events."""
 
 from __future__ import annotations
 
@@ -138,9 +138,7 @@ class SeriesInflow(PointInflow):
         unknown = [name for name in columns if name not in ("time", *COLUMNS)]
         if unknown or "time" not in columns or "speed" not in columns:
             what = f"unknown {unknown}" if unknown else "time or speed missing"
-            raise InflowError(
-                f"a series has the columns time, {', '.join(COLUMNS)}, of which time and speed are needed; {what}"
-            )
+            raise InflowError(f"columns of a series must be time and speed, and may be {', '.join(COLUMNS)}; {what}")
         try:
             arrays = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
         except (TypeError, ValueError) as error:

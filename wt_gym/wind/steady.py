@@ -154,5 +154,4 @@ class SteadyInflow(PointInflow):
         return *layer, self.jet_height or 0.0, self.jet_share, self.veer
 
     def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
-        angles = self.yaw_misalignment, self.inclination
-        return int(mean_velocity(rows, *self.kernel_profile, *angles, out))
+        return int(mean_velocity(rows, self.kernel_profile, self.yaw_misalignment, self.inclination, out))

@@ -161,7 +161,7 @@ class TransientInflow(PointInflow):
         steady = self.steady
         angles = steady.yaw_misalignment, steady.inclination
         reach = 0.5 * self.rotor_diameter
-        return int(transient_velocity(rows, *steady.kernel_profile, *angles, *changes.values(), reach, out))
+        return int(transient_velocity(rows, steady.kernel_profile, *angles, *changes.values(), reach, out))
 
     def _elapsed(self, rows: NDArray[np.float64], time: float) -> NDArray[np.float64]:
         """Time since the transient began at each point [s], shape (n,)."""

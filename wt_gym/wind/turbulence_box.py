@@ -215,20 +215,20 @@ class TurbulenceBox:
             An argument is out of range or does not fit the others.
         """
         parameters = KaimalParameters.resolve(
-            mean_speed,
-            hub_height,
-            rotor_diameter,
-            turbulence_class,
-            seed,
-            duration,
-            time_step,
-            grid,
-            width,
-            turbulence,
-            turbine_class,
-            scaling,
             lateral_coherence,
-            spectrum_of,
+            mean_speed=mean_speed,
+            hub_height=hub_height,
+            rotor_diameter=rotor_diameter,
+            turbulence_class=turbulence_class,
+            seed=seed,
+            duration=duration,
+            time_step=time_step,
+            grid=grid,
+            width=width,
+            turbulence=turbulence,
+            turbine_class=turbine_class,
+            scaling=scaling,
+            spectrum_of=spectrum_of,
         )
         return _made_box(parameters, bool(cache))
 
@@ -300,7 +300,7 @@ turbine_class, spectrum_of, cache
         path
             The file.
         remove_profile
-            Subtract the time mean at every point, so that a profile of one's own can be put underneath. By default
+            Subtract the time mean at every point, so that another profile can be added. By default
             only the hub speed of the header is subtracted and the file's shear stays in the fluctuation.
 
         Raises

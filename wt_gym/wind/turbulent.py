@@ -91,10 +91,10 @@ class TurbulentInflow(PointInflow):
         return cast(SteadyInflow, self.steady)
 
     @cached_property
-    def _mean_wind(self) -> tuple[float, ...]:
-        """The mean wind as the kernel takes it."""
+    def _mean_wind(self) -> tuple[tuple[float, ...], float, float]:
+        """The mean wind as the kernels take it."""
         steady = self._steady
-        return *steady.kernel_profile, steady.yaw_misalignment, steady.inclination
+        return steady.kernel_profile, steady.yaw_misalignment, steady.inclination
 
     @property
     def mean_speed(self) -> float:
@@ -131,7 +131,7 @@ class TurbulentInflow(PointInflow):
         self.box.require_cover(hub_height, rotor_diameter, hold=self.beyond_grid == "hold")
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a copy or a pickle takes along: the field ahead is made anew."""
+        """What a copy or a pickle takes along: the field ahead is remade."""
         return {**self.__dict__, "_evolved": {}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -160,7 +160,5 @@ class TurbulentInflow(PointInflow):
         bad = turbulent_velocity(rows, seen, *self._mean_wind, box.fluctuation, box.scale, *place, out)
         tower = cast("NDArray[np.float32]", box.tower)  # a box without one holds an empty array
         if bad < 0 and tower.shape[1] > 0:
-            steady = self._steady
-            mean = steady.speed, steady.hub_height, steady.yaw_misalignment, steady.inclination
-            add_tower_points(rows, seen, *mean, box.fluctuation, tower, box.scale, *place, out)
+            add_tower_points(rows, seen, *self._mean_wind, box.fluctuation, tower, box.scale, *place, out)
         return int(bad)

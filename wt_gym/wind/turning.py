@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.errors import InflowError
-from wt_gym.wind.protocol import Inflow, PointInflow, require_cover, start_speed, velocity_ahead
+from wt_gym.wind.protocol import Inflow, WrappedInflow, velocity_ahead
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +22,7 @@ __all__ = ["TurningInflow"]
 
 
 @dataclass(frozen=True)
-class TurningInflow(PointInflow):
+class TurningInflow(WrappedInflow):
     """Another inflow, turned as a whole about the vertical through the tower by an angle that changes with time.
 
     The wind at a point x is R u(R^T x, t) with R the turn by the direction d(t): the whole field of the inner inflow,
@@ -43,7 +43,6 @@ class TurningInflow(PointInflow):
         If times and directions have different shapes, are not finite, or times do not increase.
     """
 
-    inner: Inflow
     times: NDArray[np.float64]
     directions: NDArray[np.float64]
 
@@ -95,30 +94,11 @@ class TurningInflow(PointInflow):
         return float(np.interp(time, self.times, self.directions))
 
     @property
-    def mean_speed(self) -> float:
-        """Mean wind speed at hub height [m/s]."""
-        return self.inner.mean_speed
-
-    @property
-    def start_speed(self) -> float:
-        """Wind speed at hub height at time zero [m/s], turbulence left out."""
-        return start_speed(self.inner)
-
-    @property
-    def hub_height(self) -> float:
-        """Hub height [m]."""
-        return self.inner.hub_height
-
-    @property
     def description(self) -> str:
         """One line that tells a person what wind this is."""
         low, high = np.degrees(self.directions.min()), np.degrees(self.directions.max())
         turning = f"from {low:.0f} to {high:.0f} deg" if high - low > 0.5 else f"{low:.0f} deg"
         return f"{self.inner.description}, turned {turning}"
-
-    def require_cover(self, hub_height: float, rotor_diameter: float) -> None:
-        """Refuse a rotor for which the inner inflow has no wind."""
-        require_cover(self.inner, hub_height, rotor_diameter)
 
     def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         return self._fill_turned(rows, time, self.inner.velocity, out)

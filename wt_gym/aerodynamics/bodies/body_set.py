@@ -321,7 +321,7 @@ class BodySet:
         Returns
         -------
         bool
-            Whether a body moved, so that the influence was computed anew.
+            Whether a body moved, so that the influence was recomputed.
 
         Raises
         ------
@@ -342,7 +342,7 @@ class BodySet:
             body_kernels.normal_matrix(a, self.ground, self.has_ground, self._part, a.inverse)
             invert(a.inverse, *self._elimination)
             # Air that flows into a closed body must flow out: what the normal velocities at the control points have
-            # left over, as they sample a nearby vortex coarsely, is no source of the body.
+            # left over, as they sample a nearby vortex coarsely, is not a source of the body.
             for panels in self._panels():
                 share = self.area[panels] / self.area[panels].sum()
                 a.inverse[:, panels] -= np.outer(a.inverse[:, panels].sum(axis=1), share)
@@ -484,7 +484,7 @@ def revolution_body(
     stations : array_like, shape (n,)
         Increasing distances along the axis from ``origin`` [m].
     radii : array_like, shape (n,)
-        Radii there, positive but for the ends, which may be zero [m].
+        Radii there, positive except at the ends, which may be zero [m].
     n_around : int
         Panels around, at least 3.
     origin, axis : array_like, shape (3,)

@@ -29,6 +29,58 @@ FOUR_PI = 4.0 * np.pi
 FAST = {"contract", "afn", "arcp", "reassoc", "nsz"}
 
 
+@kernel(fastmath=False, inline="always")
+def node_velocity(p, q, r, trailing, trailing_core, spanwise, spanwise_core):
+    """Velocity of the two segments that end in a node, from the node before it in its column (p) and in its row (q).
+
+    p, q, r are vectors from the nodes to the targets and their lengths; strengths and cores as in a sheet.
+    """
+    px, py, pz, pr = p
+    qx, qy, qz, qr = q
+    rx, ry, rz, rr = r
+    a = pr * rr
+    b = qr * rr
+    da = a * (a + px * rx + py * ry + pz * rz) + spread(trailing_core)
+    db = b * (b + qx * rx + qy * ry + qz * rz) + spread(spanwise_core)
+    # one reciprocal of the product would overflow 60 km away
+    ka = spread(trailing) * (pr + rr) * reciprocal(da)
+    kb = spread(spanwise) * (qr + rr) * reciprocal(db)
+    fx = ka * px + kb * qx
+    fy = ka * py + kb * qy
+    fz = ka * pz + kb * qz
+    return fy * rz - fz * ry, fz * rx - fx * rz, fx * ry - fy * rx
+
+
+@kernel(fastmath=False, inline="always")
+def vector_from(node_x, node_y, node_z, x, y, z):
+    """Vectors from a node to 16 targets, and their lengths."""
+    rx = x - spread(node_x)
+    ry = y - spread(node_y)
+    rz = z - spread(node_z)
+    square = rx * rx + ry * ry + rz * rz + spread(TINY)
+    return rx, ry, rz, square * reciprocal_root(square)
+
+
+@kernel(fastmath=False, inline="always")
+def store_vector(scratch, at, vector):
+    """Keep what `load_vector` reads."""
+    store(scratch, at, vector[0])
+    store(scratch, at + WIDTH, vector[1])
+    store(scratch, at + 2 * WIDTH, vector[2])
+    store(scratch, at + 3 * WIDTH, vector[3])
+
+
+@kernel(fastmath=False, inline="always")
+def load_vector(scratch, at):
+    """Vectors of 16 targets to a node and their lengths, from a flat index on."""
+    return (
+        load(scratch, at),
+        load(scratch, at + WIDTH),
+        load(scratch, at + 2 * WIDTH),
+        load(scratch, at + 3 * WIDTH),
+    )
+
+
 @kernel(fastmath=False, nogil=True, separate=True)
 def direct_induction(sheet, targets, velocity, first, last, scratch):
     """Add the velocity of all sheets at targets ``first`` to ``last`` - 1.
@@ -49,7 +101,6 @@ def direct_induction(sheet, targets, velocity, first, last, scratch):
     n = targets.shape[1]
     zero = spread(ZERO)
     one = spread(ONE)
-    tiny = spread(TINY)
     for o in range(first, last, WIDTH):
         x = load(targets, o)
         y = load(targets, n + o)
@@ -62,53 +113,22 @@ def direct_induction(sheet, targets, velocity, first, last, scratch):
             here = 4 * WIDTH * n_node
             # Vectors of zero length and distance one stand for the neighbors that the first row and node lack.
             for at in range(before, here, 4 * WIDTH):
-                store(scratch, at, zero)
-                store(scratch, at + WIDTH, zero)
-                store(scratch, at + 2 * WIDTH, zero)
-                store(scratch, at + 3 * WIDTH, one)
+                store_vector(scratch, at, (zero, zero, zero, one))
             for k in range(n_row):
                 for j in range(n_node):
-                    rx = x - spread(sheet[k, s, j, 0])
-                    ry = y - spread(sheet[k, s, j, 1])
-                    rz = z - spread(sheet[k, s, j, 2])
-                    square = rx * rx + ry * ry + rz * rz + tiny
-                    at = here + 4 * WIDTH * j
-                    store(scratch, at, rx)
-                    store(scratch, at + WIDTH, ry)
-                    store(scratch, at + 2 * WIDTH, rz)
-                    store(scratch, at + 3 * WIDTH, square * reciprocal_root(square))
-                qx = zero
-                qy = zero
-                qz = zero
-                qr = one
+                    r = vector_from(sheet[k, s, j, 0], sheet[k, s, j, 1], sheet[k, s, j, 2], x, y, z)
+                    store_vector(scratch, here + 4 * WIDTH * j, r)
+                q = zero, zero, zero, one
                 for j in range(n_node):
-                    at = here + 4 * WIDTH * j
-                    rx = load(scratch, at)
-                    ry = load(scratch, at + WIDTH)
-                    rz = load(scratch, at + 2 * WIDTH)
-                    r = load(scratch, at + 3 * WIDTH)
-                    at = before + 4 * WIDTH * j
-                    px = load(scratch, at)
-                    py = load(scratch, at + WIDTH)
-                    pz = load(scratch, at + 2 * WIDTH)
-                    pr = load(scratch, at + 3 * WIDTH)
-                    a = pr * r
-                    b = qr * r
-                    da = a * (a + px * rx + py * ry + pz * rz) + spread(sheet[k, s, j, 4])
-                    db = b * (b + qx * rx + qy * ry + qz * rz) + spread(sheet[k, s, j, 6])
-                    # one reciprocal of the product would overflow 60 km away
-                    ka = spread(sheet[k, s, j, 3]) * (pr + r) * reciprocal(da)
-                    kb = spread(sheet[k, s, j, 5]) * (qr + r) * reciprocal(db)
-                    fx = ka * px + kb * qx
-                    fy = ka * py + kb * qy
-                    fz = ka * pz + kb * qz
-                    u = u + (fy * rz - fz * ry)
-                    v = v + (fz * rx - fx * rz)
-                    w = w + (fx * ry - fy * rx)
-                    qx = rx
-                    qy = ry
-                    qz = rz
-                    qr = r
+                    r = load_vector(scratch, here + 4 * WIDTH * j)
+                    p = load_vector(scratch, before + 4 * WIDTH * j)
+                    du, dv, dw = node_velocity(
+                        p, q, r, sheet[k, s, j, 3], sheet[k, s, j, 4], sheet[k, s, j, 5], sheet[k, s, j, 6]
+                    )
+                    u = u + du
+                    v = v + dv
+                    w = w + dw
+                    q = r
                 before, here = here, before
         store(velocity, o, load(velocity, o) + u)
         store(velocity, n + o, load(velocity, n + o) + v)

@@ -21,7 +21,16 @@ distance.
 
 import numpy as np
 
-from wt_gym.aerodynamics.induction.simd_kernels import WIDTH, load, reciprocal, reciprocal_root, spread, store
+from wt_gym.aerodynamics.induction.induction_kernels import (
+    ONE,
+    TINY,
+    ZERO,
+    load_vector,
+    node_velocity,
+    store_vector,
+    vector_from,
+)
+from wt_gym.aerodynamics.induction.simd_kernels import WIDTH, load, reciprocal_root, spread, store
 from wt_gym.compiled import kernel
 
 TILE = 3  # most rows, and nodes, of a tile
@@ -38,9 +47,6 @@ STACK = 256  # clusters waiting in the walk
 RECORD = 42
 # Its measures: radius, sum |g l|, sum |g l| |s|^2, sum |g l| (rc l)^2 / 2.
 MEASURES = 4
-TINY = np.float32(1e-30)
-ZERO = np.float32(0.0)
-ONE = np.float32(1.0)
 
 
 @kernel(fastmath=False, inline="always")
@@ -394,7 +400,6 @@ def _add_tiles(sheet, bounds, chosen, n_chosen, targets, velocity, o, scratch):
     """Add the velocity of the segments of tiles at targets o to o + 15 of a block (3, TARGETS)."""
     zero = spread(ZERO)
     one = spread(ONE)
-    tiny = spread(TINY)
     x = load(targets, o)
     y = load(targets, TARGETS + o)
     z = load(targets, 2 * TARGETS + o)
@@ -410,48 +415,24 @@ def _add_tiles(sheet, bounds, chosen, n_chosen, targets, velocity, o, scratch):
             for j in range(j0 - 1, j1):
                 if k < 0 or j < 0:
                     # Vectors of zero length and distance one stand for the neighbors that the first ones lack.
-                    store(scratch, at, zero)
-                    store(scratch, at + WIDTH, zero)
-                    store(scratch, at + 2 * WIDTH, zero)
-                    store(scratch, at + 3 * WIDTH, one)
+                    store_vector(scratch, at, (zero, zero, zero, one))
                 else:
-                    rx = x - spread(sheet[k, s, j, 0])
-                    ry = y - spread(sheet[k, s, j, 1])
-                    rz = z - spread(sheet[k, s, j, 2])
-                    r2 = rx * rx + ry * ry + rz * rz + tiny
-                    store(scratch, at, rx)
-                    store(scratch, at + WIDTH, ry)
-                    store(scratch, at + 2 * WIDTH, rz)
-                    store(scratch, at + 3 * WIDTH, r2 * reciprocal_root(r2))
+                    r = vector_from(sheet[k, s, j, 0], sheet[k, s, j, 1], sheet[k, s, j, 2], x, y, z)
+                    store_vector(scratch, at, r)
                 at += 4 * WIDTH
         row = 4 * WIDTH * (j1 - j0 + 1)
         at = row + 4 * WIDTH
         for k in range(k0, k1):
             for j in range(j0, j1):
-                rx = load(scratch, at)
-                ry = load(scratch, at + WIDTH)
-                rz = load(scratch, at + 2 * WIDTH)
-                r = load(scratch, at + 3 * WIDTH)
-                px = load(scratch, at - row)
-                py = load(scratch, at - row + WIDTH)
-                pz = load(scratch, at - row + 2 * WIDTH)
-                pr = load(scratch, at - row + 3 * WIDTH)
-                qx = load(scratch, at - 4 * WIDTH)
-                qy = load(scratch, at - 3 * WIDTH)
-                qz = load(scratch, at - 2 * WIDTH)
-                qr = load(scratch, at - WIDTH)
-                a = pr * r
-                b = qr * r
-                da = a * (a + px * rx + py * ry + pz * rz) + spread(sheet[k, s, j, 4])
-                db = b * (b + qx * rx + qy * ry + qz * rz) + spread(sheet[k, s, j, 6])
-                ka = spread(sheet[k, s, j, 3]) * (pr + r) * reciprocal(da)
-                kb = spread(sheet[k, s, j, 5]) * (qr + r) * reciprocal(db)
-                fx = ka * px + kb * qx
-                fy = ka * py + kb * qy
-                fz = ka * pz + kb * qz
-                u = u + (fy * rz - fz * ry)
-                v = v + (fz * rx - fx * rz)
-                w = w + (fx * ry - fy * rx)
+                r = load_vector(scratch, at)
+                p = load_vector(scratch, at - row)
+                q = load_vector(scratch, at - 4 * WIDTH)
+                du, dv, dw = node_velocity(
+                    p, q, r, sheet[k, s, j, 3], sheet[k, s, j, 4], sheet[k, s, j, 5], sheet[k, s, j, 6]
+                )
+                u = u + du
+                v = v + dv
+                w = w + dw
                 at += 4 * WIDTH
             at += 4 * WIDTH
     store(velocity, o, u)

@@ -94,8 +94,8 @@ def section_state(across, along, tilt, polar, alpha0, chord, kappa, separation, 
 
     ``across`` is the velocity normal to the zero-lift line of the lattice section, ``along`` the one along the line
     that joins its first and last node, ``tilt`` (2,) cosine and sine of slope angle - alpha0. Returns alpha, speed,
-    decambering velocity wanted by the polar (the normal velocity that makes no circulation), and the derivatives of the
-    latter and of the speed with respect to ``across``.
+    decambering velocity required by the polar (the normal velocity that makes no circulation), and the derivatives of
+    the latter and of the speed with respect to ``across``.
     """
     tangential = (along - across * tilt[1]) / tilt[0]
     speed = np.sqrt(across * across + tangential * tangential)
@@ -115,7 +115,7 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
     """Decambering velocities of all strips such that circulation and polar agree; returns the residual [m/s].
 
     Strip k with decambering velocity s_k has the circulation G = potential + response @ s and sees the normal
-    velocity x = G / kappa + s. The polar wants s* = x - (V c cl / 2) / kappa. Each step solves
+    velocity x = G / kappa + s. The polar requires s* = x - (V c cl / 2) / kappa. Each step solves
     s = (1 - w) V d_previous + w s*(x), w = 1 - exp(-V dt / (lag c)), where ``previous`` holds d = s / V of the last
     step: what lags is an angle, so that the lift coefficient does not overshoot where the speed drops. ``point``
     (n_strip,) are separation points, which stand still here, or negative for static polars. Newton's
@@ -135,16 +135,16 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
                 g += response[k, m] * source[m]
             j = k % n_span
             across = g / kappa[j] + source[k]
-            _, speed, wanted, slope, speed_rate = section_state(
+            _, speed, required, slope, speed_rate = section_state(
                 across, along[k], p.tilt[j], p.polars[j], p.alpha0[j], chord[j], kappa[j], p.separation[j], point[k]
             )
             frequency = dt / max(lag * chord[j], 1e-12)
             kept = 0.0 if first else np.exp(-speed * frequency)
             lagging = previous[k] * speed
-            rhs[k] = kept * lagging + (1.0 - kept) * wanted - source[k]
+            rhs[k] = kept * lagging + (1.0 - kept) * required - source[k]
             derivative[k] = (1.0 - kept) * max(slope, -1.0)
             if not first:
-                derivative[k] += kept * speed_rate * (previous[k] + frequency * (wanted - lagging))
+                derivative[k] += kept * speed_rate * (previous[k] + frequency * (required - lagging))
             own = 1.0 + response[k, k] / kappa[j]
             if derivative[k] * own > STEEPEST:
                 derivative[k] = STEEPEST / own

@@ -129,5 +129,5 @@ def _add_arcs(p, o, a, k, b, i, j, sparse, core, out):
     strength = trailing_strength(a, p, o, k, b, i)
     if k < n_rows and (sparse or k < o.sparse_from):
         strength = 0.5 * (strength + trailing_strength(a, p, o, k + 1, b, i))
-    middle = min(k, n_rows - 1)  # the last row goes on as it came
+    middle = min(k, n_rows - 1)  # the last row continues straight
     local_velocity(a.wake[middle - 1, b, j], a.wake[middle, b, j], a.wake[middle + 1, b, j], cut, strength, out)

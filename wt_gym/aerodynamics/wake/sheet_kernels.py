@@ -153,7 +153,7 @@ def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
 
 @kernel(fastmath=False, separate=True)
 def build_sparse_sheet(a, p, o, grow, sheet):
-    """Write the rows from ``sparse_from`` on, of which only the carrying nodes hold vortices.
+    """Write the rows from ``sparse_from`` on, in which only the carrying nodes hold vortices.
 
     Rings between two carrying nodes are merged with their mean circulation, weighted as in `state.sparse_span`. The
     sheet starts with the spanwise segments that close its first rings; cores are those of the segment of the wake next

@@ -160,7 +160,7 @@ def wake_sheets(a, o, w, first):
 def induced_at(bound_sheet, wake_sheet, sparse_sheet, a, n_target, w, o, table):
     """Velocity of sheets and far wake at the first ``n_target`` targets (float32, relative to the origin)."""
     n_padded = pad_targets(w, n_target, o, a.origin)
-    # Rows are stored with a fixed length, the kernel wants its lanes without gaps.
+    # Rows are stored with a fixed length, the kernel needs its lanes without gaps.
     packed_t = w.scratch[-6 * n_padded : -3 * n_padded].reshape((3, n_padded))
     packed_v = w.scratch[-3 * n_padded :].reshape((3, n_padded))
     for image in range(2 if o.has_ground else 1):
@@ -230,8 +230,9 @@ def velocity_behind_disc(wake, induced, age, n_rows, center, axis, spin, mean):
 
     The rows that a blade has left since the one before it passed cover the disc once. Over them the near fields of the
     bound vortices, which slow the air behind a blade and speed it up before the next one, nearly cancel. The velocity
-    of the wake at the blades themselves (`AeroArrays.wake_flow`) is no measure: it lacks the newest ring, so that the
-    first shed vortex stands alone behind each blade and drives air forwards there. A rotor that stands has all rows.
+    of the wake at the blades themselves (`AeroArrays.wake_flow`) does not measure that: it lacks the newest ring, so
+    that the first shed vortex stands alone behind each blade and drives air forwards there. A rotor that stands has all
+    rows.
 
     Parameters
     ----------
@@ -293,7 +294,7 @@ def turn_induced(a, o):
 
     The flow behind a rotor is nearly steady as the blades see it: the air of row k has now the velocity that the air
     of row k had a step ago, turned with the blade. So velocities belong to rows, not to the air in them, and one that
-    is not computed anew in every step stays right in steady operation. Rows further apart than a step are other places
+    is not recomputed in every step stays right in steady operation. Rows further apart than a step are other places
     from step to step: there the velocity belongs to the air and changes only as slowly as the air moves downstream.
     The frame of a blade is made of the directions from its first ring node to the tip and to the trailing edge.
     """

@@ -1,8 +1,8 @@
 """Compiled choice of the scheme that moves a structure on; a further scheme brings a kernel and a branch.
 
-The fields of `wt_gym.multibody.integrators.schemes.Method` are None but for that of the scheme, whose type chooses, so
-that a compiled step contains one scheme only. Constants among the arguments of big kernels stand as ``bool(True)`` or
-``int(0)``: a bare one would compile a form of the kernel for this value alone, beside the one that Python calls.
+The fields of `wt_gym.multibody.integrators.schemes.Method` are None except for that of the scheme, whose type chooses,
+so that a compiled step contains one scheme only. Constants among the arguments of big kernels stand as ``bool(True)``
+or ``int(0)``: a bare one would compile a form of the kernel for this value alone, beside the one that Python calls.
 """
 
 from wt_gym.compiled import kernel
@@ -10,9 +10,12 @@ from wt_gym.multibody.integrators.implicit_kernels import implicit_advance
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.tree.rate_kernels import rates, tree_rates
 
+# The predictor alone is unstable: what it amplifies in so few steps is less than the change of the loads.
+MOST_UNCORRECTED = 4
+
 
 @kernel
-def advance(method, history, inputs, tree, work, h, n_steps, n_corrections, constrained):
+def advance(method, history, inputs, tree, work, h, n_steps, n_corrections, rough, constrained):
     """Advance the state by n_steps of length h, without the rates at the end; `end_rates` gives these.
 
     Parameters
@@ -26,8 +29,10 @@ def advance(method, history, inputs, tree, work, h, n_steps, n_corrections, cons
         Step [s].
     n_steps : int
     n_corrections : int
-        Corrector passes of an explicit scheme. 0: the state is only predicted, by an implicit scheme with its rough
-        tolerance.
+        Corrector passes of an explicit scheme.
+    rough : bool
+        The state only has to be near: an explicit scheme predicts it, as far as that is stable, and an implicit one
+        solves to its rough tolerance.
     constrained : None or int
         See :func:`wt_gym.multibody.tree.rate_kernels.rates`.
 
@@ -36,15 +41,18 @@ def advance(method, history, inputs, tree, work, h, n_steps, n_corrections, cons
     int
         OK, or a code of the scheme.
     """
-    return advance_by(method.implicit, history, inputs, tree, work, h, n_steps, n_corrections, constrained)
+    return advance_by(method.implicit, history, inputs, tree, work, h, n_steps, n_corrections, rough, constrained)
 
 
 @kernel
-def advance_by(implicit, history, inputs, tree, work, h, n_steps, n_corrections, constrained):
+def advance_by(implicit, history, inputs, tree, work, h, n_steps, n_corrections, rough, constrained):
     """As `advance`, by the scheme that the type of the first argument chooses."""
     if implicit is None:
-        return hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, constrained, False)
-    tolerance = implicit.tolerance if n_corrections > 0 else implicit.rough_tolerance
+        # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
+        predicted = rough and n_steps <= MOST_UNCORRECTED and constrained is None
+        n_passes = 0 if predicted else n_corrections
+        return hamming_advance(history, inputs, tree, work, h, n_steps, n_passes, constrained, False)
+    tolerance = implicit.rough_tolerance if rough else implicit.tolerance
     return implicit_advance(history, inputs, tree, work, implicit.scratch, h, implicit.scheme, n_steps, tolerance,
                             implicit.max_iterations, implicit.difference, constrained)  # fmt: skip
 

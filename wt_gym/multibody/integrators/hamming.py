@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
     from wt_gym.multibody.arrays import Inputs, System, Work
 
-__all__ = ["Drift", "HammingIntegrator", "History", "checked_start", "new_history"]
+__all__ = ["Drift", "HammingIntegrator", "History", "Integrator", "checked_start", "new_history"]
 
 
 class History(NamedTuple):
-    """What an integration goes on from, of one type for all schemes; n_v counts velocities and servos.
+    """What an integration continues from, of one type for all schemes; n_v counts velocities and servos.
 
     The Hamming scheme keeps four points and no matrix, implicit schemes one point.
     """
@@ -45,7 +45,7 @@ class Drift(NamedTuple):
 
 
 STARTERS = {"adams": 0, "runge-kutta": -3}
-"""What ``marks`` of an empty history is."""
+"""What the counter of an empty history is."""
 
 
 def new_history(n: int) -> History:
@@ -71,7 +71,64 @@ def checked_start(system: System, y: ArrayLike, inputs: Inputs, work: Work) -> N
     return state
 
 
-class HammingIntegrator:
+class Integrator:
+    """What all integrators of a multibody system have: its arrays, the newest state, and the drift of the steps.
+
+    Attributes
+    ----------
+    system : MultibodySystem
+    step : float
+        [s].
+    inputs : Inputs
+        What acts on the system.
+    work : Work
+        Kinematics of the state evaluated last.
+    history : History
+        Everything needed to continue bit for bit.
+    """
+
+    system: System
+    step: float
+    inputs: Inputs
+    work: Work
+    history: History
+
+    @property
+    def drift(self) -> Drift:
+        """What steps have drifted by before they were put back, the largest since `restart_drift`.
+
+        Returns
+        -------
+        Drift
+            Of any quaternion | |q| − 1 |; of any constraint equation |φ| [m or rad] and |φ̇| [m/s or rad/s], as they
+            were at the end of the corrector passes, before the projection onto the constraints.
+        """
+        return Drift(*self.work.drift.tolist())
+
+    def restart_drift(self) -> None:
+        """Forget the drift of the steps so far."""
+        self.work.drift[:] = 0.0
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """Current state (n_state,), a view."""
+        return cast("NDArray[np.float64]", self.history.y[-1])
+
+    @property
+    def state_rate(self) -> NDArray[np.float64]:
+        """Current dy/dt (n_state,), a view."""
+        return cast("NDArray[np.float64]", self.history.f[-1])
+
+    def start(self, y: ArrayLike, check: bool = True) -> None:
+        """Begin at a state (n_state,)."""
+        raise NotImplementedError
+
+    def advance(self, n_steps: int = 1) -> None:
+        """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``."""
+        raise NotImplementedError
+
+
+class HammingIntegrator(Integrator):
     """The modified Hamming scheme on a system, with its history.
 
     Parameters
@@ -135,32 +192,6 @@ class HammingIntegrator:
         history.memory[:] = 0.0
         history.counters[0] = STARTERS[self.starter]
         history.f[3] = system.rates(y, self.inputs, self.work)
-
-    @property
-    def drift(self) -> Drift:
-        """What steps have drifted by before they were put back, the largest since `restart_drift`.
-
-        Returns
-        -------
-        Drift
-            Of any quaternion | |q| − 1 |; of any constraint equation |φ| [m or rad] and |φ̇| [m/s or rad/s], as they
-            were at the end of the corrector passes, before the projection onto the constraints.
-        """
-        return Drift(*self.work.drift.tolist())
-
-    def restart_drift(self) -> None:
-        """Forget the drift of the steps so far."""
-        self.work.drift[:] = 0.0
-
-    @property
-    def state(self) -> NDArray[np.float64]:
-        """Current state (n_state,), a view."""
-        return cast("NDArray[np.float64]", self.history.y[3])
-
-    @property
-    def state_rate(self) -> NDArray[np.float64]:
-        """Current dy/dt (n_state,), a view."""
-        return cast("NDArray[np.float64]", self.history.f[3])
 
     def advance(self, n_steps: int = 1) -> None:
         """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.

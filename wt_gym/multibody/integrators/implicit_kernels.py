@@ -16,8 +16,8 @@ system asks for it, and the rate is taken there.
 
 One loop of steps serves two matrices of Newton's iteration, which change its speed and not its result:
 
-- ∂(x₁ − u̇)/∂x₁ by finite differences, for every system. It is kept over the steps and made anew when the iteration
-  slows down.
+- ∂(x₁ − u̇)/∂x₁ by finite differences, for every system. It is kept over the steps and remade when the iteration slows
+  down.
 - For systems without constraint equations that of the structure, by which the equations of motion are not solved for
   the accelerations but balanced,
 
@@ -27,8 +27,8 @@ One loop of steps serves two matrices of Newton's iteration, which change its sp
   adds to stiffness and damping, of the order (Ω h)² and Ω h of M. It has the pattern of M, so that its factors cost
   little more than M itself, and many degrees of freedom a body (nodal coordinates) need no matrix of differences.
 
-The step of bodies in observer frames (:mod:`wt_gym.multibody.observer_frame.observer_frame_kernels`) is another: its
-equations are linear in the unknowns, and one solution of them is the step.
+The step of bodies in observer frames (:mod:`wt_gym.multibody.observer_frame.observer_frame_kernels`) is another: a
+system that is linear in the increments and multipliers, so that one solution of it is the step.
 """
 
 import math
@@ -49,7 +49,7 @@ from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, NOT_CONVERGED, OK
 
 FRESH, EVALUATIONS, TANGENTS = range(3)
 SLOW = 0.2
-"""Contraction of the corrections above which the kept matrix is made anew."""
+"""Contraction of the corrections above which the kept matrix is remade."""
 
 
 @kernel
@@ -319,7 +319,7 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
     ----------
     history : History
         y (1, n) and f (1, n) state and rate; memory (n_v,) pseudo-acceleration; matrix (n_v, n_v) and pivot (n_v,)
-        factors of Newton's matrix; marks (3,): matrix usable, evaluations, matrices made. n_v = n_u + n_servo.
+        factors of Newton's matrix; counters (3,): matrix usable, evaluations, matrices made. n_v = n_u + n_servo.
     inputs : Inputs
     tree : Tree
     work : Work

@@ -25,8 +25,8 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
     Parameters
     ----------
     history : History
-        y (4, n) and f (4, n), newest last; memory (n,) the error; marks (1,) number of valid older points, or minus the
-        number of Runge–Kutta steps still to go.
+        y (4, n) and f (4, n), newest last; memory (n,) the error; counters (1,) number of valid older points, or minus
+        the number of Runge–Kutta steps still to go.
     inputs : Inputs
     tree, work : arrays of the system
         ``work.trail`` and ``work.trail_rate`` take the state and rate after each step, as far as they have rows.

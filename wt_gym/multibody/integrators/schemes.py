@@ -1,16 +1,15 @@
 """Time integrators of a multibody system: one family with one contract, and the registry of its members.
 
-Every integrator has ``start(y)``, ``advance(n_steps)``, ``state``, ``state_rate``, ``step``, ``inputs``, ``work`` and
-``history`` (arrays that carry everything needed to continue bit for bit). `INTEGRATORS` says of each by which name it
-is chosen, what it needs, up to which step it is stable, and how a coupled simulation makes and moves it:
+Every one is an `Integrator`. `INTEGRATORS` says of each by which name it is chosen, what it needs, up to which step it
+is stable, and how a coupled simulation makes and moves it:
 
 - ``"hamming"``: the explicit modified Hamming scheme, stable on an undamped structure up to ω h = 1.08; of fourth order
   from a Runge–Kutta start, of third from the published starters, which are the default;
 - ``"newmark"``: Newmark's implicit scheme, by default the average-acceleration rule (no numerical damping);
 - ``"generalized_alpha"``: Chung & Hulbert's implicit scheme with a chosen damping of high frequencies.
 
-A further one is an entry of `INTEGRATORS`; where it is another kernel than those that exist, the kernel and its branch
-in :mod:`wt_gym.multibody.integrators.advance_kernels` come with a field of `Method`.
+A further one is an entry of `INTEGRATORS`, and no other file names it; where it needs another kernel than those that
+exist, the kernel and its branch in :mod:`wt_gym.multibody.integrators.advance_kernels` come with a field of `Method`.
 
 All take systems with constraint equations too: these are solved for the accelerations at every evaluation, with
 Baumgarte's stabilization, so that the schemes see a plain differential equation and keep their order.
@@ -22,7 +21,7 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,11 +30,12 @@ from wt_gym.multibody.arrays import System
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import FAILURES, MultibodyError, failure_of_a_step
 from wt_gym.multibody.integrators import implicit_kernels
-from wt_gym.multibody.integrators.hamming import Drift, HammingIntegrator, History, checked_start
+from wt_gym.multibody.integrators.hamming import HammingIntegrator, History, Integrator, checked_start
 from wt_gym.multibody.integrators.stability import check_conditional_step, undamped_limit
 from wt_gym.multibody.tree import rate_kernels, tree_kernels
 
 __all__ = [
+    "DEFAULT",
     "INTEGRATORS",
     "NEWMARK",
     "GeneralizedAlphaIntegrator",
@@ -89,7 +89,7 @@ class Method(NamedTuple):
     implicit: Newton | None
 
 
-class ImplicitIntegrator:
+class ImplicitIntegrator(Integrator):
     """Newton iteration on the accelerations at the end of the step, shared by the implicit schemes.
 
     Parameters
@@ -191,25 +191,6 @@ class ImplicitIntegrator:
         if code != tree_kernels.OK:
             raise MultibodyError(FAILURES[code])
         return rate
-
-    @property
-    def drift(self) -> Drift:
-        """As `HammingIntegrator.drift`."""
-        return Drift(*self.work.drift.tolist())
-
-    def restart_drift(self) -> None:
-        """Forget the drift of the steps so far."""
-        self.work.drift[:] = 0.0
-
-    @property
-    def state(self) -> NDArray[np.float64]:
-        """Current state (n_state,), a view."""
-        return cast("NDArray[np.float64]", self.history.y[0])
-
-    @property
-    def state_rate(self) -> NDArray[np.float64]:
-        """Current dy/dt (n_state,), a view."""
-        return cast("NDArray[np.float64]", self.history.f[0])
 
     @property
     def n_evaluations(self) -> int:
@@ -333,10 +314,6 @@ class GeneralizedAlphaIntegrator(ImplicitIntegrator):
 # ---- registry --------------------------------------------------------------------------------------------------------
 
 
-Integrator = HammingIntegrator | ImplicitIntegrator
-"""What the family has in common, see the beginning of this module."""
-
-
 class SchemeSettings(NamedTuple):
     """What a coupled simulation chooses for its integrator; each takes from it what concerns its scheme."""
 
@@ -353,9 +330,10 @@ class IntegratorEntry:
 
     Attributes
     ----------
-    kind : type
+    kind : subclass of Integrator
     explicit : bool
-        It needs steps that resolve the highest frequency of the structure, also where this is not of interest.
+        It needs steps that resolve the highest frequency of the structure, also where this is not of interest, and
+        takes the accelerations of the start as they are.
     phase_limit : callable
         Largest ω h of an undamped mode, of `SchemeSettings`; infinite for a scheme that is stable at every step.
     options : callable
@@ -365,14 +343,18 @@ class IntegratorEntry:
     rule : callable
         β, γ, αm, αf of the steps of observer frames, of `SchemeSettings`; an explicit scheme has none, and they take
         Newmark's.
+    keeps_states : bool
+        What its `History` carries from step to step are states, their rates and differences of them alone, newest last:
+        a linear change of coordinates passes it on.
     """
 
-    kind: type[HammingIntegrator] | type[ImplicitIntegrator]
+    kind: Callable[..., Integrator]
     explicit: bool
     phase_limit: Callable[[SchemeSettings], float]
     options: Callable[[SchemeSettings], dict[str, Any]]
     method: Callable[[Any], Method]
     rule: Callable[[SchemeSettings], tuple[float, float, float, float]]
+    keeps_states: bool = False
 
 
 def _newton(integrator: ImplicitIntegrator) -> Method:
@@ -388,6 +370,7 @@ INTEGRATORS = {
         options=lambda settings: {"n_corrections": settings.corrections, "starter": settings.starter},
         method=lambda integrator: Method(None),
         rule=lambda settings: NEWMARK,
+        keeps_states=True,
     ),
     "newmark": IntegratorEntry(
         kind=NewmarkIntegrator,
@@ -406,6 +389,8 @@ INTEGRATORS = {
         rule=lambda settings: generalized_alpha(settings.spectral_radius),
     ),
 }
+DEFAULT = "hamming"
+"""The integrator where none is named; of a structure that its observer frames move, it holds the state."""
 _EARLIER_NAMES = {"generalised_alpha": "generalized_alpha", "generalized-alpha": "generalized_alpha"}
 
 

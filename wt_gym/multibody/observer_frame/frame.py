@@ -98,9 +98,9 @@ with
     (1 − αm) a₊ + αm a = (1 − αf) q̈₊ + αf q̈
 
 in the place of q̈. What is kept from step to step is the lead a − q̈, in which the acceleration of the frame cancels:
-it means the same before and after an update, but for the small turn of the axes, of higher order. The trapezoidal rule
-on constrained coordinates lets errors of multipliers grow; after each step velocities are therefore projected on Φ̇ = 0
-(in the metric of M), and accelerations and multipliers recomputed from eq. (6) with Φ̈ = 0. Tangential to the
+it means the same before and after an update, except for the small turn of the axes, of higher order. The trapezoidal
+rule on constrained coordinates lets errors of multipliers grow; after each step velocities are therefore projected on
+Φ̇ = 0 (in the metric of M), and accelerations and multipliers recomputed from eq. (6) with Φ̈ = 0. Tangential to the
 constraints this changes nothing. Rigid and small motions are of second order in the step; the lag of one step in the
 deformed rotation modes and in loads that depend on q is of first order with a small factor.
 
@@ -217,7 +217,7 @@ class Spring:
     acting : callable or None
         θ_r [rad], θ̇_r [rad/s] and τ [N m] as functions of time [s]; None: all zero.
     angle : float
-        θ at the start [rad]; it goes on from there through whole turns.
+        θ at the start [rad]; it continues from there through whole turns.
     inertia : float
         I [kg m²], of either sign: what a rotor that gears couple to the hinge adds to the inertia of the sections.
     """

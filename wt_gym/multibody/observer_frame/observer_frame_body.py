@@ -341,7 +341,7 @@ class Substructure:
             Further named arc lengths [m].
         displacement : str
             One of :data:`DISPLACEMENTS`. The second-order displacement is that of shapes which are at rest at the root,
-            so that it wants the reference condition "clamped".
+            so that it needs the reference condition "clamped".
 
         Raises
         ------
@@ -358,7 +358,7 @@ class Substructure:
         complying = _complying_vectors(rows)
         available = complying.shape[1]
         if n_modes is not None and not 0 <= n_modes <= available:
-            raise ObserverFrameError(f"substructure {name!r}: {n_modes} modes wanted, 0 … {available} exist")
+            raise ObserverFrameError(f"substructure {name!r}: n_modes must be 0 … {available}, got {n_modes}")
         if damping_time < 0.0:
             raise ObserverFrameError(f"substructure {name!r}: damping_time must not be negative, got {damping_time}")
         frequency = np.zeros(0)

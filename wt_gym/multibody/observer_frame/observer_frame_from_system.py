@@ -7,7 +7,7 @@ with the displacement "second_order" they are kept.
 
 *Servos* make their rows rheonomic: a drive turns the axes of the second section. *Springs and dampers* are torques on
 the hinge that they bridge. *Massless bodies* have no mass matrix of their own. One without any inertia, held by a servo
-or fixed, is no body but a turned section of its parent, to which what it carries is joined. One on a hinge
+or fixed, becomes a turned section of its parent, to which what it carries is joined. One on a hinge
 that a rotor is geared to (the shaft of a generator) borrows mass from its rigid parent: points on the axis of the hinge
 move with both bodies alike, so that the machine stays the same when their mass is counted with the other. Of the rotor
 itself both bodies get mass points and the hinge an inertia (`Joint.rotor_tensors`).
@@ -251,7 +251,7 @@ class Translation:
     ----------
     observed : ObserverFrameSystem
     tree_bodies : list of int
-        Body of the multibody system of which each substructure is made.
+        Body of the multibody system from which each substructure is made.
     rigid_parts : list of array (6, n_f)
         Motion of the frame of the tree's body from the moving frame per elastic coordinate, by substructure.
     hinges : list of (int, int)

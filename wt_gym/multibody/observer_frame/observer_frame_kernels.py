@@ -183,9 +183,9 @@ def update_printed(b, model, state, work):
 def update_frame(b, model, state, work):
     """Move the frame onto the rigid-body motion (eqs 9–12), which becomes zero.
 
-    The frame goes on uniformly or with the mean acceleration since its last update. The elastic coordinates stay. When
-    the rotation modes know the deformed shape, φ × u̇_f is taken out of the rates, the turn of the axes in which they
-    are counted.
+    The frame continues uniformly or with the mean acceleration since its last update. The elastic coordinates stay.
+    When the rotation modes know the deformed shape, φ × u̇_f is taken out of the rates, the turn of the axes in which
+    they are counted.
     """
     n, keep = model.n[b], 1.0 if model.prediction == MEAN else 0.0
     q, v = state.q[b], state.v[b]
@@ -591,7 +591,7 @@ def spring_rows(h, model, state, work):
 
         (κ B S⁻¹ Bᵀ + 1) λ = κ B (x₀ − y) − τ₀,
 
-    of which work.multiplier holds B (x₀ − y). The bias of θ̈ is that of the expected rates, ``work.ahead``. A stiff
+    where work.multiplier holds B (x₀ − y). The bias of θ̈ is that of the expected rates, ``work.ahead``. A stiff
     spring thus limits no step.
     """
     n_row, some = model.row_kind.shape[0], False
@@ -657,6 +657,8 @@ def step_solve(h, value, n_iterations, model, state, work):
             vector[k] = share * (1.0 / (beta * h) * state.v[b, k] + (0.5 / beta - 1.0) * start)
             vector[k] -= (alpha_m * start - alpha_f * state.a[b, k]) / (1.0 - alpha_f)
         mass_product(b, model, vector, base)
+    # Not the loop of `implicit_advance`: increments and multipliers solve a linear system whose matrices no iterate
+    # changes, a fixed number of times and without a test of convergence, while loads and row directions are renewed.
     for _ in range(n_iterations):
         for b in range(n_b):
             for k in range(model.n[b]):

@@ -3,7 +3,7 @@
 A law takes a demand and moves a *command* towards it, once an aerodynamic step, as fast and as far as the drive can.
 The command enters the inputs of the structure, where a servo or a torque follows it continuously. Laws are immutable;
 all they remember is the command, an array that belongs to the state of the simulation, so that a snapshot holds it. A
-law of one's own, or one that wraps another and fails in some way, needs the same two methods (see `Law`).
+custom law, or one that wraps another and fails in some way, needs the same two methods (see `Law`).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ TORQUE, YAW, PITCH = slice(0, 1), slice(1, 2), slice(2, None)
 
 
 def check_finite(**values: float) -> None:
-    """Refuse what is no finite number.
+    """Refuse what is not a finite number.
 
     Raises
     ------

@@ -240,7 +240,7 @@ def _places(names: tuple[str, ...], n_blades: int) -> tuple[int, ...]:
 class SensorBias:
     """From a time on sensors read ``factor`` times the truth plus ``offset``: what is read, not what is.
 
-    Controllers beneath an agent's actions and observations see it; rewards, ends of episodes and recorded signals do
+    Base controllers and observations see it; rewards, ends of episodes and recorded signals do
     not. A yaw error or azimuth that leaves the range of its channel comes in again at the other end.
 
     Parameters
@@ -316,7 +316,7 @@ def checked_faults(
 
 
 def _require(name: str, value: float, unit: str, low: float = -math.inf, open_low: bool = False) -> None:
-    """Refuse what is no finite number from a bound on."""
+    """Refuse what is not a finite number from a bound on."""
     number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
     if not (number and math.isfinite(value) and (value > low if open_low else value >= low)):
         bound = "" if low == -math.inf else f" {'above' if open_low else 'of at least'} {low:g}"

@@ -289,14 +289,14 @@ def _is_drive(name: str) -> bool:
     return name == "yaw" or name.startswith("pitch")
 
 
-def _places(names: Sequence[str], wanted: str | Iterable[str] | None, kind: str) -> list[int]:
-    if wanted is None:
+def _places(names: Sequence[str], chosen: str | Iterable[str] | None, kind: str) -> list[int]:
+    if chosen is None:
         return list(range(len(names)))
-    wanted = (wanted,) if isinstance(wanted, str) else tuple(wanted)
-    for name in wanted:
+    chosen = (chosen,) if isinstance(chosen, str) else tuple(chosen)
+    for name in chosen:
         if name not in names:
             raise SimulationError(f"{kind} {name!r} is unknown; the model has {', '.join(names)}")
-    return [names.index(name) for name in wanted]
+    return [names.index(name) for name in chosen]
 
 
 def coleman(azimuth: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

@@ -209,7 +209,7 @@ def _reflected_model(model: LinearModel, plant: FrozenPlant) -> LinearModel:
 
 
 def steady_inflow(inflow: Inflow, wind_speed: float | None = None) -> SteadyInflow:
-    """The steady wind of an operating point: the profile of the given inflow, at another speed if wanted.
+    """The steady wind of an operating point: the profile of the given inflow, at another speed if given.
 
     Raises
     ------
@@ -372,13 +372,13 @@ def _present(plant: FrozenPlant, simulator: LinearizedSimulator) -> tuple[Steady
 # ---- difference quotients --------------------------------------------------------------------------------------------
 
 
-def _output_names(n_blades: int, wanted: str | Sequence[str] | None) -> tuple[str, ...]:
+def _output_names(n_blades: int, chosen: str | Sequence[str] | None) -> tuple[str, ...]:
     """Channel names from channels and groups of blade channels."""
     known = [c.name for c in channel_table(n_blades) if c.group not in Extremes._fields]
-    if wanted is None:
+    if chosen is None:
         return tuple(name for name in known if name != "time")
     out = []
-    for name in (wanted,) if isinstance(wanted, str) else wanted:
+    for name in (chosen,) if isinstance(chosen, str) else chosen:
         group = [f"{name}_{i + 1}" for i in range(n_blades)]
         if name in known:
             out.append(name)

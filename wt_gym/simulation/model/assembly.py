@@ -69,7 +69,7 @@ def assemble(turbine: Turbine, fidelity: Fidelity, threads: int = 1, generator_d
     Raises
     ------
     SimulationError
-        For fidelities that the turbine does not bear.
+        For fidelities that the turbine does not support.
     """
     # One thread: with several, on some processors, products of large matrices round otherwise: no run is repeatable.
     with threadpool_limits(limits=1, user_api="blas"):

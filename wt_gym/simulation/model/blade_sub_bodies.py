@@ -1,7 +1,8 @@
 """Blades of several floating-frame bodies: large deflections, and the torsion that bending makes, from small ones.
 
-A blade is cut into pieces (:mod:`wt_gym.structure.substructure`), each a body whose frame is clamped to the tip section
-of the piece before it. The lattice nodes of a blade are shared out among the pieces that carry their sections.
+A blade is cut into sub-bodies (:mod:`wt_gym.structure.substructure`), each a body whose frame is clamped to the tip
+section of the sub-body before it. The lattice nodes of a blade are shared out among the sub-bodies that carry their
+sections.
 """
 
 from __future__ import annotations
@@ -33,21 +34,21 @@ __all__ = ["SubBodyNodes", "add_sub_bodies", "cut_blade", "sub_body_points", "ti
 
 
 class SubBodyNodes(NamedTuple):
-    """Which lattice nodes of a blade each of its n pieces carries, and room for them; short rows end in zeros."""
+    """Which lattice nodes of a blade each of its n sub-bodies carries, and room for them; short rows end in zeros."""
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # (n,); hides the method of tuples
     node: NDArray[np.int64]  # (n, n_most) among the nodes of a blade
-    position: NDArray[np.float64]  # (n_most, 3) scratch: of the nodes of one piece, or their forces
+    position: NDArray[np.float64]  # (n_most, 3) scratch: of the nodes of one sub-body, or their forces
     velocity: NDArray[np.float64]  # (n_most, 3) scratch
 
 
 def cut_blade(blade: Blade, beam: Beam, fidelity: Fidelity, dofs: tuple[int, ...]) -> tuple[SubBody, ...]:
-    """Pieces of a blade, from root to tip.
+    """Sub-bodies of a blade, from root to tip.
 
-    Nodal pieces have the displacements of their nodes as coordinates, modal ones the static shapes of their tip, one
-    for each degree of freedom.
+    Nodal sub-bodies have the displacements of their nodes as coordinates, modal ones the static shapes of their tip,
+    one for each degree of freedom.
 
-    The damping of a piece is in proportion to its stiffness, direction by direction, C_jk = K_jk √(β_j β_k), as in
+    The damping of a sub-body is in proportion to its stiffness, direction by direction, C_jk = K_jk √(β_j β_k), as in
     geometrically exact beam codes (Wang et al., Wind Energy 20, 2017, 1439, section 2): β = 2 ζ/ω, with the lowest
     frequency ω of the whole blade, clamped, for flap, edge and torsion. These modes then have the published ratio, and
     higher ones more, in proportion to their frequencies.
@@ -68,7 +69,7 @@ def cut_blade(blade: Blade, beam: Beam, fidelity: Fidelity, dofs: tuple[int, ...
     Raises
     ------
     SimulationError
-        If there are more pieces than finite elements.
+        If there are more sub-bodies than finite elements.
     """
     if fidelity.blade_bodies > fidelity.blade_elements:
         raise SimulationError(
@@ -78,7 +79,7 @@ def cut_blade(blade: Blade, beam: Beam, fidelity: Fidelity, dofs: tuple[int, ...
     if np.abs(beam.sections.axis[0]).max() > 1e-9:
         raise SimulationError(
             f"Fidelity.blade_bodies is {fidelity.blade_bodies}: the axis of the blade begins at "
-            f"{beam.sections.axis[0]} m from the pitch axis; pieces need one that begins there"
+            f"{beam.sections.axis[0]} m from the pitch axis; sub-bodies need one that begins there"
         )
     sub_bodies = cut_beam(
         "blade", beam.sections, beam.nodes, fidelity.blade_bodies, fidelity.blade_coordinates, dofs=dofs
@@ -108,7 +109,7 @@ def _damping_times(blade: Blade, beam: Beam, dofs: tuple[int, ...]) -> NDArray[n
 def add_sub_bodies(
     system: MultibodySystem, sub_bodies: Sequence[SubBody], add_root: Callable[[FlexibleBody], int], name: str
 ) -> tuple[int, ...]:
-    """Add the pieces of a blade, each fixed to the tip of the one before; returns the body indices from root to tip.
+    """Add the sub-bodies of a blade, each fixed to the tip of the one before; returns their indices from the root on.
 
     Parameters
     ----------
@@ -129,7 +130,7 @@ def add_sub_bodies(
 
 
 def sub_body_points(sub_bodies: Sequence[SubBody], points: NDArray[np.float64]) -> tuple[Points, SubBodyNodes]:
-    """Shapes of points (n_points, 3) in the frame of the whole blade, shared out among its pieces.
+    """Shapes of points (n_points, 3) in the frame of the whole blade, shared out among its sub-bodies.
 
     Returns
     -------
@@ -162,7 +163,7 @@ def sub_body_points(sub_bodies: Sequence[SubBody], points: NDArray[np.float64]) 
 
 
 def tip_of_last_sub_body(sub_bodies: Sequence[SubBody], tip: NDArray[np.float64]) -> Points:
-    """The tip of a blade (3,), given in its frame, as a point of the last piece."""
+    """The tip of a blade (3,), given in its frame, as a point of the last sub-body."""
     last = sub_bodies[-1]
     offset = tip - _origin(sub_bodies, -1) - last.beam.sections.axis_at(last.end)
     marker = offset_marker(last.beam, last.basis, last.end, offset)
@@ -170,5 +171,5 @@ def tip_of_last_sub_body(sub_bodies: Sequence[SubBody], tip: NDArray[np.float64]
 
 
 def _origin(sub_bodies: Sequence[SubBody], k: int) -> NDArray[np.float64]:
-    """Origin of the frame of piece k in the frame of the blade (3,) [m]: all are parallel to it."""
+    """Origin of the frame of sub-body k in the frame of the blade (3,) [m]: all are parallel to it."""
     return sub_bodies[0].beam.sections.axis_at(sub_bodies[k].start)

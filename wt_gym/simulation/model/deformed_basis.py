@@ -1,4 +1,4 @@
-"""Modes of the blades as they turn, bent and loaded, computed anew as the simulation goes on.
+"""Modes of the blades as they turn, bent and loaded, recomputed as the simulation continues.
 
 The clamped modes at rest, in which a blade usually moves, are those of a blade without load. About a state of steady
 deformation u (nodal displacements) at the angular velocity ω, under forces F of the air, the second-order theory of
@@ -9,7 +9,7 @@ deformation u (nodal displacements) at the angular velocity ω, under forces F o
 from the elastic energy, the centrifugal potential −½ Σ m |ω × r|² and the work of the forces; at u = 0 without forces
 it is that of `wt_gym.structure.modes.clamped_modes` with spin. Its lowest modes of each kind are the new basis Φ'. The
 blades share one basis, as they share their mesh: u, ω and F are means over the blades, in which the weight, that turns
-round once a revolution, cancels but for its small part along the shaft. That part is left out.
+round once a revolution, cancels except for its small part along the shaft. That part is left out.
 
 Coordinates, rates and the points of the multistep scheme pass over by the closest motion, q' = Φ'ᵀ M_t Φ q: what of the
 motion lies outside the new basis, second-order small in the change of the modes in a step, is lost.
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 __all__ = ["DeformedBasis", "TangentBlade"]
 
 LOOK = 16
-"""Modes among which the wanted ones are sought."""
+"""Modes among which the required ones are sought."""
 
 
 class TangentBlade:
@@ -190,7 +190,8 @@ class DeformedBasis:
         Parameters
         ----------
         history : History
-            Changed in place; the kinematics in ``work`` belong to its newest state.
+            Of states alone (`IntegratorEntry.keeps_states`), changed in place; the kinematics in ``work`` belong to the
+            newest.
         loads : sequence of array (..., n_b, 6 + n_f)
             Generalized loads of the bodies; those of the blades pass over too.
         work : Work
@@ -200,11 +201,11 @@ class DeformedBasis:
         Raises
         ------
         SimulationError
-            When the blade has no modes as wanted, so far is it deformed.
+            When the blade is deformed so far that it lacks a required mode.
         """
         blades, counts = self._models.structure.blades, self._models.fidelity.blade_modes
         try:
-            modes, mass = self.tangent.modes(*self._mean(history.y[3], work, forces), bending_dofs(counts))
+            modes, mass = self.tangent.modes(*self._mean(history.y[-1], work, forces), bending_dofs(counts))
             chosen = select_modes(modes, flap=counts[0], edge=counts[1], torsion=counts[2])
         except ValueError as error:
             raise SimulationError(f"no modes of the deformed blade: {error}") from error

@@ -28,7 +28,7 @@ ROOT_GAP = 0.05
 TOWER_GAP = 0.25
 """Least distance of that body from the top of the tower, in radii of the body."""
 HEADING_STEP = math.radians(0.25)
-"""The body is turned in steps of this angle [rad]; the influence of all bodies is inverted anew at each."""
+"""The body is turned in steps of this angle [rad]; the influence of all bodies is inverted again at each."""
 
 
 def turbine_bodies(turbine: Turbine, fidelity: Fidelity, nodes: NDArray[np.float64]) -> BodySet | None:

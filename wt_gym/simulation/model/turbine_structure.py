@@ -297,7 +297,7 @@ def _blade(blade: Blade, fidelity: Fidelity) -> tuple[Beam, NDArray[np.float64],
     axis = _axis_at_stations(blade)
     sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
     beam = Beam(sections, fidelity.blade_elements)
-    if fidelity.blade_bodies > 1:  # its pieces bend: what shapes the tower and sizes the shaft is the blade at rest
+    if fidelity.blade_bodies > 1:  # its sub-bodies bend: what shapes the tower and sizes the shaft is the blade at rest
         basis = nodal_basis(beam, ())
         body = FlexibleBody.from_beam("blade", beam, basis)
     elif fidelity.blade_coordinates == "modal":
@@ -447,7 +447,7 @@ def _deforms_linearly(fidelity: Fidelity) -> bool:
 def _tower(
     turbine: Turbine, fidelity: Fidelity, blade_body: FlexibleBody
 ) -> tuple[FlexibleBody, Points, NDArray[np.float64], Points, tuple[Beam, NDArray[np.float64]], NDArray[np.float64]]:
-    """Tower body in plane bending and torsion modes shaped by the tower-top mass, with the support beneath."""
+    """Tower body in plane bending and torsion modes shaped by the tower-top mass, with the support below."""
     _check_support(turbine, fidelity)
     tower, beam = turbine.tower, tower_beam(turbine.tower, fidelity.tower_elements)
     top = averaged_over_yaw(rotor_nacelle_inertia(turbine, blade_body.inertia))
@@ -514,20 +514,20 @@ def _tower_modes(beam: Beam, fidelity: Fidelity, top: NDArray[np.float64]) -> tu
     """Plane modes or prescribed shapes of the tower under its top mass, and their names."""
     planes = {"fore_aft": (0, 4), "side_side": (1, 3), "torsion": (5,)}
     basis, names = [], []
-    for (plane, dofs), wanted in zip(planes.items(), fidelity.tower_modes, strict=True):
-        if wanted == 0:
+    for (plane, dofs), count in zip(planes.items(), fidelity.tower_modes, strict=True):
+        if count == 0:
             continue
-        names += [f"{plane}_{i + 1}" for i in range(wanted)]
+        names += [f"{plane}_{i + 1}" for i in range(count)]
         if fidelity.tower_shapes is not None and plane != "torsion":
             basis.append(_polynomial_shapes(beam, plane, fidelity.tower_shapes[plane == "side_side"]))
             continue
         most = len(dofs) * fidelity.tower_elements
-        if wanted > most:
+        if count > most:
             raise SimulationError(
-                f"Fidelity.tower_modes is {fidelity.tower_modes}: {wanted} {plane} modes wanted, "
-                f"Fidelity.tower_elements = {fidelity.tower_elements} make {most}"
+                f"Fidelity.tower_modes is {fidelity.tower_modes}: {plane} modes must be at most {most} "
+                f"with Fidelity.tower_elements = {fidelity.tower_elements}, got {count}"
             )
-        basis.append(clamped_modes(beam, wanted, tip_mass=top, node_dofs=dofs).shape)
+        basis.append(clamped_modes(beam, count, tip_mass=top, node_dofs=dofs).shape)
     return np.hstack(basis), names
 
 
@@ -636,7 +636,7 @@ def _add_blade(
     i: int,
     formulation: str,
 ) -> tuple[int, ...]:
-    """Blade i, a body or pieces, on its pitch bearing, a joint or six equations; returns its bodies from the root on.
+    """Blade i, one body or several, on its pitch bearing, a joint or six equations; its bodies from root to tip.
 
     The servo angle is the pitch (about minus z).
     """

@@ -177,7 +177,7 @@ def relax_loads(new, passes, share):
 
 @kernel
 def secant_share(new, passes, share, memory):
-    """The share of the change of the loads that a secant through the last two passes wants; returns it.
+    """The share of the change of the loads that a secant through the last two passes gives; returns it.
 
     Aitken's relaxation (Irons & Tuck, Int. J. Numer. Methods Eng. 1, 1969; Kuettler & Wall, Comput. Mech. 43, 2008):
     from pass to pass the change of the loads is multiplied by minus what the air resists over what the structure
@@ -234,7 +234,7 @@ def pass_on(inputs):
 def check_range(y, x, monitor, sub_bodies, gauges):
     """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor.
 
-    The tips of blades of several bodies (pieces: `SubBodyNodes`) are where the gauges have seen them.
+    The tips of blades of several sub-bodies (`SubBodyNodes`) are where the gauges have seen them.
     """
     if not (abs(y[monitor.generator_u]) < x.max_speed and abs(rotor_speed(y, monitor)) < x.max_speed):
         return OVERSPEED

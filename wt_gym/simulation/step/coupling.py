@@ -67,7 +67,7 @@ class Coupling:
     aero : AeroState
     exchange : CouplingData
     gauges : Gauges
-        With the signals of the last step, but for those that `Measurement.complete` fills in.
+        With the signals of the last step, except those that `Measurement.complete` fills in.
     extremes : Extremes
         Since they were last told to ``restart``.
     scheme : Scheme
@@ -264,7 +264,7 @@ class Coupling:
         return FunctionType(source.__code__, source.__globals__ | own)
 
     def bundle(self) -> _Bundle:
-        """Arguments of the compiled step but for the wind at the blades."""
+        """Arguments of the compiled step except the wind at the blades."""
         lattice = self.models.lattice
         air = Air(lattice.arrays, lattice.constants, self.aero.arrays, lattice.work, *lattice.body_arrays)
         return air, self.motion.structure, self.exchange, self._scheme, self.gauges, self._monitor

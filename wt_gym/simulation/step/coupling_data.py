@@ -80,10 +80,10 @@ class CouplingData(NamedTuple):
 
     nodes: np.ndarray  # (n_blades, n_chord + 1, n_span + 1, 3) lattice nodes [m]
     velocities: np.ndarray  # same shape, of the nodes [m/s]
-    points: Points  # of the lattice on a blade, or on its pieces
+    points: Points  # of the lattice on a blade, or on its sub-bodies
     lattice_bodies: (
         np.ndarray
-    )  # int64 (n_lattice_bodies,) bodies that carry them: the blades, or their pieces blade by blade
+    )  # int64 (n_lattice_bodies,) bodies that carry them: the blades, or their sub-bodies blade by blade
     sub_bodies: SubBodyNodes | None  # None: a blade is one body
     elastic_q: np.ndarray  # int64 (n_lattice_bodies, n_f) where the coordinates of a carrier are in the state
     elastic_u: np.ndarray  # int64 (n_lattice_bodies, n_f) and their rates

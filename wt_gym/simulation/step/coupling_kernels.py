@@ -36,7 +36,7 @@ def rotor_motion(rot, r, v, omega, elastic, rates, points, lattice_bodies, sub_b
 
 @kernel(inline="always")
 def points_of_sub_body(points, p):
-    """`Points` of one piece, views."""
+    """`Points` of one sub-body, views."""
     return Points(points.position[p], points.linear[p], points.second[p])
 
 
@@ -44,7 +44,7 @@ def points_of_sub_body(points, p):
 def rotor_loads(forces, rot, elastic, points, lattice_bodies, sub_bodies, loads):
     """Loads (n_b, 6 + n_f) of the bodies from forces (n_blades, n_points, 3) on the lattice points, by virtual work.
 
-    Carriers and pieces as for `rotor_motion`.
+    Carriers and sub-bodies as for `rotor_motion`.
 
     Returns the largest change of a force component against what ``loads`` held, divided by the largest component.
     """

@@ -80,7 +80,7 @@ class EnergyBalance(NamedTuple):
         return {name: getattr(self, name) for name in STATE}
 
     def begin(self) -> None:
-        """Start anew."""
+        """Restart the balance."""
         for array in self.state().values():
             array[:] = 0
         self.steps_since_check[:] = -1

@@ -118,7 +118,7 @@ class ObserverMotion(TreeMotion):
         history = self.integrator.history
         for array in (history.y, history.f, history.memory, history.counters):
             array[:] = 0
-        history.y[3] = y
+        self.integrator.state[:] = y
         tree_kernels.kinematics(y, system.tree, work)
         for array in self.observed.now:
             array[:] = 0

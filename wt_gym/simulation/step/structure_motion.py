@@ -19,7 +19,7 @@ from wt_gym.multibody.arrays import Inputs, Tree, Work
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.integrators.hamming import History, new_history
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.integrators.schemes import Integrator, Method, coupled_integrator, method_of
+from wt_gym.multibody.integrators.schemes import DEFAULT, Integrator, Method, coupled_integrator, method_of
 from wt_gym.multibody.tree import tree_kernels
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class Structure(NamedTuple):
     """A structure, as the compiled step takes it: its motion, and what its form needs to move on."""
 
     motion: Motion
-    history: History  # what the integration of the multibody system goes on from
+    history: History  # what the integration of the multibody system continues from
     saved: History  # as it was at the start of the aerodynamic step
     constrained: int | None  # see MultibodySystem.constrained; None: no constraint equations
     method: Method  # how its scheme moves it on
@@ -155,7 +155,7 @@ class TreeMotion:
                 "there are no multipliers without constraint equations: formulation='constrained' has them; the "
                 "channels root_flap_moment, root_edge_moment and root_torsion have the moments in every formulation"
             )
-        history = new_history(system.n_state)  # its newest rate is evaluated anew
+        history = new_history(system.n_state)  # its newest rate is evaluated again
         history.y[3] = i.state
         arguments = history, i.inputs, system.tree, i.work, 1.0, 0, 0, system.constrained, True
         if self._rate is None:  # to look up the types of the arguments takes twenty times as long as the call
@@ -169,6 +169,6 @@ class TreeMotion:
 def _integrator(models: TurbineModels) -> Integrator:
     """Integrator of the structure of a turbine, at rest."""
     system, fidelity, length = models.structure.system, models.fidelity, models.turbine.blade.length
-    name = "hamming" if fidelity.formulation == "observer" else fidelity.integrator  # frames bring their own scheme
+    name = DEFAULT if fidelity.formulation == "observer" else fidelity.integrator  # frames have their own scheme
     settings = fidelity.scheme_settings._replace(tolerance=NEWTON_TOLERANCE * length, trail=models.n_substeps)
     return coupled_integrator(name, system, models.time_step / models.n_substeps, settings)

@@ -20,9 +20,6 @@ from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.step.coupling_kernels import rotor_motion
 from wt_gym.simulation.step.observer_motion_kernels import end_frames, move_frames, restore_frames, save_frames
 
-# The predictor alone is unstable: what it amplifies in so few sub-steps is less than the change of the loads.
-MOST_UNCORRECTED = 4
-
 
 @kernel
 def save_motion(structure):
@@ -56,7 +53,7 @@ def restore_by(observed, structure):
 
 @kernel
 def copy_history(source, target):
-    """What an integration goes on from, from one set of arrays to another."""
+    """What an integration continues from, from one set of arrays to another."""
     for k in range(source.y.shape[0]):
         for i in range(source.y.shape[1]):
             target.y[k, i] = source.y[k, i]
@@ -76,8 +73,7 @@ def move_structure(structure, scheme, rough):
     structure : Structure
     scheme : Scheme
     rough : bool
-        Whether the motion only has to tell where the blades will be: an explicit scheme then predicts only, an implicit
-        one ends its iteration early.
+        Whether the motion only has to tell where the blades will be.
 
     Returns
     -------
@@ -93,11 +89,8 @@ def move_by(observed, structure, scheme, rough):
     s, m = structure, structure.motion
     if observed is not None:
         return move_frames(m, observed, scheme)
-    # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-    few = scheme.n_sub <= MOST_UNCORRECTED and s.constrained is None
-    predicted = rough and (few or s.method.implicit is not None)
-    n_corrections = 0 if predicted else scheme.n_corrections
-    return advance(s.method, s.history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, n_corrections, s.constrained)
+    return advance(s.method, s.history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, scheme.n_corrections, rough,
+                   s.constrained)  # fmt: skip
 
 
 @kernel(separate=True)
