@@ -24,7 +24,7 @@ class ObservationOptions(OptionGroup):
 
     channels: str | Sequence[str] | None = option(
         "str or sequence of str, optional",
-        'Groups and channels to observe, in any order, as ``"measurable"``; default: those of the action mode, see above',
+        "Groups and channels to observe, in any order, or one; default: those of the action mode, see above",
         default=None,
         flat="observation",
     )
