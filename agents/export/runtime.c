@@ -28,7 +28,7 @@ struct readings {
 };
 
 struct state {
-    int running;
+    int running, provisional;         /* the start rests on readings of the first call */
     long count;                       /* steps of the controller since the start */
     double next_time, step_time;      /* of the next step, and when the last one was due */
     double raw[N_READINGS];           /* last good reading of each record */
@@ -862,7 +862,7 @@ static void start(const struct parameters *p, struct state *s, const float *swap
     agent_start(p, s);
 #endif
     drives_start(s);
-    s->running = 1;
+    s->running = s->provisional = 1;
 }
 
 static void step(const struct parameters *p, struct state *s) {
@@ -948,6 +948,17 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
             *fail = 1;
             snprintf(message, size, "blades must be pitched one by one: record 28 must be 1 (OpenFAST: Ptch_Cntrl), got %g",
                      swap[27]);
+        }
+    } else if (s->provisional) {
+        /* OpenFAST has not solved for its accelerations at the first call, and gives those of time zero at the second */
+        s->provisional = 0;
+        if (time < s->next_time - 0.5 * fmin(dt, p->controller_step)) {
+            read_swap(p, s, swap, 0.0);
+            if (!(s->bad_users & FOR_BASE)) {
+                start(p, s, swap, s->step_time);
+                s->provisional = 0;
+                step(p, s);
+            }
         }
     }
     /* a step of the controller at the call nearest to it, several where calls are farther apart */

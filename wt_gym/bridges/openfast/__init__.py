@@ -7,6 +7,6 @@ from wt_gym.bridges.openfast.run_folder import ServedController
 from wt_gym.bridges.openfast.simulator import OpenFASTSimulator
 
 __all__ = [
-    "DRIVER_VARIABLE", "VARIABLE", "OpenFASTSimulator", "ServedController", "find_driver", "find_library", "read_outputs",
-    "run_driver", "write_driver_run", "write_model",
+    "DRIVER_VARIABLE", "VARIABLE", "OpenFASTSimulator", "ServedController", "find_driver", "find_library",
+    "read_outputs", "run_driver", "write_driver_run", "write_model",
 ]  # fmt: skip

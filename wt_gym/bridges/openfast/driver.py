@@ -57,7 +57,7 @@ def write_driver_run(
     model: str | Path | None = None,
     changes: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Path:
-    """Write a turbine in a wind, under a Bladed library, as a folder that OpenFAST's driver runs: ``openfast model.fst``.
+    """Write a turbine in a wind under a Bladed library as a folder that OpenFAST's driver runs: ``openfast model.fst``.
 
     The run begins at the operating point of the wind, as an environment with ``start="steady"`` does. The driver writes
     what `read_outputs` needs into ``model.out``.
@@ -121,7 +121,7 @@ def find_driver(given: str | os.PathLike[str] | None = None) -> Path:
     Parameters
     ----------
     given : str or path, optional
-        By default `DRIVER_VARIABLE`, else ``openfast`` on the path, or beside OpenFAST's library as `VARIABLE` names it.
+        By default `DRIVER_VARIABLE`, else ``openfast`` on the path or beside the library that `VARIABLE` names.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def find_driver(given: str | os.PathLike[str] | None = None) -> Path:
         if found := shutil.which("openfast", path=None if folder is None else str(folder)):
             return Path(found).resolve()
     raise SimulationError(
-        "OpenFAST's driver (openfast, version 5) is not here: conda install -c conda-forge openfast, or build OpenFAST; "
+        "OpenFAST's driver (openfast, version 5) is not here: conda install -c conda-forge openfast, or build it; "
         f"then have it on the path, or give its path in {DRIVER_VARIABLE}"
     )
 
