@@ -95,8 +95,9 @@ def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
     missing = [one.channel.name for one in found if one.kind == "HELD"]
     if missing and not hold_missing:
         raise ValueError(
-            f"the agent observes {', '.join(missing)}, which the Bladed interface does not have. Train an agent on "
-            "what it has (docs/howto/export.md), or have them held at the middle of their scale: --hold-missing"
+            f"channels of the agent must be on the Bladed interface, got {', '.join(missing)}, which are not. Train it "
+            "with observation='measurable', all that there is (docs/howto/export.md), or have them held at the middle "
+            "of their scale: --hold-missing"
         )
     return found
 

@@ -147,7 +147,8 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
         "", "A reading that is not a number or out of its range keeps its last value, and what acts on it rests: the "
         "agent's offsets and individual pitch return to zero at their greatest rate. The library says so once.",
         "", "Demands: records 42 to 44 (pitch), 45 (their mean), 47 (torque), 48 (yaw rate). Status -8 writes and -9 "
-        "reads a checkpoint, `OUTNAME.MILLISECONDS.checkpoint`.",
+        "reads a checkpoint: the file that is named in place of the parameter file, as by OpenFAST, else "
+        "`OUTNAME.MILLISECONDS.checkpoint`.",
     ]  # fmt: skip
     if held:
         lines += ["", "## Held channels", "", f"The interface does not have {', '.join(held)}: the agent sees the "

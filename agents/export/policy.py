@@ -20,15 +20,18 @@ if TYPE_CHECKING:
     from wt_gym.agents.trained_agent import TrainedAgent
     from wt_gym.envs.layout import EnvLayout
 
-__all__ = ["CARD_FILE", "LARGEST_DIFFERENCE", "POLICY_FILE", "export_onnx", "training_environment", "training_layout"]
+__all__ = [
+    "CARD_FILE", "LARGEST_DIFFERENCE", "POLICY_FILE", "export_onnx", "training_arguments", "training_environment",
+    "training_layout",
+]  # fmt: skip
 
 POLICY_FILE, CARD_FILE = "policy.onnx", "README.md"
 LARGEST_DIFFERENCE = 1e-6
 """Of the actions of the file against those of the policy [-]."""
 
 
-def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> WindTurbineEnv:
-    """Environment that an agent was trained in, without a limit of time or a twin.
+def training_arguments(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of the environment that an agent was trained in.
 
     Parameters
     ----------
@@ -47,6 +50,12 @@ def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> Win
             "the environment of the training must be known, by training.json beside the model or a card MODEL.json "
             'with "env_kwargs"; got neither'
         )
+    return arguments
+
+
+def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> WindTurbineEnv:
+    """Environment that an agent was trained in, without a limit of time or a twin; see `training_arguments`."""
+    arguments = training_arguments(agent, env_kwargs)
     return WindTurbineEnv(**(arguments | {"relative_reward": False, "episode_length": None}))
 
 

@@ -10,6 +10,7 @@
 /* DATA */
 
 static const double PI = 3.14159265358979323846;
+enum { PATH_SIZE = 4096 };
 
 /* ---- what is remembered ------------------------------------------------------------------------------------------ */
 
@@ -27,7 +28,7 @@ struct readings {
 };
 
 struct state {
-    int running;
+    int running, provisional;         /* the start rests on readings of the first call */
     long count;                       /* steps of the controller since the start */
     double next_time, step_time;      /* of the next step, and when the last one was due */
     double raw[N_READINGS];           /* last good reading of each record */
@@ -63,6 +64,7 @@ struct state {
 
 static struct instance {
     char fingerprint[sizeof FINGERPRINT];
+    char parameter_file[PATH_SIZE];
     struct parameters parameters;
     struct state state;
 } instance;
@@ -798,12 +800,26 @@ static int read_parameters(struct parameters *p, const char *path, char *message
     return 0;
 }
 
-/* Write or read everything that is remembered; returns 0, or -1 with a message. */
-static int checkpoint(struct instance *all, const char *name, double time, int writes, char *message, size_t size) {
-    char path[4200], mark[sizeof FINGERPRINT] = "";
-    int done = 0, fits = 1;
+/* Whether a file can be opened and is another one than a checkpoint: the parameter file. */
+static int is_other_file(const char *path) {
+    char first[sizeof MAKER - 1] = "";
+    FILE *file = fopen(path, "rb");
+    size_t count;
+    if (file == NULL) return 0;
+    count = fread(first, 1, sizeof first, file);
+    fclose(file);
+    return count < sizeof first || memcmp(first, MAKER, sizeof first) != 0;
+}
+
+/* Write or read everything that is remembered; returns 0, or -1 with a message. OpenFAST gives the name of the checkpoint
+ * in place of that of the parameter file; of a caller that goes on giving the latter, it is made of the output name. */
+static int checkpoint(struct instance *all, const char *in, const char *out, double time, int writes, char *message,
+                      size_t size) {
+    char path[PATH_SIZE + 100], mark[sizeof FINGERPRINT] = "";
+    int done = 0, fits = 1, named = in[0] != '\0' && strcmp(in, all->parameter_file) != 0 && !is_other_file(in);
     FILE *file;
-    snprintf(path, sizeof path, "%s.%ld.checkpoint", name, lround(clip(1000.0 * time, -2e9, 2e9)));
+    if (named) snprintf(path, sizeof path, "%s", in);
+    else snprintf(path, sizeof path, "%s.%ld.checkpoint", out, lround(clip(1000.0 * time, -2e9, 2e9)));
     file = fopen(path, writes ? "wb" : "rb");
     if (file != NULL && writes) {
         done = fwrite(all, sizeof *all, 1, file) == 1;
@@ -846,7 +862,7 @@ static void start(const struct parameters *p, struct state *s, const float *swap
     agent_start(p, s);
 #endif
     drives_start(s);
-    s->running = 1;
+    s->running = s->provisional = 1;
 }
 
 static void step(const struct parameters *p, struct state *s) {
@@ -907,7 +923,7 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
         return;
     }
     if (status == -8 || status == -9) {
-        *fail = checkpoint(&instance, out, time, status == -8, message, size);
+        *fail = checkpoint(&instance, in, out, time, status == -8, message, size);
         return;
     }
     if (status < 0) return; /* the last call: what was demanded holds */
@@ -916,6 +932,7 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
         memset(&instance, 0, sizeof instance);
         memcpy(instance.fingerprint, FINGERPRINT, sizeof FINGERPRINT);
         *p = DEFAULTS;
+        snprintf(instance.parameter_file, sizeof instance.parameter_file, "%s", in);
         if (in[0] != '\0' && read_parameters(p, in, message, size) != 0) {
             *fail = -1;
             return;
@@ -931,6 +948,17 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
             *fail = 1;
             snprintf(message, size, "blades must be pitched one by one: record 28 must be 1 (OpenFAST: Ptch_Cntrl), got %g",
                      swap[27]);
+        }
+    } else if (s->provisional) {
+        /* OpenFAST has not solved for its accelerations at the first call, and gives those of time zero at the second */
+        s->provisional = 0;
+        if (time < s->next_time - 0.5 * fmin(dt, p->controller_step)) {
+            read_swap(p, s, swap, 0.0);
+            if (!(s->bad_users & FOR_BASE)) {
+                start(p, s, swap, s->step_time);
+                s->provisional = 0;
+                step(p, s);
+            }
         }
     }
     /* a step of the controller at the call nearest to it, several where calls are farther apart */
@@ -957,7 +985,7 @@ void DISCON(float *avrSWAP, int *aviFAIL, const char *accINFILE, const char *avc
 
 /* The Bladed interface. Strings end with a null or after the lengths in records 49 to 51. */
 void DISCON(float *avrSWAP, int *aviFAIL, const char *accINFILE, const char *avcOUTNAME, char *avcMSG) {
-    char in[4096], out[4096], message[1025] = "";
+    char in[PATH_SIZE], out[PATH_SIZE], message[1025] = "";
     int length = length_of(avrSWAP[48], sizeof message);
     int n_in = length_of(avrSWAP[49], sizeof in - 1), n_out = length_of(avrSWAP[50], sizeof out - 1);
     *aviFAIL = 0;

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["c_source", "readings"]
 
 _MARK = "/* DATA */"
+_MAKER = "wt_gym "
+"""First bytes of every checkpoint, whichever controller it belongs to."""
 _USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT")
 _ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW")
 _FORMS = ("NO_PITCH", "COLLECTIVE", "INDIVIDUAL", "FIXED_FRAME", "CYCLIC")
@@ -209,6 +211,6 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
     runtime = Path(__file__).with_name("runtime.c").read_text(encoding="utf-8")
     data = "\n".join(lines)
     mark = hashlib.sha256((data + runtime).encode()).hexdigest()[:16]
-    data += f'\n#define FINGERPRINT "{mark}"\n'
+    data += f'\n#define FINGERPRINT "{_MAKER}{mark}"\n#define MAKER "{_MAKER}"\n'
     head = f"/* {title}\n *\n * Made by wt_gym: one C99 file, a shared library with the Bladed interface. */\n"
     return head + runtime.replace(_MARK, data)

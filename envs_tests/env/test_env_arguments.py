@@ -138,6 +138,15 @@ def test_an_unknown_argument_is_told_with_the_one_it_resembles():
         gym.make("wt_gym/NREL5MW-Steady-v1", color=8.0)
 
 
+def test_one_group_can_be_named_alone():
+    one, several = (WindTurbineEnv(observation=choice) for choice in ("measurable", ["measurable"]))
+    assert one.observation_names.tolist() == several.observation_names.tolist()
+    assert one.options.to_json() == several.options.to_json()
+    assert gym.make("wt_gym/LoadReduction-v1", observations={"channels": "rotor"}).observation_space.shape == (2,)
+    with pytest.raises(ValueError, match=r"observation has \['rotors'\]; must be among the groups"):
+        WindTurbineEnv(observation="rotors")
+
+
 def test_names_and_units_are_arrays():
     env = WindTurbineEnv(observation=("rotor", "azimuth"), pitch="individual", history=2)
     assert env.observation_names.shape == env.observation_units.shape == env.observation_space.shape

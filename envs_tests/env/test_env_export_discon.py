@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from envs_tests.unit.exported_library import Exported, as_read, random_readings, sanitized
+from wt_gym.agents.export.agent_parts import seen_channels
 from wt_gym.agents.export.discon import export_discon
 from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 from wt_gym.agents.trained_environment import trained_arguments
@@ -131,6 +132,18 @@ def fly_both(env, agent, library, parameters, duration, held=()):
 
 _READ = np.array([4, 33, 34, 14, 15, 20, 21, 23, 24, 27, 30, 31, 32, 37, 53, 54, 60, 69, 70, 71, 109, 110]) - 1
 """Records of readings."""
+
+
+@pytest.mark.parametrize("turbine", ["nrel_5mw", "gebhardt_45m"])
+@pytest.mark.parametrize("components", [["pitch"], ["pitch", "torque", "yaw"], ["torque"]])
+@pytest.mark.parametrize("pitch", ["collective", "individual", "fixed-frame", "cyclic"])
+def test_every_measurable_channel_is_on_the_interface(pitch, components, turbine):
+    env = WindTurbineEnv(**(WIND | {
+        "turbine": turbine, "pitch": pitch, "action_components": components, "observation": "measurable", "history": 2,
+    }))  # fmt: skip
+    seen = seen_channels(env.layout, hold_missing=False)
+    assert 2 * len(seen) == len(env.layout.observation)
+    assert "HELD" not in {one.kind for one in seen}
 
 
 @pytest.mark.parametrize("kind", AGENTS)
@@ -271,7 +284,8 @@ def test_sanitizers_find_nothing_in_agents(tmp_path):
 
 def test_channels_that_the_interface_lacks_are_refused_with_their_names(tmp_path):
     words = [str(TRAINED / "load_reduction"), "--to", "discon", "--out", str(tmp_path)]
-    with pytest.raises(SystemExit, match=r"tip_out_of_plane_mean, .*tower_top_side_side, which the Bladed interface"):
+    lacking = r"got tip_out_of_plane_mean, .*tower_top_side_side, which are not. Train it with observation='measurable'"
+    with pytest.raises(SystemExit, match=lacking):
         main(words)
     with pytest.raises(SystemExit, match=r"must be made of discon, .* got LidarFeedforward"):
         main([str(TRAINED / "load_reduction_on_lidar"), *words[1:], "--hold-missing"])

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from wt_gym.bridges.openfast import VARIABLE
+from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
 
 BESIDE = Path(__file__).resolve().parents[3] / "shared" / "openfast" / "libopenfastlib.so.xz"
 """A packed library beside the checkout."""
@@ -28,3 +28,19 @@ def openfast_library():
     path.write_bytes(lzma.decompress(BESIDE.read_bytes()))
     loading = [sys.executable, "-c", "import ctypes, sys; ctypes.CDLL(sys.argv[1])", str(path)]
     return path if subprocess.run(loading, capture_output=True, check=False).returncode == 0 else None
+
+
+@cache
+def openfast_driver():
+    """Path of the driver: that of the environment variable, or one beside the library; None without either."""
+    if os.environ.get(DRIVER_VARIABLE):
+        return Path(os.environ[DRIVER_VARIABLE])
+    if os.environ.get(VARIABLE):
+        path = Path(os.environ[VARIABLE]).with_name("openfast")
+        return path if path.is_file() else None
+    if openfast_library() is None or not BESIDE.with_name("openfast.xz").is_file():
+        return None
+    path = Path(mkdtemp(prefix="wt_gym_tests_")) / "openfast"
+    path.write_bytes(lzma.decompress(BESIDE.with_name("openfast.xz").read_bytes()))
+    path.chmod(0o755)
+    return path

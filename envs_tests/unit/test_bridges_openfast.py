@@ -3,6 +3,7 @@
 import ctypes
 import importlib.util
 import math
+import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,16 @@ import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.bridges.compiler import CompilerError, find_compiler
-from wt_gym.bridges.openfast import OpenFASTSimulator, find_library, write_model
+from wt_gym.bridges.openfast import (
+    DRIVER_VARIABLE,
+    OpenFASTSimulator,
+    ServedController,
+    find_driver,
+    find_library,
+    read_outputs,
+    write_driver_run,
+    write_model,
+)
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.library import VARIABLE
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, Measurement, elastodyn_outputs
@@ -25,6 +35,7 @@ from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.wind_file import sampled, write_wind
 from wt_gym.commands import loadcases
 from wt_gym.control.blade_element import BladeElementRotor, BladeElements
+from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.simulators import simulator_maker
 from wt_gym.errors import ActionError, SimulationError, TurbineDefinitionError
 from wt_gym.simulation import Simulator
@@ -555,3 +566,95 @@ class TestChoice:
         env.reset(seed=0)
         env.close()
         assert len(made) == 1
+
+
+@pytest.fixture(scope="module")
+def written(turbine, tmp_path_factory):
+    """Primary file of a folder for the driver, in a wind that OpenFAST has no formula for."""
+    wind, controller = SteadyInflow(15.0, 90.0, shear_exponent=0.2, veer=1e-3), ServedController("mine.so", "mine.in")
+    folder = tmp_path_factory.mktemp("driven")
+    return write_driver_run(turbine, wind, folder, controller, duration=30.0, interval=0.1, azimuth=0.5)
+
+
+class TestDriverRuns:
+    """Folders for OpenFAST's driver, and what it writes."""
+
+    def test_a_folder_names_nothing_outside_itself(self, written):
+        assert written.name == "model.fst"
+        assert not written.with_name("turbine.fst").exists()
+        for path in written.parent.rglob("*.*"):
+            if path.suffix in (".fst", ".dat"):
+                named = re.findall(r'"([^"]*)"', path.read_text(encoding="utf-8"))
+                assert not [name for name in named if name.startswith("/") or ":" in name]
+                files = [name for name in named if name.endswith((".dat", ".bts"))]
+                assert all((path.parent / name).is_file() for name in files)
+
+    def test_the_driver_runs_it_under_the_library(self, written, turbine):
+        primary, servo, elasto = (
+            InputFile(written.with_name(name)) for name in ("model.fst", "servodyn.dat", "elastodyn.dat")
+        )
+        assert (primary.number("TMax"), primary.number("DT_Out"), primary.number("TStart")) == (30.0, 0.1, 0.0)
+        assert 0.1 / primary.number("DT") == pytest.approx(8.0)
+        assert [servo.number(key) for key in ("PCMode", "VSContrl", "YCMode", "Ptch_Cntrl")] == [5, 5, 5, 1]
+        assert (servo.text("DLL_FileName"), servo.text("DLL_InFile")) == ("mine.so", "mine.in")
+        point = operating_point(turbine, 15.0)
+        assert elasto.number("RotSpeed") * math.pi / 30.0 == pytest.approx(point.rotor_speed)
+        assert math.radians(elasto.number("BlPitch(2)")) == pytest.approx(point.pitch)
+        assert math.radians(elasto.number("Azimuth")) == pytest.approx(0.5)
+
+    def test_rotors_that_turn_the_other_way_are_refused(self, turbine, tmp_path):
+        with pytest.raises(TurbineDefinitionError, match="rotation must be 'clockwise'"):
+            write_driver_run(
+                mirrored(turbine), SteadyInflow(8.0), tmp_path, ServedController("a", "b"), duration=1.0, interval=0.1
+            )
+
+    @staticmethod
+    def outputs(turbine, leave_out=()):
+        """Names, two rows of numbers that all differ, and the text of such a file."""
+        names = [
+            *elastodyn_outputs(3),
+            *AERODYN_OUTPUTS,
+            *INFLOW_OUTPUTS,
+            "GenTq",
+            *(f"BlPitchC{b}" for b in (1, 2, 3)),
+        ]
+        names = ["Time", *(name for name in names if name not in leave_out)]
+        rows = [[0.1 * k, *(0.01 * (k + 1) * place for place in range(1, len(names)))] for k in (0, 1)]
+        lines = ["", "Predictions", "", "", "", "", "\t".join(names), "\t".join("(-)" for _ in names)]
+        return names, rows, "\n".join(lines + ["\t".join(map(repr, row)) for row in rows]) + "\n"
+
+    def test_outputs_are_signals(self, turbine, tmp_path):
+        names, rows, text = self.outputs(turbine)
+        (tmp_path / "model.out").write_text(text, encoding="utf-8")
+        data = read_outputs(tmp_path / "model.out", turbine)
+        at = {name: rows[1][k] for k, name in enumerate(names)}
+        last = data.isel(time=1)
+        assert float(last.time) == 0.1
+        assert float(last["generator_torque"]) == pytest.approx(1e3 * at["GenTq"])
+        assert float(last["root_flap_moment_2"]) == pytest.approx(1e3 * at["RootMyb2"])
+        assert float(last["pitch_command_3"]) == pytest.approx(math.radians(at["BlPitchC3"]))
+        turned = math.radians(at["BldPitch1"] - rows[0][names.index("BldPitch1")])
+        assert float(last["pitch_travel_1"]) == pytest.approx(turned)
+        assert float(last["pitch_rate_1"]) == pytest.approx(turned / 0.1)
+
+    def test_what_is_not_such_a_file_is_refused(self, turbine, tmp_path):
+        (tmp_path / "a.out").write_text("nothing\n", encoding="utf-8")
+        with pytest.raises(SimulationError, match="must be a text file of outputs of OpenFAST"):
+            read_outputs(tmp_path / "a.out", turbine)
+        (tmp_path / "b.out").write_text(self.outputs(turbine, ("RootMyb2", "GenTq"))[2], encoding="utf-8")
+        with pytest.raises(SimulationError, match="RootMyb2, GenTq are missing"):
+            read_outputs(tmp_path / "b.out", turbine)
+
+    def test_the_driver_is_found_or_said_how_to_get(self, tmp_path, monkeypatch):
+        monkeypatch.delenv(DRIVER_VARIABLE, raising=False)
+        monkeypatch.setenv("PATH", str(tmp_path))
+        monkeypatch.setenv(VARIABLE, str(tmp_path / "lib" / "libopenfastlib.so"))
+        with pytest.raises(SimulationError, match=r"driver .* is not here: conda install"):
+            find_driver()
+        (tmp_path / "bin").mkdir()
+        driver = tmp_path / "bin" / "openfast"
+        driver.touch(mode=0o755)
+        assert find_driver() == driver.resolve()
+        monkeypatch.setenv(DRIVER_VARIABLE, str(tmp_path / "none"))
+        with pytest.raises(SimulationError, match=f"{DRIVER_VARIABLE} must be the path of OpenFAST's driver"):
+            find_driver()

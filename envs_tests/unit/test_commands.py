@@ -44,7 +44,7 @@ def test_the_help_lists_every_command(capsys):
     assert all(f"  {command} " in text for command in COMMANDS)
 
 
-@pytest.mark.parametrize("words", [[], ["fly"], ["train", "--color", "red"]])
+@pytest.mark.parametrize("words", [[], ["dance"], ["train", "--color", "red"]])
 def test_wrong_words_take_one_line_and_status_2(words, capsys):
     assert ended(main, words) == 2
     assert capsys.readouterr().err.count("\n") == 1

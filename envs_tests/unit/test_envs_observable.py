@@ -101,6 +101,36 @@ def test_parities_of_signals_are_those_of_the_simulator():
     assert [name for name, parity in found.items() if parity < 0 and name not in parities] == ["previous_yaw_rate"]
 
 
+def test_the_measurable_group_has_no_channel_that_a_turbine_does_not_measure():
+    """On top of a controller moments are in the fixed frame; for actions of each blade and without it of each blade."""
+    common = {"rotor_speed", "generator_speed", "generator_power", "generator_torque", "generator_torque_demand",
+              "wind_speed", "yaw_error", "azimuth_sin", "azimuth_cos", "nacelle_acceleration_fore_aft",
+              "nacelle_acceleration_side_side"}  # fmt: skip
+    for mode, pitch, parts, own in (
+        ("residual", "fixed-frame", ("mean", "tilt", "yaw"), 6),
+        ("residual", "individual", ("1", "2", "3"), 6),
+        ("rate", "individual", ("1", "2", "3"), 0),
+    ):
+        action = ActionMap(TURBINE, 0.2, mode, pitch, None, None, (8.0, 16.0), 0.0)
+        groups, channels = Observable(TURBINE, action, LIDAR).choose(("measurable",))
+        names = [one.channel.name for one in channels]
+        blades = {f"{name}_{b}" for name in ("pitch", "pitch_rate", "pitch_demand") for b in (1, 2, 3)}
+        moments = {f"root_{kind}_moment_{part}" for kind in ("flap", "edge") for part in parts}
+        remembered = {name for name in names if name.startswith(("controller_", "pitch_offset_", "torque_offset"))}
+        assert groups == ("measurable",)
+        assert len(set(names)) == len(names)
+        assert set(names) == common | blades | moments | remembered
+        assert len(remembered) == own
+
+
+def test_groups_that_overlap_give_each_channel_once():
+    _, channels = Observable(TURBINE, ACTION, LIDAR).choose(("measurable", "fixed_frame", "rotor", "pitch_2"))
+    names = [one.channel.name for one in channels]
+    assert len(set(names)) == len(names)
+    assert names[:2] == ["rotor_speed", "generator_speed"]
+    assert {"tip_out_of_plane_tilt", "root_edge_moment_yaw"} <= set(names)
+
+
 def test_a_copy_observes_the_same(observer):
     expected = observed(observer)
     for same in (copy.deepcopy(observer), pickle.loads(pickle.dumps(observer))):

@@ -271,6 +271,30 @@ def test_a_checkpoint_brings_another_instance_to_the_same_place(choice, exported
     assert np.array_equal(pitches(run(other, signals[150:], first=150)), pitches(expected))
 
 
+def test_a_checkpoint_can_be_named_in_place_of_the_parameter_file(exported, tmp_path):
+    """As OpenFAST does; the parameter file itself is never written."""
+    turbine, signals = recorded(200)
+    _, library, parameters, _ = exported(WHOLE)
+    ours, other = Exported(library, turbine, parameters), Exported(library, turbine, parameters)
+    text, name = Path(parameters).read_bytes(), str(tmp_path / "run.160.dll.chkp")
+    other.call(0.0, DT, status=-8)
+    assert Path(parameters).read_bytes() == text
+    run(ours, signals[:100])
+    swap = ours.swap.copy()
+    for one, status in ((ours, -8), (other, -9)):
+        one.swap[:] = swap
+        one.input_file, one.swap[49] = name, len(name) + 1
+        one.call(9.9, DT, status=status)
+        assert (one.flag, one.message) == (0, "")
+        one.input_file, one.swap[49] = str(parameters), len(str(parameters)) + 1
+    expected = run(ours, signals[100:], first=100)
+    assert np.array_equal(pitches(run(other, signals[100:], first=100)), pitches(expected))
+    other.input_file, other.swap[49] = f"{name}.none", len(name) + 6
+    other.call(9.9, DT, status=-9)
+    assert other.flag == -1
+    assert "run.160.dll.chkp.none could not be read" in other.message
+
+
 def test_a_checkpoint_that_is_none_is_refused(exported):
     turbine, _ = recorded(1)
     _, library, parameters, _ = exported("discon")

@@ -2,12 +2,17 @@
 
     wt-gym export agents/trained/load_reduction --to onnx --out exported
     wt-gym export constrained_ipc+tower_dampers --to discon --out exported
+    wt-gym export runs/ppo --to openfast --out flight --wind-speed 15 --duration 300
 
 onnx: the policy of a trained agent from measured channels in SI units to the action, scaling and clipping inside, with
 a card of what it is made for. Needs the extra "export" (onnx, onnxruntime).
 
 discon: a controller, or a trained agent on its controller, from measurements to demands as one C99 file and a library
 with the Bladed interface for OpenFAST, Bladed, HAWC2 and QBlade, with a parameter file. Needs a C compiler, or ziglang.
+
+openfast: that library in a folder with turbine and wind, which OpenFAST's driver runs: openfast FOLDER/model.fst. An
+agent flies in the turbine and wind of its training, a controller in those of wt_gym/LoadReduction-v1; wt-gym loads
+reads what OpenFAST writes.
 """
 
 from __future__ import annotations
@@ -17,8 +22,9 @@ import json
 from typing import Any
 
 from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
+from wt_gym.commands.scene_options import add_scene_options, chosen_scene
 
-FORMS = ("onnx", "discon")
+FORMS = ("onnx", "discon", "openfast")
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -27,7 +33,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("agent", help="path of a trained model, its folder or its file; for discon a controller too")
     parser.add_argument("--to", choices=FORMS, default="onnx", help="form (default: %(default)s)")
     parser.add_argument("--out", required=True, help="folder for the files")
-    discon = parser.add_argument_group("discon")
+    discon = parser.add_argument_group("discon and openfast")
     discon.add_argument("--turbine", help="of a controller (default: nrel_5mw)")
     discon.add_argument("--interval", type=float, help="step of a controller in s (default: that of the simulator)")
     discon.add_argument("--target", help="machine: linux, linux-arm, windows, macos, macos-arm (default: this one)")
@@ -38,6 +44,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--hold-missing", action="store_true",
         help="hold channels that the interface does not have at the middle of their scale",
     )  # fmt: skip
+    openfast = parser.add_argument_group("openfast")
+    add_scene_options(openfast, 600.0)
+    openfast.add_argument("--model", metavar="FST", help="model of your own for the turbine (default: one is written)")
     parser.add_argument("--json", action="store_true", help="print what was written as JSON at the end")
     return parser.parse_args(words)
 
@@ -46,7 +55,7 @@ def main(words: list[str] | None = None) -> None:
     """Export."""
     arguments = parse_arguments(words)
     with user_errors():
-        made = _discon(arguments) if arguments.to == "discon" else _onnx(arguments)
+        made = {"onnx": _onnx, "discon": _discon, "openfast": _openfast}[arguments.to](arguments)
     for file in made["files"]:
         print(file)
     if arguments.to == "onnx":
@@ -78,3 +87,14 @@ def _discon(arguments: argparse.Namespace) -> dict[str, Any]:
         hold_missing=arguments.hold_missing,
         drive=arguments.drive,
     )
+
+
+def _openfast(arguments: argparse.Namespace) -> dict[str, Any]:
+    from wt_gym.agents.export.openfast_folder import export_openfast
+
+    if arguments.interval is not None or arguments.target is not None or arguments.drive:
+        raise ValueError("--interval, --target and --drive must be left out with --to openfast, which sets them")
+    return export_openfast(
+        arguments.agent, arguments.out, chosen_scene(arguments), duration=arguments.duration,
+        hold_missing=arguments.hold_missing, model=arguments.model,
+    )  # fmt: skip

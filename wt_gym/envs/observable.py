@@ -28,7 +28,7 @@ __all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observabl
 
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
-    "offsets", "lidar", "previous_action",
+    "offsets", "lidar", "previous_action", "measurable",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
@@ -78,7 +78,7 @@ class Observable:
             "rotor": self._rotor, "power": self._power, "pitch": self._pitch, "wind": self._wind,
             "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
             "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
-            "lidar": self._lidar_channels, "previous_action": self._previous_action,
+            "lidar": self._lidar_channels, "previous_action": self._previous_action, "measurable": self._measurable,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
         others = (*self._pitch_forms(), self._every_fixed_frame(), self._more())
@@ -94,10 +94,12 @@ class Observable:
             raise ValueError(
                 f"observation {empty} must be left out: with this action there is no base controller, or no offset"
             )
-        channels = [channel for group in groups for channel in builders[group]()]
-        taken = {observed.channel.name for observed in channels}
-        wanted = [name for name in dict.fromkeys(choice) if name not in OBSERVATION_GROUPS and name not in taken]
-        return groups, [self._as_it_turns(observed) for observed in channels + [singles[name] for name in wanted]]
+        # groups overlap, and a single channel may be in one of them
+        chosen = {observed.channel.name: observed for group in groups for observed in builders[group]()}
+        for name in dict.fromkeys(choice):
+            if name not in OBSERVATION_GROUPS:
+                chosen.setdefault(name, singles[name])
+        return groups, [self._as_it_turns(observed) for observed in chosen.values()]
 
     def _as_it_turns(self, observed: Observed) -> Observed:
         """Of an odd channel the offset and range that a turbine of this rotation has."""
@@ -207,12 +209,15 @@ class Observable:
         )
 
     def _blades(self) -> list[Observed]:
-        channels = []
-        for name, unit, (middle, scale), _, _, size, text in self._blade_rows():
-            reach = 20 * size if name == "root_edge_moment" else 10 * size
-            row = (unit, middle * size, scale * size, -reach, reach, 0.01 * size, text)
-            channels += self._per_blade(None, name, *row)
-        return channels
+        return [channel for row in self._blade_rows() for channel in self._of_each_blade(*row)]
+
+    def _of_each_blade(
+        self, name: str, unit: str, of_blade: tuple[float, float], _: Any, __: Any, size: float, text: str
+    ) -> list[Observed]:
+        """A signal of every blade, from a row of `_blade_rows`."""
+        middle, scale = of_blade
+        reach = 20 * size if name == "root_edge_moment" else 10 * size
+        return self._per_blade(None, name, unit, middle * size, scale * size, -reach, reach, 0.01 * size, text)
 
     def _fixed_frame(self) -> list[Observed]:
         return self._fixed_frame_of("tip_out_of_plane") + self._fixed_frame_of("root_flap_moment")
@@ -293,6 +298,23 @@ class Observable:
             self._computed(int(self._action.parity[k]), readers.previous_action, f"previous_{name}", "-", 0.0,
                            1.0, -1.0, 1.0, 0.0, f"last action, component {name}", index=k)
             for k, name in enumerate(self._action.names)
+        ]  # fmt: skip
+
+    def _measurable(self) -> list[Observed]:
+        """What a controller with the Bladed interface reads or remembers: all of it leaves with an exported agent.
+
+        On top of a controller, in coordinates that do not turn with the rotor, moments have them too, unless the
+        actions are those of each blade.
+        """
+        still = self._action.mode == "residual" and self._action.pitch != "individual" and self._turbine.n_blades > 2
+        rows = {row[0]: row for row in self._blade_rows()}
+        moments = []
+        for name in ("root_flap_moment", "root_edge_moment"):
+            moments += self._fixed_frame_of(name) if still else self._of_each_blade(*rows[name])
+        accelerations = [one for one in self._tower() if one.channel.name.startswith("nacelle_acceleration")]
+        return [
+            *self._rotor(), *self._power(), *self._pitch(), *self._wind(), *moments, *accelerations, *self._azimuth(),
+            *self._controller(), *self._offsets(),
         ]  # fmt: skip
 
     def _more(self) -> list[Observed]:

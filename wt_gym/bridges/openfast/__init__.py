@@ -1,7 +1,12 @@
 """OpenFAST behind the contract of the simulator: models from turbines, winds, the library in a process of its own."""
 
+from wt_gym.bridges.openfast.driver import DRIVER_VARIABLE, find_driver, read_outputs, run_driver, write_driver_run
 from wt_gym.bridges.openfast.library import VARIABLE, find_library
 from wt_gym.bridges.openfast.model_files import write_model
+from wt_gym.bridges.openfast.run_folder import ServedController
 from wt_gym.bridges.openfast.simulator import OpenFASTSimulator
 
-__all__ = ["VARIABLE", "OpenFASTSimulator", "find_library", "write_model"]
+__all__ = [
+    "DRIVER_VARIABLE", "VARIABLE", "OpenFASTSimulator", "ServedController", "find_driver", "find_library",
+    "read_outputs", "run_driver", "write_driver_run", "write_model",
+]  # fmt: skip

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["AERODYN_OUTPUTS", "ELASTODYN_OUTPUTS", "INFLOW_OUTPUTS", "Measurement", "elastodyn_outputs"]
+__all__ = [
+    "AERODYN_OUTPUTS", "ELASTODYN_OUTPUTS", "INFLOW_OUTPUTS", "PITCH_COMMAND_OUTPUT", "TORQUE_OUTPUT", "Measurement",
+    "elastodyn_outputs", "servodyn_outputs",
+]  # fmt: skip
 
 _RPM, _DEGREE, _KILO = math.pi / 30.0, math.pi / 180.0, 1e3
 
@@ -52,6 +55,7 @@ _SCALED_BLADE = {
 _TOWER_TOP = ("TTDspFA", "TTDspSS", "TTDspAx", "TTDspRoll", "TTDspPtch")
 _ACCELERATION = ("YawBrTAxp", "YawBrTAyp")
 _TIP_AXIAL = "TipDzc"
+TORQUE_OUTPUT, PITCH_COMMAND_OUTPUT = "GenTq", "BlPitchC"
 INFLOW_OUTPUTS = ("Wind1VelX", "Wind1VelY", "Wind1VelZ")
 AERODYN_OUTPUTS = ("RtAeroFxh", "RtAeroMxh", "RtAeroPwr")
 ELASTODYN_OUTPUTS = (
@@ -65,6 +69,11 @@ def elastodyn_outputs(n_blades: int) -> tuple[str, ...]:
     """All outputs of ElastoDyn that are asked for."""
     names = [name for name, _ in _SCALED_BLADE.values()] + [_TIP_AXIAL]
     return (*ELASTODYN_OUTPUTS, *(f"{name}{blade}" for name in names for blade in range(1, n_blades + 1)))
+
+
+def servodyn_outputs(n_blades: int) -> tuple[str, ...]:
+    """Outputs of ServoDyn from which the demands of a controller follow, where none are known here."""
+    return (TORQUE_OUTPUT, *(f"{PITCH_COMMAND_OUTPUT}{blade}" for blade in range(1, n_blades + 1)))
 
 
 class Measurement:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Polar, Turbine
 
-__all__ = ["PRIMARY", "time_step_of", "write_inflow", "write_model"]
+__all__ = ["PRIMARY", "steps_of", "time_step_of", "write_inflow", "write_model"]
 
 PRIMARY = "turbine.fst"
 """Name of the primary file of a model that is written here."""
@@ -52,6 +52,11 @@ def time_step_of(turbine: Turbine) -> float:
         return step
     # the nacelle alone on the spring of the yaw drive: the blades do not follow its fast swings
     return min(step, _MOST_ADVANCE * math.sqrt(_yaw_inertia(turbine) / turbine.nacelle.yaw_spring))
+
+
+def steps_of(interval: float, longest: float) -> int:
+    """How many steps of OpenFAST of no more than a length [s] make an interval [s]."""
+    return max(1, math.ceil(interval / longest - 1e-6))
 
 
 def _yaws(turbine: Turbine) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.bridges.openfast.input_text import InputFile
-from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs
+from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
 from wt_gym.bridges.openfast.wind_file import write_wind
 from wt_gym.errors import SimulationError, TurbineDefinitionError
 
@@ -21,13 +21,15 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["MODULES", "RunStart", "prepare_run"]
+__all__ = ["MODULES", "DriverRun", "RunStart", "ServedController", "prepare_run"]
 
 MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"}
 """Modules whose inputs can be changed, and the keywords of their files in the primary file (``"OpenFAST"``)."""
 _STEPS = {"ElastoDyn": "DT", "AeroDyn": "DTAero", "ServoDyn": "DT"}
 """Keywords of the steps of modules."""
 _FOREVER = 1e6
+_STATUS = 10.0
+"""Time between lines in which the driver says how far it is [s]."""
 _RPM = math.pi / 30.0
 
 
@@ -54,6 +56,36 @@ class RunStart:
     tips: tuple[float, float]
 
 
+@dataclass(frozen=True)
+class ServedController:
+    """Library with the Bladed interface that ServoDyn loads.
+
+    Attributes
+    ----------
+    library, input_file : str
+        Paths, whole or beside the file of ServoDyn.
+    """
+
+    library: str
+    input_file: str
+
+
+@dataclass(frozen=True)
+class DriverRun:
+    """What OpenFAST's driver needs beside a model: how long it simulates and how often it writes.
+
+    Attributes
+    ----------
+    duration : float
+        [s].
+    interval : float
+        Between the rows of its outputs [s].
+    """
+
+    duration: float
+    interval: float
+
+
 def prepare_run(
     model: Path,
     folder: Path,
@@ -62,10 +94,13 @@ def prepare_run(
     start: RunStart,
     step: float,
     duration: float,
-    relay: Path | None,
+    controller: ServedController | None,
     changes: Mapping[str, Mapping[str, Any]],
+    driver: DriverRun | None = None,
 ) -> Path:
     """Write the files of a run beside each other; what they name and the run leaves as it is stays where it is.
+
+    Files of a model in the folder itself are replaced, and go on naming each other without it: the folder can be moved.
 
     Parameters
     ----------
@@ -80,10 +115,12 @@ def prepare_run(
         Of OpenFAST [s].
     duration : float
         Time that the wind must last [s].
-    relay : Path or None
-        Library that hands over the demands; None: they are inputs of ServoDyn.
+    controller : ServedController or None
+        Gives the demands; None: they are inputs of ServoDyn.
     changes : mapping
         Further values by module and keyword.
+    driver : DriverRun, optional
+        OpenFAST's driver runs it; by default the library does, which hands over the outputs itself.
 
     Returns
     -------
@@ -105,11 +142,13 @@ def prepare_run(
             allowed = " or ".join(map(str, wanted))
             raise SimulationError(f"{model.name}: {key} must be {allowed}, got {primary.text(key)}")
     files = {name: InputFile(_named(primary, key)) for name, key in MODULES.items()}
-    for file in (primary, *files.values()):
-        file.resolve_paths()
-    _set_primary(primary, step)
+    if model.parent.resolve() != folder.resolve():
+        for file in (primary, *files.values()):
+            file.resolve_paths()
+    _set_primary(primary, step, driver)
     _set_elastodyn(files["ElastoDyn"], turbine.n_blades, start)
-    _set_servodyn(files["ServoDyn"], start, relay)
+    _set_servodyn(files["ServoDyn"], start, controller)
+    files["ServoDyn"].set_outputs(() if driver is None else servodyn_outputs(turbine.n_blades))
     for name, key in _STEPS.items():
         file = files[name]
         if not file.is_default(key) and not _divides(file.number(key), step):
@@ -127,7 +166,7 @@ def prepare_run(
             file.set(key, value)
     for name, file in files.items():
         file.write(folder / f"{name.lower()}.dat")
-    path = folder / "run.fst"
+    path = folder / ("run.fst" if driver is None else "model.fst")
     primary.write(path)
     return path
 
@@ -144,15 +183,22 @@ def _named(primary: InputFile, key: str) -> Path:
     return path
 
 
-def _set_primary(file: InputFile, step: float) -> None:
-    file.set("TMax", _FOREVER)
+def _set_primary(file: InputFile, step: float, driver: DriverRun | None) -> None:
     file.set("DT", step)
     file.set("AbortLevel", "FATAL")
-    file.set_default("DT_Out")
-    file.set("TStart", _FOREVER)  # outputs come through the library; a file of them is not wanted
     file.set("OutFileFmt", 1)
-    file.set("SttsTime", _FOREVER)
     file.set("ChkptTime", _FOREVER)
+    if driver is None:
+        file.set("TMax", _FOREVER)
+        file.set_default("DT_Out")
+        file.set("TStart", _FOREVER)  # outputs come through the library; a file of them is not wanted
+        file.set("SttsTime", _FOREVER)
+    else:
+        file.set("TMax", driver.duration)
+        file.set("DT_Out", driver.interval)
+        file.set("TStart", 0.0)
+        file.set("OutFmt", "ES15.7E2")
+        file.set("SttsTime", _STATUS)
     file.set("Linearize", False)
     file.set("WrVTK", 0)
     file.set("SumPrint", False)
@@ -172,8 +218,8 @@ def _set_elastodyn(file: InputFile, n_blades: int, start: RunStart) -> None:
     file.set_outputs(elastodyn_outputs(n_blades))
 
 
-def _set_servodyn(file: InputFile, start: RunStart, relay: Path | None) -> None:
-    mode = 4 if relay is None else 5
+def _set_servodyn(file: InputFile, start: RunStart, controller: ServedController | None) -> None:
+    mode = 4 if controller is None else 5
     for key, value in (("PCMode", mode), ("VSContrl", mode), ("YCMode", mode), ("HSSBrMode", 0)):
         file.set(key, value)
     for key in ("TPCOn", "TYCOn", "TimGenOn"):
@@ -183,11 +229,10 @@ def _set_servodyn(file: InputFile, start: RunStart, relay: Path | None) -> None:
     file.set("GenTiStr", True)
     file.set("GenTiStp", True)
     file.set("YawNeut", math.degrees(start.yaw))
-    if relay is not None:
-        file.set("DLL_FileName", str(relay))
-        file.set("DLL_InFile", relay.name)
+    if controller is not None:
+        file.set("DLL_FileName", controller.library)
+        file.set("DLL_InFile", controller.input_file)
         file.set("DLL_ProcName", "DISCON")
         file.set("DLL_Ramp", False)
         file.set("BPCutoff", _FOREVER)
         file.set("Ptch_Cntrl", 1)  # else the collective pitch alone is read
-    file.set_outputs(())

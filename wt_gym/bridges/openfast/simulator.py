@@ -14,11 +14,11 @@ import numpy as np
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.library import find_library
 from wt_gym.bridges.openfast.measurement import Measurement
-from wt_gym.bridges.openfast.model_files import time_step_of, write_model
+from wt_gym.bridges.openfast.model_files import steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.pitch_path import PitchPath
 from wt_gym.bridges.openfast.process import OpenFASTProcess
 from wt_gym.bridges.openfast.relay import relay_library
-from wt_gym.bridges.openfast.run_folder import RunStart, prepare_run
+from wt_gym.bridges.openfast.run_folder import ServedController, prepare_run
 from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.wind_file import repeats
 from wt_gym.errors import ActionError, SimulationError
@@ -30,7 +30,7 @@ from wt_gym.turbines.damper import with_generator
 from wt_gym.turbines.mirror import clockwise_image
 from wt_gym.wind import MirroredInflow
 from wt_gym.wind.described import is_described, wind_from
-from wt_gym.wind.protocol import require_cover, start_speed
+from wt_gym.wind.protocol import require_cover
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -50,8 +50,6 @@ COMMANDS = ("bladed", "inputs")
 OPTIONS = ("openfast_library", "model", "commands", "duration", "step", "changes", "folder")
 """Arguments of `OpenFASTSimulator` that `Simulator` does not have."""
 
-_LEAST_SPEED = 1e-4
-"""ElastoDyn needs a rotor that turns, if only just [rad/s]."""
 _TOWER_TOP_PARITIES = np.array([1.0, -1.0, 1.0, -1.0])
 
 
@@ -166,8 +164,7 @@ class OpenFASTSimulator:
         Path(folder).mkdir(parents=True, exist_ok=True)
         self._folder = Path(mkdtemp(prefix="run_", dir=folder)).absolute()
         self.model = Path(model).absolute() if model is not None else write_model(self._image, self._folder / "model")
-        longest = self._longest_step(step, model is not None)
-        self._count = max(1, math.ceil(self.time_step / longest - 1e-6))
+        self._count = steps_of(self.time_step, self._longest_step(step, model is not None))
         self.openfast_step = self.time_step / self._count
         self._path = PitchPath(self._image.pitch, self.time_step, self._count)
         self._bent = BentTurbine(self._image)
@@ -263,18 +260,13 @@ class OpenFASTSimulator:
         self.drives.start(pitch, yaw, rotor_speed, generator_torque)
         command = self.drives.command
         angles = command[PITCH].copy()
-        bent = self._bent.deflections(start_speed(self.inflow), rotor_speed, float(angles.mean()))
-        fore, side = (bent.fore_aft, bent.side_side) if tower_top is None else tower_top[:2]
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        start = RunStart(
-            max(rotor_speed, _LEAST_SPEED), azimuth, yaw, angles, (cos * fore - sin * side, sin * fore + cos * side),
-            (bent.out_of_plane, bent.in_plane),
-        )  # fmt: skip
+        displaced = None if tower_top is None else np.asarray(tower_top, dtype=np.float64)[:2]
+        start = self._bent.start(self.inflow, rotor_speed, angles, azimuth, yaw, displaced)
         felt = MirroredInflow.of(self.inflow) if self.mirrored else self.inflow
         try:
             primary = prepare_run(
-                self.model, self._folder, self._image, felt, start, self.openfast_step, self._duration, self._relay,
-                self._changes,
+                self.model, self._folder, self._image, felt, start, self.openfast_step, self._duration,
+                None if self._relay is None else ServedController(str(self._relay), self._relay.name), self._changes,
             )  # fmt: skip
             demands = self._demands(angles[None, :], command[TORQUE], yaw, 0.0)
             process = OpenFASTProcess(self._library, primary, self._relay, demands[0], self._folder / "openfast.log")

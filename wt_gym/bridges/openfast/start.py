@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.bridges.openfast.mode_shapes import POWERS
+from wt_gym.bridges.openfast.run_folder import RunStart
 from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
 from wt_gym.control.blade_element import BladeElementRotor, BladeElements
+from wt_gym.wind.protocol import start_speed
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
 
 __all__ = ["BentTurbine"]
+
+_LEAST_SPEED = 1e-4
+"""ElastoDyn needs a rotor that turns, if only just [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -97,3 +106,31 @@ class BentTurbine:
         return Deflections(
             float(tip[0]), float(tip[1]), float(loads["thrust"][0]) * self._push, -moment * self._lean
         )  # fmt: skip
+
+    def start(
+        self,
+        inflow: Inflow,
+        rotor_speed: float,
+        pitch: NDArray[np.float64],
+        azimuth: float,
+        yaw: float,
+        tower_top: NDArray[np.float64] | None = None,
+    ) -> RunStart:
+        """Start of a run in a wind.
+
+        Parameters
+        ----------
+        inflow : Inflow
+        rotor_speed, azimuth, yaw : float
+            [rad/s], [rad], [rad].
+        pitch : array (n_blades,)
+            [rad].
+        tower_top : array (2,), optional
+            Displacement along and across the nacelle [m], instead of that under the steady wind.
+        """
+        bent = self.deflections(start_speed(inflow), rotor_speed, float(pitch.mean()))
+        fore, side = (bent.fore_aft, bent.side_side) if tower_top is None else tower_top.tolist()
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        top = cos * fore - sin * side, sin * fore + cos * side
+        tips = bent.out_of_plane, bent.in_plane
+        return RunStart(max(rotor_speed, _LEAST_SPEED), azimuth, yaw, pitch, top, tips)

@@ -22,9 +22,9 @@ class ObservationOptions(OptionGroup):
     title = "observations"
     objects = {"lidar": Lidar}  # noqa: RUF012 - of the class, as its base says
 
-    channels: Sequence[str] | None = option(
-        "sequence of str, optional",
-        "Groups and channels to observe, in any order; default: those of the action mode, see above",
+    channels: str | Sequence[str] | None = option(
+        "str or sequence of str, optional",
+        "Groups and channels to observe, in any order, or one; default: those of the action mode, see above",
         default=None,
         flat="observation",
     )
@@ -59,6 +59,8 @@ class ObservationOptions(OptionGroup):
 
     def check(self) -> None:
         """Refuse names and numbers of the wrong type or out of range."""
+        if isinstance(self.channels, str):
+            self._set("channels", (self.channels,))
         self._set_all(check_names, "channels")
         self._set_all(check_number, "noise")
         if self.noise < 0.0:

@@ -1,0 +1,221 @@
+"""Fly an exported agent or controller and the original in the same wind, here and in OpenFAST, and compare."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.agents.export.discon import export_discon
+from wt_gym.agents.export.openfast_folder import export_openfast
+from wt_gym.agents.pool import load_model
+from wt_gym.analysis.metrics import run_metrics
+from wt_gym.bridges.openfast import find_driver, find_library, read_outputs, run_driver
+from wt_gym.control.controllers import parse_name
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.errors import SimulationError
+from wt_gym.runs.playing import play
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from wt_gym.agents.export.openfast_folder import Scene
+    from wt_gym.envs.episode import Agent
+    from wt_gym.simulation.contract import TurbineSimulator
+
+__all__ = ["LARGEST_CHANGE", "LARGEST_DIFFERENCE", "LOADS", "Flight", "fly"]
+
+LARGEST_DIFFERENCE = 1e-5
+"""Of the demands of the library from those of Python: pitch [rad], torque over the greatest one [-]."""
+LARGEST_CHANGE = 1e-3
+"""Of each load in OpenFAST with the library from that with Python [-]."""
+PYTHON, LIBRARY = "wt_gym, Python", "wt_gym, library"
+PYTHON_IN_OPENFAST, LIBRARY_IN_OPENFAST = "OpenFAST, Python", "OpenFAST, library"
+"""Names of the runs."""
+LOADS = ("blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_side_del")
+"""Metrics that are compared in OpenFAST."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What came of it.
+
+    Attributes
+    ----------
+    pitch, torque : float
+        Largest difference of the demands of the library from those of Python in this package's simulator [rad], [-].
+    metrics : dict
+        Of each run by its name, see `wt_gym.analysis.metrics.run_metrics`.
+    missing : dict
+        Why runs in OpenFAST were left out, by name.
+    primary : Path
+        Primary file of OpenFAST with the library, to be run again.
+    """
+
+    pitch: float
+    torque: float
+    metrics: dict[str, dict[str, float]]
+    missing: dict[str, str]
+    primary: Path
+
+    @property
+    def changes(self) -> dict[str, float]:
+        """Loads of the library in OpenFAST against Python's there [-]; empty where either did not run."""
+        if not {LIBRARY_IN_OPENFAST, PYTHON_IN_OPENFAST} <= self.metrics.keys():
+            return {}
+        library, python = self.metrics[LIBRARY_IN_OPENFAST], self.metrics[PYTHON_IN_OPENFAST]
+        return {load: library[load] / python[load] - 1.0 for load in LOADS}
+
+    @property
+    def agrees(self) -> bool:
+        """Whether everything that was run is within `LARGEST_DIFFERENCE` and `LARGEST_CHANGE`."""
+        near = max(self.pitch, self.torque) <= LARGEST_DIFFERENCE
+        return near and all(abs(change) <= LARGEST_CHANGE for change in self.changes.values())
+
+
+class _Held:
+    """An agent that sees some channels at the middle of their scale, where an exported one sees them."""
+
+    def __init__(self, agent: Agent, names: Sequence[str], held: Sequence[str]):
+        self._agent, self._held = agent, np.array([name.partition("@")[0] in held for name in names])
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Any, Any]:
+        """What the agent does then."""
+        seen = np.where(self._held, np.float32(0.0), observation)
+        return self._agent.predict(seen, state, episode_start, deterministic)
+
+
+class _Still:
+    """Acts with zeros: the base controller alone."""
+
+    def __init__(self, size: int):
+        self._action = np.zeros(size, dtype=np.float32)
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Any, Any]:
+        """Zeros, and no state."""
+        return self._action, None
+
+
+def fly(
+    choice: str,
+    folder: str | Path,
+    scene: Scene,
+    *,
+    duration: float,
+    skip: float = 0.0,
+    hold_missing: bool = False,
+    driver: str | Path | None = None,
+    library: str | Path | None = None,
+) -> Flight:
+    """Export, then fly in the same wind: Python's and the library's demands, in this package's simulator and OpenFAST.
+
+    Parameters
+    ----------
+    choice : str
+        Name of a controller or a trained agent.
+    folder : str or path
+        Receives the export in ``wt_gym`` and the model of OpenFAST in ``openfast``.
+    scene : Scene
+    duration : float
+        [s].
+    skip : float
+        Start left out of the metrics [s].
+    hold_missing : bool
+        As of `wt_gym.agents.export.discon.export_discon`; what the agent observes in Python is held, too.
+    driver, library : path, optional
+        As of `wt_gym.bridges.openfast.find_driver` and `find_library`.
+
+    Raises
+    ------
+    ValueError, CompilerError
+        As of `wt_gym.agents.export.discon.export_discon`.
+    SimulationError
+        If a run fails.
+    """
+    folder, name = Path(folder), parse_name(choice)
+    own = name.kind == "trained"
+    where: dict[str, Any] = {} if own else {"turbine": scene.turbine, "interval": scene.step}
+    exported = export_discon(choice, folder / "wt_gym", hold_missing=hold_missing, **where)
+    in_openfast = export_openfast(choice, folder / "openfast", scene, duration=duration, hold_missing=hold_missing)
+    primary, held = Path(in_openfast["files"][0]), exported["held"]
+    python = scene.arguments if own else scene.arguments | {"controller": choice}
+    agent = load_model(name) if own else None
+    libraries = f"bladed:{exported['files'][1]}:input_file={exported['files'][2]}"
+    alone = {"controller": libraries, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
+
+    metrics: dict[str, dict[str, float]] = {}
+    data, expected = _played(python, agent, scene, duration, held)
+    metrics[PYTHON] = run_metrics(data, scene.turbine, skip)
+    data, found = _played(scene.arguments | alone, None, scene, duration)
+    metrics[LIBRARY] = run_metrics(data, scene.turbine, skip)
+    apart = np.abs(found - expected).max(axis=0)
+    missing: dict[str, str] = {}
+    if (path := _there(find_driver, driver, LIBRARY_IN_OPENFAST, missing)) is not None:
+        outputs = read_outputs(run_driver(primary, path), scene.turbine)
+        every = round(float(data.time[1] - data.time[0]) / scene.step)  # at the instants of the other runs
+        metrics[LIBRARY_IN_OPENFAST] = run_metrics(outputs.isel(time=slice(every, None, every)), scene.turbine, skip)
+    if (path := _there(find_library, library, PYTHON_IN_OPENFAST, missing)) is not None:
+        simulator = {"simulator": {"name": "openfast", "openfast_library": str(path), "duration": duration}}
+        data, _ = _played(python | simulator, agent, scene, duration, held)
+        metrics[PYTHON_IN_OPENFAST] = run_metrics(data, scene.turbine, skip)
+    return Flight(float(apart[:-1].max()), float(apart[-1]), metrics, missing, primary)
+
+
+def _there(
+    find: Callable[[str | Path | None], Path], given: str | Path | None, run: str, missing: dict[str, str]
+) -> Path | None:
+    """Path of what a run needs, or None and why among what is missing."""
+    try:
+        return find(given)
+    except SimulationError as error:
+        if given is not None:
+            raise
+        missing[run] = str(error)
+        return None
+
+
+def _played(
+    arguments: dict[str, Any], agent: Agent | None, scene: Scene, duration: float, held: Sequence[str] = ()
+) -> tuple[xr.Dataset, NDArray[np.float64]]:
+    """Signals after the start, and demands at every step of the simulator: pitch [rad], torque over the greatest one.
+
+    Raises
+    ------
+    SimulationError
+        If the run ends early.
+    """
+    env = WindTurbineEnv(**arguments)
+    most = scene.turbine.drivetrain.max_generator_torque
+    rows: list[NDArray[np.float64]] = []
+    make = env.operation.make_simulator
+
+    def noting(*of_simulator: Any) -> TurbineSimulator:
+        """A simulator that notes what it is asked for."""
+        simulator = make(*of_simulator)
+        advance = simulator.advance
+
+        def noted(time: float, pitch: Any, yaw_rate: float, torque: float, **options: Any) -> Any:
+            rows.append(np.append(pitch, torque / most))
+            return advance(time, pitch, yaw_rate, torque, **options)
+
+        simulator.advance = noted  # type: ignore[method-assign]
+        return simulator
+
+    env.operation.make_simulator = noting
+    actor: Agent = _Still(env.layout.action.size) if agent is None else _Held(agent, env.layout.observation.names, held)
+    try:
+        episode = play(env, actor, seed=0, options={"inflow": scene.inflow, "azimuth": 0.0}, duration=duration)
+    finally:
+        env.close()
+    if episode.ending != "time":
+        raise SimulationError(f"the run ended after {episode.time:g} s: {episode.failure or episode.ending}")
+    return episode.after_start, np.array(rows)

@@ -1,0 +1,149 @@
+"""Export of a controller or a trained agent as a folder that OpenFAST's driver runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+
+import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.agents.export.discon import export_discon
+from wt_gym.agents.export.policy import training_arguments
+from wt_gym.agents.pool import load_model
+from wt_gym.agents.trained_agent import model_card
+from wt_gym.bridges.openfast import ServedController, write_driver_run
+from wt_gym.control.controllers import parse_name
+from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
+
+if TYPE_CHECKING:
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+__all__ = ["DEFAULT_ENV", "Scene", "export_openfast", "scene_of"]
+
+DEFAULT_ENV = "wt_gym/LoadReduction-v1"
+"""Where controllers fly; a trained agent flies where it was trained."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A turbine in a wind.
+
+    Attributes
+    ----------
+    arguments : dict
+        Of the environment, without a limit of time and from a steady start.
+    turbine : Turbine
+    inflow : Inflow
+    step : float
+        Of the simulator [s].
+    """
+
+    arguments: dict[str, Any]
+    turbine: Turbine
+    inflow: Inflow
+    step: float
+
+
+def scene_of(
+    choice: str,
+    *,
+    turbine: str | None = None,
+    env_kwargs: dict[str, Any] | None = None,
+    wind_speed: float | None = None,
+    wind_seed: int | None = None,
+    duration: float,
+) -> Scene:
+    """Turbine and wind of a flight.
+
+    Parameters
+    ----------
+    choice : str
+        A trained agent flies in the environment of its training, a controller in `DEFAULT_ENV`.
+    turbine : str, optional
+        Of a controller.
+    env_kwargs : dict, optional
+        Other arguments of the environment, those of the wind for example.
+    wind_speed, wind_seed : optional
+        Of the wind, where the environment draws them.
+    duration : float
+        [s].
+
+    Raises
+    ------
+    ValueError
+        For arguments that the environment does not take, and a turbine besides a trained agent.
+    """
+    name = parse_name(choice)
+    steady = {"relative_reward": False, "start": "steady", "episode_length": None}
+    if name.kind == "trained":
+        if turbine is not None:
+            raise ValueError("the turbine is that of the agent's training; it must be left out")
+        card = model_card(name.target, name.parameters.get("env"))
+        arguments = training_arguments(load_model(name), card.get("env_kwargs", {})) | (env_kwargs or {}) | steady
+        env = WindTurbineEnv(**arguments)
+    else:
+        chosen = {} if turbine is None else {"turbine": turbine}
+        arguments = chosen | (env_kwargs or {}) | steady
+        made = gym.make(DEFAULT_ENV, **arguments)
+        env = turbine_env_of(made)
+        assert made.spec is not None  # made by its id
+        arguments = dict(made.spec.kwargs)
+    chosen_wind = {"wind_speed": wind_speed, "wind_seed": wind_seed}
+    given = {key: value for key, value in chosen_wind.items() if value is not None}
+    try:
+        wind = env.wind.sample(np.random.default_rng(0), **given, length=duration)  # type: ignore[arg-type]
+        return Scene(arguments, env.turbine, wind.inflow, env.operation.step)
+    finally:
+        env.close()
+
+
+def export_openfast(
+    choice: str,
+    folder: str | Path,
+    scene: Scene,
+    *,
+    duration: float,
+    hold_missing: bool = False,
+    model: str | Path | None = None,
+) -> dict[str, Any]:
+    """Write a controller or a trained agent with turbine and wind for OpenFAST's driver: ``openfast model.fst``.
+
+    Parameters
+    ----------
+    choice : str
+        Name of a controller or a trained agent.
+    folder : str or path
+        The whole of it can be moved.
+    scene : Scene
+    duration : float
+        [s].
+    hold_missing : bool
+        As of `wt_gym.agents.export.discon.export_discon`.
+    model : str or path, optional
+        Primary file (``.fst``) of a model of the user's for the turbine.
+
+    Returns
+    -------
+    dict
+        ``files``, the primary file first, and ``held`` as of `wt_gym.agents.export.discon.export_discon`.
+
+    Raises
+    ------
+    ValueError, CompilerError
+        As of `wt_gym.agents.export.discon.export_discon`.
+    TurbineDefinitionError, SimulationError
+        As of `wt_gym.bridges.openfast.write_driver_run`.
+    """
+    folder, trained = Path(folder), parse_name(choice).kind == "trained"
+    where: dict[str, Any] = {} if trained else {"turbine": scene.turbine, "interval": scene.step}
+    made = export_discon(choice, folder, drive=True, hold_missing=hold_missing, **where)
+    _, library, parameters, _ = (Path(file).name for file in made["files"])
+    primary = write_driver_run(
+        scene.turbine, scene.inflow, folder, ServedController(library, parameters), duration=duration,
+        interval=scene.step, model=model,
+    )  # fmt: skip
+    return {"files": [str(primary), *made["files"]], "held": made["held"]}

@@ -1,0 +1,116 @@
+"""Exported agents and controllers in OpenFAST: through ServoDyn, beside Python's behind the environment."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from openfast_library import openfast_driver, openfast_library
+
+from wt_gym.agents.export.flight import LOADS, fly
+from wt_gym.agents.export.openfast_folder import export_openfast, scene_of
+from wt_gym.agents.train import TrainingConfig, train
+from wt_gym.agents.trained_agent import TrainedAgent
+from wt_gym.bridges.compiler import CompilerError, find_compiler
+from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE, find_driver, read_outputs, run_driver
+from wt_gym.bridges.openfast.input_text import InputFile
+from wt_gym.commands.fly import main as fly_command
+from wt_gym.commands.loads import main as loads_command
+
+LIBRARY, DRIVER = openfast_library(), openfast_driver()
+pytestmark = pytest.mark.skipif(
+    LIBRARY is None or DRIVER is None, reason=f"no library and driver of OpenFAST: {VARIABLE}, {DRIVER_VARIABLE}"
+)
+WIND = {"wind_speed": 15.0, "wind_seed": 1001}
+BASE = "constrained_ipc+tower_dampers"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiler():
+    try:
+        find_compiler()
+    except CompilerError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="module")
+def agent(tmp_path_factory):
+    """Folder of an agent that was trained for a moment on what a turbine measures, and acts strongly."""
+    folder = tmp_path_factory.mktemp("agent") / "run"
+    config = TrainingConfig(
+        env_kwargs={"observation": "measurable", "controller": BASE, "wind_speed": 15.0, "start": "steady"},
+        total_steps=64, hyperparameters={"n_steps": 64, "batch_size": 64}, eval_every=0, tensorboard=False,
+    )  # fmt: skip
+    train(config, folder, progress=False)
+    trained = TrainedAgent.load(folder)
+    with torch.no_grad():
+        trained.model.policy.action_net.weight *= 20.0
+    trained.model.save(folder / "model.zip")
+    return folder
+
+
+@pytest.mark.parametrize(("duration", "skip"), [(12.0, 2.0), pytest.param(300.0, 20.0, marks=pytest.mark.slow)])
+def test_a_trained_agent_flies_alike_in_python_and_as_a_library(agent, duration, skip, tmp_path):
+    scene = scene_of(str(agent), **WIND, duration=duration)
+    flight = fly(str(agent), tmp_path, scene, duration=duration, skip=skip, driver=DRIVER, library=LIBRARY)
+    assert flight.pitch < 1e-5
+    assert flight.torque < 1e-5
+    assert len(flight.metrics) == 4
+    assert {load: abs(change) < 1e-3 for load, change in flight.changes.items()} == dict.fromkeys(LOADS, True)
+    assert flight.agrees
+    # and it flies: its base controller alone has other loads
+    parameters = flight.primary.with_name("model.in")
+    text = parameters.read_text(encoding="utf-8")
+    assert "agent = 1.0" in text
+    parameters.write_text(text.replace("agent = 1.0", "agent = 0.0"), encoding="utf-8")
+    alone = read_outputs(run_driver(flight.primary, DRIVER), scene.turbine)
+    assert float(alone["pitch_travel_1"].sum()) != pytest.approx(
+        flight.metrics["OpenFAST, library"]["pitch_travel"], rel=0.1
+    )
+
+
+def test_a_controller_goes_on_from_a_checkpoint_of_openfast(tmp_path):
+    scene = scene_of(BASE, **WIND, duration=4.0)
+    primary = Path(export_openfast(BASE, tmp_path, scene, duration=4.0)["files"][0])
+    file = InputFile(primary)
+    file.set("ChkptTime", 2.0)
+    file.write(primary)
+    whole = read_outputs(run_driver(primary, DRIVER), scene.turbine)
+    (found,) = tmp_path.glob("model.*.dll.chkp")
+    shutil.move(primary.with_suffix(".out"), tmp_path / "whole.out")
+    command = [str(DRIVER), "-restart", found.name.removesuffix(".dll.chkp")]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "terminated normally" in done.stdout
+    after = read_outputs(primary.with_suffix(".out"), scene.turbine)
+    late = after.sel(time=slice(2.05, None))
+    assert late.sizes["time"] == 20
+    assert len(np.unique(late["pitch_1"])) == 20
+    for name in ("pitch_1", "generator_torque", "root_flap_moment_2", "tower_base_side_side_moment"):
+        assert np.array_equal(late[name], whole[name].sel(time=slice(2.05, None)))
+    # without the controller's own part it does not
+    found.write_bytes(b"nothing")
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "terminated normally" not in done.stdout
+    assert "could not be read" in " ".join((done.stdout + done.stderr).split())
+
+
+def test_commands_fly_and_read(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv(DRIVER_VARIABLE, str(DRIVER))
+    monkeypatch.setenv(VARIABLE, str(LIBRARY))
+    assert find_driver() == DRIVER.resolve()
+    words = ["--wind-speed", "15", "--wind-seed", "1001", "--duration", "6", "--skip", "1", "--json"]
+    fly_command(["discon", "--out", str(tmp_path), *words])
+    text = capsys.readouterr().out
+    told = json.loads(text.splitlines()[-1])
+    assert told["agrees"]
+    assert not told["missing"]
+    assert "OpenFAST, library against Python: loads within 0.0" in text
+    outputs = str(tmp_path / "openfast" / "model.out")
+    loads_command([outputs, "--skip", "1", "--json"])
+    lines = capsys.readouterr().out.splitlines()
+    found = json.loads(lines[-1])[outputs]
+    assert found["blade_flap_del"] == pytest.approx(told["metrics"]["OpenFAST, library"]["blade_flap_del"], rel=0.05)
+    assert lines[0].split() == ["openfast"]

@@ -1,0 +1,226 @@
+"""Runs of OpenFAST's own driver: a turbine in a wind under a Bladed library, and what the driver wrote of it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.bridges.openfast.input_text import InputFile
+from wt_gym.bridges.openfast.library import VARIABLE
+from wt_gym.bridges.openfast.measurement import (
+    AERODYN_OUTPUTS,
+    INFLOW_OUTPUTS,
+    PITCH_COMMAND_OUTPUT,
+    TORQUE_OUTPUT,
+    Measurement,
+    elastodyn_outputs,
+    servodyn_outputs,
+)
+from wt_gym.bridges.openfast.model_files import PRIMARY, steps_of, time_step_of, write_model
+from wt_gym.bridges.openfast.run_folder import DriverRun, ServedController, prepare_run
+from wt_gym.bridges.openfast.start import BentTurbine
+from wt_gym.control.starting_point import starting_point
+from wt_gym.errors import SimulationError, TurbineDefinitionError
+from wt_gym.simulation.channels import Signals, channel_table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import xarray as xr
+
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+__all__ = ["DRIVER_VARIABLE", "find_driver", "read_outputs", "run_driver", "write_driver_run"]
+
+DRIVER_VARIABLE = "WT_GYM_OPENFAST"
+"""Environment variable with the path of the driver."""
+_LAST_WORDS = 600
+"""Characters of the driver's output that a message shows."""
+_NORMAL_END = "terminated normally"
+
+
+def write_driver_run(
+    turbine: Turbine,
+    inflow: Inflow,
+    folder: str | Path,
+    controller: ServedController,
+    *,
+    duration: float,
+    interval: float,
+    azimuth: float = 0.0,
+    model: str | Path | None = None,
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Path:
+    """Write a turbine in a wind under a Bladed library as a folder that OpenFAST's driver runs: ``openfast model.fst``.
+
+    The run begins at the operating point of the wind, as an environment with ``start="steady"`` does. The driver writes
+    what `read_outputs` needs into ``model.out``.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    inflow : Inflow
+        See `wt_gym.bridges.openfast.wind_file.write_wind` for what becomes of it.
+    folder : str or path
+        Made if it is not there; files of the same names in it are replaced.
+    controller : ServedController
+    duration : float
+        [s].
+    interval : float
+        Step of the controller and between rows of the outputs [s]; steps of OpenFAST divide it.
+    azimuth : float
+        Of blade 1 at the start [rad].
+    model : str or path, optional
+        Primary file (``.fst``) of a model of the user's instead of one that is written of the turbine.
+    changes : mapping, optional
+        As of `wt_gym.bridges.openfast.OpenFASTSimulator`.
+
+    Returns
+    -------
+    Path
+        Of the primary file.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        For a rotor that turns counter-clockwise, which OpenFAST 5.0 has not, and as `write_model` does.
+    SimulationError
+        If a model leaves out a module that is needed, or ``changes`` names none.
+    """
+    if turbine.rotation != "clockwise":
+        raise TurbineDefinitionError(
+            f"{turbine.name}: rotation must be 'clockwise' for OpenFAST's driver, got {turbine.rotation!r}"
+        )
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    own = None if model is None else Path(model)
+    longest = time_step_of(turbine) if own is None else InputFile(own).number("DT")
+    step = interval / steps_of(interval, longest)
+    point = starting_point(turbine, inflow)
+    angles = np.full(turbine.n_blades, point.pitch)
+    start = BentTurbine(turbine).start(inflow, point.rotor_speed, angles, azimuth, 0.0)
+    written = write_model(turbine, folder) if own is None else own
+    primary = prepare_run(
+        written, folder, turbine, inflow, start, step, duration, controller, changes or {},
+        DriverRun(duration, interval),
+    )  # fmt: skip
+    if own is None:
+        (folder / PRIMARY).unlink()  # model.fst takes its place
+    return primary
+
+
+def find_driver(given: str | os.PathLike[str] | None = None) -> Path:
+    """Path of OpenFAST's driver.
+
+    Parameters
+    ----------
+    given : str or path, optional
+        By default `DRIVER_VARIABLE`, else ``openfast`` on the path or beside the library that `VARIABLE` names.
+
+    Raises
+    ------
+    SimulationError
+        If it is not found; the message says how to get one.
+    """
+    if chosen := given or os.environ.get(DRIVER_VARIABLE):
+        path = Path(chosen).expanduser()
+        if path.is_file():
+            return path.resolve()
+        where = "openfast" if given else DRIVER_VARIABLE
+        raise SimulationError(f"{where} must be the path of OpenFAST's driver (openfast); got {chosen}: no file")
+    library = os.environ.get(VARIABLE)
+    beside = [Path(library).parent, Path(library).parent.parent / "bin"] if library else []
+    for folder in (None, *beside):
+        if found := shutil.which("openfast", path=None if folder is None else str(folder)):
+            return Path(found).resolve()
+    raise SimulationError(
+        "OpenFAST's driver (openfast, version 5) is not here: conda install -c conda-forge openfast, or build it; "
+        f"then have it on the path, or give its path in {DRIVER_VARIABLE}"
+    )
+
+
+def run_driver(primary: Path, driver: Path) -> Path:
+    """Run OpenFAST's driver; path of its outputs.
+
+    Parameters
+    ----------
+    primary : Path
+        Primary file, as `write_driver_run` gives it.
+    driver : Path
+
+    Raises
+    ------
+    SimulationError
+        With the driver's last words where it does not end normally.
+    """
+    command = [str(driver), primary.name]
+    done = subprocess.run(command, cwd=primary.parent, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    said = " ".join(done.stdout.decode("utf-8", "replace").split())
+    if done.returncode or _NORMAL_END not in said:
+        raise SimulationError(f"OpenFAST ended with exit status {done.returncode}: {said[-_LAST_WORDS:]}")
+    return primary.with_suffix(".out")
+
+
+def read_outputs(path: str | Path, turbine: Turbine) -> xr.Dataset:
+    """Signals of this package from the text file of outputs of OpenFAST's driver.
+
+    Parameters
+    ----------
+    path : str or path
+        Of a file ``.out``, evenly sampled; extremes are over its rows.
+    turbine : Turbine
+        That was simulated.
+
+    Returns
+    -------
+    xarray.Dataset
+        Channels over ``time``, as `wt_gym.simulation.Recorder` gives them; what `wt_gym.analysis.metrics.run_metrics`
+        takes.
+
+    Raises
+    ------
+    SimulationError
+        If it is not such a file, or outputs that are needed are missing.
+    """
+    path = Path(path)
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    head = next((k for k, line in enumerate(lines) if line.split()[:1] == ["Time"]), len(lines))
+    rows = [line.split() for line in lines[head + 2 :] if line.strip()]  # below the names stand the units
+    if not rows:
+        raise SimulationError(f"{path} must be a text file of outputs of OpenFAST (OutFileFmt 1) with rows of numbers")
+    names = lines[head].split()
+    n = turbine.n_blades
+    needed = (*elastodyn_outputs(n), *AERODYN_OUTPUTS, *INFLOW_OUTPUTS, *servodyn_outputs(n))
+    there = {name.lower(): k for k, name in enumerate(names)}
+    if missing := [name for name in needed if name.lower() not in there]:
+        raise SimulationError(f"{path} must have the outputs {', '.join(needed)}; {', '.join(missing)} are missing")
+    table = np.array(rows, dtype=np.float64)
+    torque = 1e3 * table[:, there[TORQUE_OUTPUT.lower()]]
+    commands = np.radians(table[:, [there[f"{PITCH_COMMAND_OUTPUT}{b}".lower()] for b in range(1, n + 1)]])
+    pitch = np.radians(table[:, [there[f"bldpitch{b}"] for b in range(1, n + 1)]])
+    turned = np.diff(pitch, axis=0, prepend=pitch[:1])
+    rates = np.zeros_like(turned) if len(table) < 2 else turned / (table[1, 0] - table[0, 0])
+    measurement, signals = Measurement(turbine, names), []
+    for k, row in enumerate(table):
+        measurement.take(float(row[0]), row[None, :], float(torque[k]), commands[k], rates[k], abs(turned[k]), False)
+        signals.append(measurement.signals())
+    return _dataset(signals, turbine)
+
+
+def _dataset(signals: list[Signals], turbine: Turbine) -> xr.Dataset:
+    """Signals over time."""
+    import xarray as xr  # heavy, and only needed here
+
+    values = np.array([one.values for one in signals])
+    channels = channel_table(turbine.n_blades)
+    variables = {
+        channel.name: ("time", values[:, k], {"units": channel.unit, "long_name": channel.description})
+        for k, channel in enumerate(channels[1:], start=1)
+    }
+    return xr.Dataset(variables, {"time": ("time", values[:, 0], {"units": "s"})}, {"turbine": turbine.name})

@@ -1,0 +1,83 @@
+"""Export an agent or a controller, fly library and original in the same wind, and say how far they agree.
+
+    wt-gym fly runs/ppo --out runs/flight --wind-speed 15 --wind-seed 1001 --duration 120
+    wt-gym fly constrained_ipc+tower_dampers --out runs/flight --openfast /opt/openfast/bin/openfast
+
+Four runs from the same steady start: in this package's simulator with Python and with the library as controller, in
+OpenFAST with the library through ServoDyn (its driver) and with Python (its library, docs/howto/openfast.md). Runs that
+OpenFAST is missing for are left out and named. FOLDER/openfast is the model that the driver runs.
+
+Exit status: 0 they agree (demands here within 1e-5 rad and 1e-5 of the greatest torque, loads in OpenFAST within
+0.1 %), 1 they do not, or what was asked for is refused.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING
+
+from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
+from wt_gym.commands.scene_options import add_scene_options, chosen_scene
+
+if TYPE_CHECKING:
+    from wt_gym.agents.export.flight import Flight
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("fly", description=__doc__, epilog=UNSAFE)
+    parser.add_argument("agent", help="path of a trained model, its folder or its file, or a controller")
+    parser.add_argument("--out", default="runs/flight", help="folder for the files (default: %(default)s)")
+    parser.add_argument("--turbine", help="of a controller (default: nrel_5mw)")
+    add_scene_options(parser, 120.0)
+    parser.add_argument(
+        "--skip", type=float, default=20.0, metavar="S", help="start left out of the loads in s (default: %(default)s)"
+    )
+    parser.add_argument("--openfast", metavar="PATH", help="OpenFAST's driver (default: on the path)")
+    parser.add_argument("--openfast-library", metavar="PATH", help="OpenFAST's library (default: where it is found)")
+    parser.add_argument("--hold-missing", action="store_true", help="as of wt-gym export")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON at the end")
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Fly."""
+    arguments = parse_arguments(words)
+    with user_errors():
+        if not 0.0 <= arguments.skip < arguments.duration:
+            raise ValueError(f"--skip must be from 0 to below --duration, got {arguments.skip:g}")
+        from wt_gym.agents.export.flight import fly
+
+        flight = fly(
+            arguments.agent, arguments.out, chosen_scene(arguments), duration=arguments.duration, skip=arguments.skip,
+            hold_missing=arguments.hold_missing, driver=arguments.openfast, library=arguments.openfast_library,
+        )  # fmt: skip
+        print(_told(flight))
+        if arguments.json:
+            print(json.dumps({
+                "pitch_rad": flight.pitch, "torque": flight.torque, "changes": flight.changes,
+                "metrics": flight.metrics, "missing": flight.missing, "agrees": flight.agrees,
+            }))  # fmt: skip
+    if not flight.agrees:
+        sys.exit(1)
+
+
+def _told(flight: Flight) -> str:
+    """Lines of what came of it."""
+    from wt_gym.agents.export.flight import LARGEST_CHANGE, LARGEST_DIFFERENCE
+    from wt_gym.commands.loads import table
+
+    lines = [
+        f"wt_gym, library against Python: pitch within {flight.pitch:.1e} rad, torque within {flight.torque:.1e} of "
+        f"the greatest (limit {LARGEST_DIFFERENCE:g})"
+    ]
+    if flight.changes:
+        largest = max(flight.changes, key=lambda load: abs(flight.changes[load]))
+        lines.append(
+            f"OpenFAST, library against Python: loads within {100.0 * abs(flight.changes[largest]):.3f} %, the largest "
+            f"change of {largest} (limit {100.0 * LARGEST_CHANGE:g} %)"
+        )
+    lines += [f"left out: {run}: {why}" for run, why in flight.missing.items()]
+    return "\n".join([table(flight.metrics, None), "", *lines, f"OpenFAST model: {flight.primary}"])
