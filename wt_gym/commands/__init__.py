@@ -22,6 +22,7 @@ COMMANDS = {
     "compare-controllers": "controllers side by side in the same winds, without environments",
     "tune": "tune the parameters of a controller",
     "export": "write a trained agent as an ONNX file",
+    "serve": "serve an agent to turbines under ROSCO, over ZeroMQ",
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",
     "import": "read an OpenFAST model as a turbine, and write it as a windIO file",

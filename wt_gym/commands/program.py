@@ -58,6 +58,7 @@ _EXTRAS = {
     "stable_baselines3": "train",
     "torch": "train",
     "yaml": "train",
+    "zmq": "serve",
 }
 
 
