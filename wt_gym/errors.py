@@ -13,6 +13,7 @@ __all__ = [
     "BenchmarkError",
     "ControllerError",
     "InflowError",
+    "ServerError",
     "SimulationError",
     "TurbineDefinitionError",
     "WtGymError",
@@ -46,6 +47,10 @@ class BenchmarkError(WtGymError, ValueError):
 
 class SimulationError(WtGymError, RuntimeError):
     """The simulation left the range in which it has meaning (divergence, tower strike, broken state)."""
+
+
+class ServerError(WtGymError, RuntimeError):
+    """A server cannot listen at its address, or hears nothing for too long."""
 
 
 def did_you_mean(name: object, known: Iterable[str], otherwise: str = "") -> str:

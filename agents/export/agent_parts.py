@@ -47,8 +47,13 @@ _BY_BLADE = {
     "pitch_demand": ("PITCH_DEMAND", set()),
     "root_flap_moment": ("FLAP_MOMENT", _MOMENTS),
     "root_edge_moment": ("EDGE_MOMENT", _MOMENTS),
+    "root_out_of_plane_moment": ("OUT_OF_PLANE_MOMENT", _MOMENTS),
 }
-_FIXED_FRAME = {"root_flap_moment": "FLAP_FIXED_FRAME", "root_edge_moment": "EDGE_FIXED_FRAME"}
+_FIXED_FRAME = {
+    "root_flap_moment": "FLAP_FIXED_FRAME",
+    "root_edge_moment": "EDGE_FIXED_FRAME",
+    "root_out_of_plane_moment": "OUT_OF_PLANE_FIXED_FRAME",
+}
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
     "SETPOINT", "PREVIOUS_ACTION", "HELD",
@@ -110,7 +115,7 @@ def _seen(channel: Any, layout: EnvLayout) -> Seen:
         return Seen("SETPOINT", _n_pitch(layout), channel, set())
     if name.startswith("previous_"):
         return Seen("PREVIOUS_ACTION", layout.action.names.index(name.removeprefix("previous_")), channel, set())
-    if parted := re.fullmatch(r"(root_flap_moment|root_edge_moment)_(mean|tilt|yaw)", name):
+    if parted := re.fullmatch(rf"({'|'.join(_FIXED_FRAME)})_(mean|tilt|yaw)", name):
         return Seen(_FIXED_FRAME[parted[1]], _PARTS[parted[2]], channel, _MOMENTS | {"azimuth"})
     if numbered := re.fullmatch(r"(.+)_(\d)", name):
         index = int(numbered[2]) - 1

@@ -486,11 +486,19 @@ static double fixed_frame(const double *x, double azimuth, int part) {
     return part == 1 ? tilt : yaw;
 }
 
+/* Moments of the blades that do not pitch, from those of the pitched ones. */
+static void out_of_plane(const struct readings *r, double *moment) {
+    for (int b = 0; b < N_BLADES; b++) moment[b] = r->flap[b] * cos(r->pitch[b]) - r->edge[b] * sin(r->pitch[b]);
+}
+
 static double observed(const struct state *s, const struct channel *c, double dt) {
     const struct readings *r = &s->now;
     const double *now = s->pitch_now, *before = s->pitch_before;
+    double moment[N_BLADES];
     int i = c->index;
     switch (c->kind) {
+    case SEE_OUT_OF_PLANE_MOMENT: out_of_plane(r, moment); return moment[i];
+    case SEE_OUT_OF_PLANE_FIXED_FRAME: out_of_plane(r, moment); return fixed_frame(moment, r->azimuth, i);
     case SEE_ROTOR_SPEED: return r->rotor_speed;
     case SEE_GENERATOR_SPEED: return r->generator_speed;
     case SEE_GENERATOR_POWER: return r->generator_power;

@@ -24,7 +24,8 @@ from wt_gym.turbines import load_turbine
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"
 ON_INTERFACE = ["rotor", "power", "pitch", "wind", "controller", "offsets", "nacelle_acceleration_fore_aft",
                 "nacelle_acceleration_side_side"]  # fmt: skip
-MOMENTS = [f"root_{kind}_moment_{part}" for kind in ("flap", "edge") for part in ("mean", "tilt", "yaw")]
+LOADS = ("flap", "edge", "out_of_plane")
+MOMENTS = [f"root_{kind}_moment_{part}" for kind in LOADS for part in ("mean", "tilt", "yaw")]
 WIND = {"turbine": "nrel_5mw", "inflow": "turbulent", "wind_speed": 16.0, "start": "steady", "action_mode": "residual"}
 AGENTS = {
     "fixed frame": ("PPO", torch.nn.Tanh, {
@@ -35,7 +36,7 @@ AGENTS = {
     "individual": ("SAC", torch.nn.ReLU, {
         "pitch": "individual", "controller": "discon", "sensor_delay": 0.2,
         "observation": ["azimuth", "rotor", "power", "pitch", "wind", "offsets", "previous_action",
-                        *(f"root_{kind}_moment_{b}" for kind in ("flap", "edge") for b in (1, 2, 3))],
+                        *(f"root_{kind}_moment_{b}" for kind in LOADS for b in (1, 2, 3))],
     }),
     "collective": ("TQC", torch.nn.ELU, {
         "pitch": "collective", "action_components": ["pitch", "torque"], "controller": "tsr_tracking+yaw",

@@ -25,6 +25,7 @@ COMMANDS = {
     "export": "write an agent or a controller as a Bladed library, a model that OpenFAST runs, or an ONNX file",
     "fly": "an exported agent and the original in the same wind, here and in OpenFAST",
     "loads": "loads of runs of OpenFAST, side by side",
+    "serve": "serve an agent to turbines under ROSCO, over ZeroMQ",
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",
     "import": "read an OpenFAST model as a turbine, and write it as a windIO file",

@@ -56,6 +56,7 @@ _EXTRAS = {
     "stable_baselines3": "train",
     "torch": "train",
     "yaml": "train",
+    "zmq": "serve",
 }
 
 

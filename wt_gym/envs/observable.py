@@ -81,7 +81,7 @@ class Observable:
             "lidar": self._lidar_channels, "previous_action": self._previous_action, "measurable": self._measurable,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
-        others = (*self._pitch_forms(), self._every_fixed_frame(), self._more())
+        others = (*self._pitch_forms(), self._every_fixed_frame(), self._out_of_plane(), self._more())
         singles = {c.channel.name: c for found in (*(build() for build in builders.values()), *others) for c in found}
         unknown = [name for name in choice if name not in OBSERVATION_GROUPS and name not in singles]
         if unknown:
@@ -235,6 +235,18 @@ class Observable:
         for k, (part, (middle, scale)) in enumerate(zip(FIXED_FRAME, (mean, cyclic, cyclic), strict=True)):
             row = (unit, middle * size, scale * size, -reach, reach, 0.005 * size, f"{text}, {part} of the blades")
             channels.append(Observed(Channel(f"{name}_{part}", *row), InFixedFrame(name, k)))
+        return channels
+
+    def _out_of_plane(self) -> list[Observed]:
+        """Out-of-plane root moments, of each blade and in the fixed frame: what other codes' controllers measure."""
+        size = reference_flap_moment(self._turbine)
+        reach, text = 10 * size, "out-of-plane root moment of the blade that does not pitch"
+        row = ("N m", 0.5 * size, 0.2 * size, -reach, reach, 0.01 * size, text)
+        channels = self._per_blade(readers.out_of_plane_moment, "root_out_of_plane_moment", *row)
+        for k, (part, middle, scale) in enumerate(zip(FIXED_FRAME, (0.5, 0.07, 0.0), (0.15, 0.1, 0.1), strict=True)):
+            row = ("N m", middle * size, scale * size, -2 * reach, 2 * reach, 0.005 * size, f"{text}, {part}")
+            name = f"root_out_of_plane_moment_{part}"
+            channels.append(self._computed(EVEN, readers.out_of_plane_fixed_frame, name, *row, index=k))
         return channels
 
     def _tower(self) -> list[Observed]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from wt_gym.control import NacelleAnemometer
+from wt_gym.control.coleman import to_fixed_frame
 
 if TYPE_CHECKING:
     from wt_gym.control import AgentSetpoint, Channel, Demand
@@ -203,6 +204,20 @@ def azimuth_sin(sensors: Sensors, context: ObservationContext, _: int) -> float:
 def azimuth_cos(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Cosine of the azimuth."""
     return math.cos(context.signals["azimuth"])
+
+
+def out_of_plane_moment(sensors: Sensors, context: ObservationContext, b: int) -> float:
+    """Out-of-plane root moment of the coned blade that does not pitch [N m]."""
+    signals = context.signals
+    pitch = signals["pitch"].item(b)
+    flap, edge = signals["root_flap_moment"].item(b), signals["root_edge_moment"].item(b)
+    return float(flap * math.cos(pitch) - edge * math.sin(pitch))
+
+
+def out_of_plane_fixed_frame(sensors: Sensors, context: ObservationContext, part: int) -> float:
+    """Coordinate of the out-of-plane root moments in the frame that does not turn [N m]."""
+    moments = [out_of_plane_moment(sensors, context, b) for b in range(context.signals.n_blades)]
+    return float(to_fixed_frame(moments, context.signals["azimuth"])[part])
 
 
 def pitch_rate(sensors: Sensors, context: ObservationContext, b: int) -> float:

@@ -1,0 +1,1 @@
+"""Agents as servers for turbines under ROSCO."""

@@ -1,0 +1,66 @@
+"""Serve an agent to turbines under ROSCO, over ZeroMQ in ROSCO's own format.
+
+    wt-gym serve my_agent/model.zip
+    wt-gym serve my_set_points.py:MyFarm --address 'tcp://*:5555' --stay
+
+An agent is a trained one with residual actions on the pitch, or a class of your own (file.py:Class) with predict, or
+with update_setpoints(id, time, measurements) as users of ROSCO write it; zero leaves ROSCO alone. ROSCO needs ZMQ_Mode
+1 in its DISCON.IN, and a library built with ZeroMQ. Any number of turbines may report, each with its ZMQ_ID. The
+server ends with the last of them. Needs the extra "serve" (pyzmq).
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+
+from wt_gym.commands.engine_options import add_model_options
+from wt_gym.commands.program import UNSAFE, OneLineParser, stoppable, user_errors
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("serve", description=__doc__, epilog=UNSAFE)
+    parser.add_argument("agent", metavar="AGENT")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--port", type=int, default=5555, help="on this machine alone (default: %(default)s)")
+    where.add_argument("--address", help="of ZeroMQ, as tcp://*:5555 for turbines on other machines")
+    parser.add_argument("--env", metavar="ID", help="environment of a class (default: wt_gym/LoadReduction-v1)")
+    parser.add_argument("--turbine", metavar="NAME", help="of a class (default: that of the environment)")
+    parser.add_argument(
+        "--lead", type=float, metavar="S", help="time by which the azimuth of pitch in the fixed frame leads (default: "
+        "the delay of the pitch drive at the interval of the messages)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--timeout", type=float, default=600.0, metavar="S",
+        help="end where no message comes for so long (default: %(default)g)",
+    )  # fmt: skip
+    parser.add_argument("--stay", action="store_true", help="wait for the next simulation, until Ctrl-C")
+    parser.add_argument("--log", metavar="FILE", help="write the log into a file too")
+    add_model_options(parser)
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Serve."""
+    arguments = parse_arguments(words)
+    with user_errors(), stoppable("turbines that are still running wait for answers: end their simulations"):
+        if not 0 < arguments.port < 65536:
+            raise ValueError(f"port must be from 1 to 65535, got {arguments.port}")
+        import zmq  # noqa: F401 - refused before anything is loaded
+
+        from wt_gym.agents.names import with_model_options
+        from wt_gym.agents.serving.choice import answers_of
+        from wt_gym.bridges.rosco import RoscoServer
+
+        handlers: list[logging.Handler] = [logging.StreamHandler()]
+        if arguments.log is not None:
+            handlers.append(logging.FileHandler(arguments.log, encoding="utf-8"))
+        logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO, handlers=handlers)
+        (choice,) = with_model_options([arguments.agent], arguments.algo, arguments.trust)
+        answers = answers_of(choice, arguments.env, arguments.turbine, arguments.lead)
+        address = arguments.address or f"tcp://127.0.0.1:{arguments.port}"
+        with RoscoServer(address, answers, arguments.timeout) as server:
+            print(f"listening at {server.address}; Ctrl-C ends", flush=True)
+            count = server.serve(arguments.stay)
+    print(f"{count} messages answered")
