@@ -17,7 +17,7 @@ from wt_gym.structure.flexible_body import (
     particle_fields,
     without_second_order,
 )
-from wt_gym.structure.modes import clamped_modes, lowest_modes, select_modes
+from wt_gym.structure.modes import clamped_modes, lowest_modes, select_modes, spin_stiffness
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.beam import inertia_matrix
 
@@ -156,6 +156,14 @@ def test_a_section_that_no_mass_makes_is_refused():
         Beam(tables, 1)
 
 
+def test_a_beam_does_not_run_against_its_axis():
+    s = np.array([0.0, LENGTH])
+    stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
+    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
+    with pytest.raises(ValueError, match="must not run against its z axis"):
+        Beam(BeamSections(s, stiffness, inertia, np.column_stack([0.0 * s, 0.0 * s, -s])), 1)
+
+
 @pytest.mark.parametrize(
     ("nodes", "message"),
     [
@@ -187,6 +195,46 @@ def test_torsion_frequency():
     modes = clamped_modes(uniform(12), 30)
     frequency = modes.frequency[select_modes(modes, torsion=1)[0]]
     assert frequency == pytest.approx(np.sqrt(1e6 / 1.3) / (4 * LENGTH), rel=2e-3)
+
+
+def test_axial_frequency_and_the_signs_of_the_shapes():
+    """A clamped–free rod: √(EA/ρ)/4L. Every shape has its largest tip displacement, a turn over 0.1 m, positive."""
+    modes = clamped_modes(uniform(12), 40)
+    frequency = modes.frequency[select_modes(modes, axial=1)[0]]
+    assert frequency == pytest.approx(np.sqrt(3e8 / 20.0) / (4 * LENGTH), rel=2e-3)
+    tip = modes.shape[-6:] * np.array([1.0, 1.0, 1.0, 10.0, 10.0, 10.0])[:, None]
+    assert np.all(tip[np.abs(tip).argmax(axis=0), np.arange(tip.shape[1])] > 0.0)
+    assert select_modes(modes, edge=1, flap=2) == [
+        *select_modes(modes, edge=1), *[i for i, kind in enumerate(modes.kind) if kind == "flap"][:2],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("spin", "axis"), [(1.3, [1.3, 0.0, 0.0]), ([0.4, -0.7, 0.9], [0.4, -0.7, 0.9])])
+def test_centrifugal_stiffness_is_that_of_the_potential(bent, spin, axis):
+    """The second derivative of −½ Σ m |ω × (r − c)|², in steps, by the displacements of second order."""
+    beam, basis = bent
+    fields, m, center, h = particle_fields(beam, basis), beam.particle_mass, np.array([0.5, 0.2, -3.0]), 0.1
+
+    def potential(q):
+        r = fields.position + fields.linear @ q + 0.5 * np.einsum("pijk,j,k->pi", fields.second, q, q)
+        return -0.5 * np.sum(m[:, None] * np.cross(axis, r - center) ** 2)
+
+    unit, expected = h * np.eye(4), np.zeros((4, 4))
+    for j in range(4):
+        for k in range(4):
+            for a in (1, -1):
+                for b in (1, -1):
+                    # the terms of fourth order leave two steps, and their difference is exact
+                    for step, share in ((1.0, 4.0 / 3.0), (2.0, -1.0 / 12.0)):
+                        expected[j, k] += share * a * b * potential(step * (a * unit[j] + b * unit[k])) / (4.0 * h**2)
+    omega = np.array(axis)
+    found = basis.T @ spin_stiffness(beam, omega, center) @ basis
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+    spun = clamped_modes(beam, 3, spin=spin, center=center).frequency
+    free = slice(6, None)
+    stiffness = (beam.stiffness + spin_stiffness(beam, omega, center))[free, free]
+    value = eigh(stiffness, beam.mass[free, free], eigvals_only=True)[:3]
+    np.testing.assert_allclose(spun, np.sqrt(value) / (2.0 * np.pi), rtol=1e-9)
 
 
 def test_modes_that_do_not_exist_are_refused():
@@ -294,6 +342,16 @@ class TestInertiaIntegrals:
             assert not marker.second.any()
             assert whole.markers[key].second.any() == (key != "root")
             assert np.array_equal(marker.linear, whole.markers[key].linear)
+
+    def test_foreshortening_along_the_beam_is_the_one_at_its_mass_points(self, bent):
+        beam, basis = bent
+        field = beam.second_order_field(basis)
+        x = 0.5 * (np.polynomial.legendre.leggauss(4)[0] + 1.0)
+        places = [a + xi * (b - a) for a, b in zip(beam.nodes, beam.nodes[1:], strict=False) for xi in x]
+        at = field.at_gauss()
+        for s, second in zip(places, at, strict=True):
+            np.testing.assert_allclose(field.at(s), second, atol=1e-12 * np.abs(at).max())
+        assert not field.at(0.0).any()
 
     def test_a_rigid_body_has_its_inertia_about_the_origin(self):
         """Steiner: I + m (|c|² 1 − c cᵀ)."""
