@@ -4,6 +4,7 @@ import copy
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,19 +96,21 @@ def test_available_power_is_that_of_the_rotor_not_of_the_hub():
     assert values == pytest.approx(expected, abs=2e-3)
 
 
+@pytest.mark.parametrize("speed", [8.0, 0.5])
 @pytest.mark.parametrize("angle", [0.0, 0.5, 0.5 * math.pi, 4.0])
-def test_the_disc_of_the_wind_stands_across_it(angle):
-    """8 m/s (1 + a y^2) in one direction: the mean over a disc across it is 8 m/s (1 + a cos^2 R^2/4)."""
+def test_the_disc_of_the_wind_stands_across_it(angle, speed):
+    """V (1 + a y^2 + 2 a x^2) in one direction: the mean over a disc across it is V (1 + a (cos^2 + 2 sin^2) R^2/4)."""
+    across = math.cos(angle) ** 2 + 2.0 * math.sin(angle) ** 2
 
     class Hollow:
         def velocity(self, points, time):
             direction = np.array([math.cos(angle), math.sin(angle), 0.0])
-            return 8.0 * (1.0 + 1e-4 * points[:, 1:2] ** 2) * direction
+            return speed * (1.0 + 1e-4 * (points[:, 1:2] ** 2 + 2.0 * points[:, :1] ** 2)) * direction
 
-    low = {"wind_x": 8 * math.cos(angle), "wind_y": 8 * math.sin(angle), "generator_power": 1e6, "rotor_speed": 1.0}
-    mean = 8.0 * (1.0 + 1e-4 * math.cos(angle) ** 2 * 63.0**2 / 4.0)
+    low = {"wind_x": speed * math.cos(angle), "wind_y": speed * math.sin(angle), "generator_power": 1e6}
+    mean = speed * (1.0 + 1e-4 * across * 63.0**2 / 4.0)
     expected = 1.0 + (1e6 - rewards.available_power(TURBINE, mean)) / 5e6
-    assert course(rewards.Power(), [low] * 20, Hollow()) == pytest.approx(expected, rel=1e-9)
+    assert course(rewards.Power(), [low | {"rotor_speed": 1.0}] * 20, Hollow()) == pytest.approx(expected, rel=1e-9)
 
 
 def test_in_a_calm_there_is_no_power():
@@ -226,6 +229,23 @@ def test_blade_fatigue_sees_a_steady_tilt_moment():
     square = 0.5 * 1e6**2 / (term.scale * reference_flap_moment(TURBINE)) ** 2
     assert turning.mean() == pytest.approx(-square / (1 + square), rel=0.05)
     assert np.all(course(term, [blades(8e6, 0, 0, RATED * k * DT) for k in range(20)]) > -1e-20)
+
+
+@pytest.mark.parametrize(
+    ("term", "moment", "square"),
+    [
+        (rewards.TowerForeAftFatigue(), {"tower_base_fore_aft_moment": 0.33 * TOWER_MOMENT}, 1.0),
+        (rewards.TowerSideSideFatigue(), {"tower_base_side_side_moment": 0.08 * TOWER_MOMENT}, 1.0),
+        (rewards.BladeFatigue(), blades(0.35 * 12.35e6, 0, 0, 1.3), 0.5),  # half of what is common to all blades
+        (rewards.BladeFatigue(), blades(0, 0.35 * 12.35e6, 0, 1.3), 0.5),  # each blade feels its mean square
+        (rewards.BladeFatigue(), blades(0, 0, 0.35 * 12.35e6, 1.3), 0.5),
+    ],
+)
+def test_loads_at_the_scale_of_their_terms(term, moment, square):
+    """0.33 and 0.08 of the moment of the Betz thrust, 0.35 of 12.35 MN m; filters of 10 s begin at zero."""
+    square *= math.exp(-DT / 10.0) ** 2
+    value = rate(term, before=dict.fromkeys(moment, 0.0), **moment)
+    assert value == pytest.approx(-term.weight * square / (1.0 + square), rel=2e-3)
 
 
 # Damage
@@ -519,6 +539,9 @@ def test_names_functions_and_terms_make_rewards():
         ([steady, steady], "different names"),
         (3.0, "must map names of terms to weights, or be a name, a function"),
         ([3.0], "a reward term needs a name"),
+        ([SimpleNamespace(name="still", weight=1.0)], "must be callable"),
+        ({"power": math.inf}, "weight of reward term 'power' must be finite and not negative, got inf"),
+        ({"power": -1.0}, "weight of reward term 'power' must be finite and not negative, got -1"),
     ],
 )
 def test_rewards_that_are_none_are_refused(reward, message):

@@ -123,9 +123,29 @@ def test_soil_that_stiffens_with_depth_counts_from_the_head():
     assert growing[4, 4] == pytest.approx(1e6 * 20.0**4 / 4.0, rel=1e-4)
 
 
+def test_shear_under_the_tip_of_a_rigid_pile():
+    """A spring k at the depth L adds k, k L and k L² to the head: a shift to +x goes with a turn about -y."""
+    stiff = PILE | {"EI": 1e18, "EA": 1e18, "GJ": 1e18}
+    free, held = (pile_head_stiffness(20.0, lambda d: 5e7, **stiff, base_lateral=k) for k in (0.0, 1e8))
+    expected = np.zeros((6, 6))
+    expected[0, 0] = expected[1, 1] = 1e8
+    expected[0, 4] = expected[4, 0] = -1e8 * 20.0
+    expected[1, 3] = expected[3, 1] = 1e8 * 20.0
+    expected[3, 3] = expected[4, 4] = 1e8 * 400.0
+    np.testing.assert_allclose(held - free, expected, atol=1e-4 * 1e8 * 400.0)
+    np.testing.assert_allclose((held - free)[:2], expected[:2], atol=1e-4 * 1e8 * 20.0)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
-    [({"length": -1.0}, "length of a pile"), ({"EI": 0.0}, "EI of a pile"), ({"lateral": lambda d: -d}, "lateral")],
+    [
+        ({"length": -1.0}, "length of a pile"),
+        ({"EI": 0.0}, "EI of a pile"),
+        ({"torsional": np.inf}, "torsional of a pile is inf"),
+        ({"lateral": lambda d: -d}, "lateral"),
+        ({"lateral": lambda d: 0.0}, "somewhere positive"),
+        ({"lateral": lambda d: np.inf}, "must be finite"),
+    ],
 )
 def test_pile_refuses_nonsense(changes, message):
     with pytest.raises(ValueError, match=message):

@@ -10,8 +10,14 @@ from wt_gym.errors import TurbineDefinitionError
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.model.turbine_structure import averaged_over_yaw, build_structure, rotor_nacelle_inertia
 from wt_gym.structure.beam import Beam, BeamSections, SecondOrderField, skew
-from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, particle_fields
-from wt_gym.structure.modes import clamped_modes, lowest_modes, select_modes
+from wt_gym.structure.flexible_body import (
+    BodyInertia,
+    FlexibleBody,
+    offset_marker,
+    particle_fields,
+    without_second_order,
+)
+from wt_gym.structure.modes import clamped_modes, lowest_modes, select_modes, spin_stiffness
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.beam import inertia_matrix
 
@@ -119,6 +125,59 @@ def test_rigid_motions_strain_nothing_and_carry_the_right_mass():
     np.testing.assert_allclose(mass[3:, :3], 12.0 * skew(center), atol=1e-8)
 
 
+def test_mass_points_have_the_inertia_of_their_sections():
+    """A rigid straight beam has ∫ Tᵀ I T ds, T = [[1, −(s z)~], [0, 1]], by quadrature that is exact for s²."""
+    section = inertia_matrix(3.0, 0.1, 0.2, 0.22, 0.33, 0.09)
+    s = np.array([0.0, LENGTH])
+    stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
+    axis = np.column_stack([0.0 * s, 0.0 * s, s])
+    beam = Beam(BeamSections(s, stiffness, np.tile(section, (2, 1, 1)), axis), 3, lumps=[(2, 7.0)])
+    rigid = np.concatenate([transport(p) for p in beam.node_position])
+    x, w = np.polynomial.legendre.leggauss(2)
+    expected = transport([0.0, 0.0, 8.0]).T[:, :3] @ (7.0 * transport([0.0, 0.0, 8.0])[:3])
+    for place, weight in zip(0.5 * LENGTH * (x + 1.0), 0.5 * LENGTH * w, strict=True):
+        expected = expected + weight * transport([0.0, 0.0, place]).T @ section @ transport([0.0, 0.0, place])
+    np.testing.assert_allclose(rigid.T @ beam.mass @ rigid, expected, rtol=1e-9, atol=1e-9)
+
+
+def transport(place):
+    """Velocities (6, 6) of a section at a place, per rigid velocity of the origin."""
+    return np.block([[np.eye(3), -skew(place)], [np.zeros((3, 3)), np.eye(3)]])
+
+
+def test_a_section_that_no_mass_makes_is_refused():
+    """A center 0.5 m off the axis without the moment of inertia that it brings."""
+    section = np.diag([3.0, 3.0, 3.0, 0.4, 0.4, 0.8])
+    section[5, 1] = section[1, 5] = 3.0 * 0.5
+    s = np.array([0.0, LENGTH])
+    stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
+    tables = BeamSections(s, stiffness, np.tile(section, (2, 1, 1)), np.column_stack([0.0 * s, 0.0 * s, s]))
+    with pytest.raises(ValueError, match=r"section inertia at 0\.000 m is not positive"):
+        Beam(tables, 1)
+
+
+def test_a_beam_does_not_run_against_its_axis():
+    s = np.array([0.0, LENGTH])
+    stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
+    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
+    with pytest.raises(ValueError, match="must not run against its z axis"):
+        Beam(BeamSections(s, stiffness, inertia, np.column_stack([0.0 * s, 0.0 * s, -s])), 1)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "message"),
+    [
+        ([0.0], "at least two increasing arc lengths"),
+        ([0.0, 3.0, 3.0], "increasing arc lengths"),
+        ([0.0, LENGTH + 0.1], "lie outside the section table"),
+        ([-0.1, LENGTH], "lie outside the section table"),
+    ],
+)
+def test_nodes_without_meaning_are_refused(nodes, message):
+    with pytest.raises(ValueError, match=message):
+        Beam(uniform().sections, nodes)
+
+
 @pytest.mark.parametrize("kind", ["flap", "edge"])
 def test_uniform_cantilever_frequencies(kind):
     """β₁L … β₃L = 1.8751, 4.6941, 7.8548."""
@@ -138,9 +197,60 @@ def test_torsion_frequency():
     assert frequency == pytest.approx(np.sqrt(1e6 / 1.3) / (4 * LENGTH), rel=2e-3)
 
 
+def test_axial_frequency_and_the_signs_of_the_shapes():
+    """A clamped–free rod: √(EA/ρ)/4L. Every shape has its largest tip displacement, a turn over 0.1 m, positive."""
+    modes = clamped_modes(uniform(12), 40)
+    frequency = modes.frequency[select_modes(modes, axial=1)[0]]
+    assert frequency == pytest.approx(np.sqrt(3e8 / 20.0) / (4 * LENGTH), rel=2e-3)
+    tip = modes.shape[-6:] * np.array([1.0, 1.0, 1.0, 10.0, 10.0, 10.0])[:, None]
+    assert np.all(tip[np.abs(tip).argmax(axis=0), np.arange(tip.shape[1])] > 0.0)
+    assert select_modes(modes, edge=1, flap=2) == [
+        *select_modes(modes, edge=1), *[i for i, kind in enumerate(modes.kind) if kind == "flap"][:2],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("spin", "axis"), [(1.3, [1.3, 0.0, 0.0]), ([0.4, -0.7, 0.9], [0.4, -0.7, 0.9])])
+def test_centrifugal_stiffness_is_that_of_the_potential(bent, spin, axis):
+    """The second derivative of −½ Σ m |ω × (r − c)|², in steps, by the displacements of second order."""
+    beam, basis = bent
+    fields, m, center, h = particle_fields(beam, basis), beam.particle_mass, np.array([0.5, 0.2, -3.0]), 0.1
+
+    def potential(q):
+        r = fields.position + fields.linear @ q + 0.5 * np.einsum("pijk,j,k->pi", fields.second, q, q)
+        return -0.5 * np.sum(m[:, None] * np.cross(axis, r - center) ** 2)
+
+    unit, expected = h * np.eye(4), np.zeros((4, 4))
+    for j in range(4):
+        for k in range(4):
+            for a in (1, -1):
+                for b in (1, -1):
+                    # the terms of fourth order leave two steps, and their difference is exact
+                    for step, share in ((1.0, 4.0 / 3.0), (2.0, -1.0 / 12.0)):
+                        expected[j, k] += share * a * b * potential(step * (a * unit[j] + b * unit[k])) / (4.0 * h**2)
+    omega = np.array(axis)
+    found = basis.T @ spin_stiffness(beam, omega, center) @ basis
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+    spun = clamped_modes(beam, 3, spin=spin, center=center).frequency
+    free = slice(6, None)
+    stiffness = (beam.stiffness + spin_stiffness(beam, omega, center))[free, free]
+    value = eigh(stiffness, beam.mass[free, free], eigvals_only=True)[:3]
+    np.testing.assert_allclose(spun, np.sqrt(value) / (2.0 * np.pi), rtol=1e-9)
+
+
 def test_modes_that_do_not_exist_are_refused():
     with pytest.raises(ValueError, match="torsion"):
         select_modes(clamped_modes(uniform(2), 3), torsion=5)
+
+
+@pytest.fixture(scope="module")
+def bent():
+    """A beam with a point mass and its mass beside the axis, and four shapes with bending both ways and twist."""
+    sections = BeamSections.uniform(LENGTH, EA=3e8, EIx=5e6, EIy=2e6, GJ=1e6, mass=20.0, Ix=0.4, Iy=0.9,
+                                    offset=(0.1, 0.3))  # fmt: skip
+    beam = Beam(sections, 3, lumps=[(2, 7.0)])
+    loads = np.zeros((beam.n_dof, 4))
+    loads[[-6, -5, -4, -1], range(4)] = 2e3, 3e3, 1e7, 2e4
+    return beam, np.column_stack([solve_static(beam, load) for load in loads.T])
 
 
 class TestInertiaIntegrals:
@@ -164,6 +274,104 @@ class TestInertiaIntegrals:
         np.testing.assert_allclose(
             inertia.d0 + np.einsum("kji,j->ki", inertia.d1, q), coupling, atol=1e-5 * np.abs(coupling).max()
         )
+
+    def test_elastic_energy_and_spin_to_the_order_they_are_kept(self, bent):
+        """M = Σ m Vᵀ V is exact with m2; Σ m r × V, V = S + H q, is even and odd in q: its cubic part cancels."""
+        beam, basis = bent
+        fields, m = particle_fields(beam, basis), beam.particle_mass
+        kept = BodyInertia.from_particles(m, fields, complete=True)
+        q = np.array([0.3, -0.2, 0.4, 0.1])
+
+        def motion(q):
+            place = fields.position + fields.linear @ q + 0.5 * np.einsum("pijk,j,k->pi", fields.second, q, q)
+            velocity = fields.linear + fields.second @ q
+            return place, velocity
+
+        def spin(q):
+            place, velocity = motion(q)
+            return np.einsum("p,pij,pjk->ki", m, skew(place), velocity)
+
+        velocity = motion(q)[1]
+        mass = kept.m0 + kept.m1 @ q + np.einsum("kmlj,m,j->kl", kept.m2, q, q)
+        np.testing.assert_allclose(mass, np.einsum("p,pik,pil->kl", m, velocity, velocity), rtol=1e-9, atol=1e-9)
+        even = 0.5 * (spin(q) + spin(-q)) - spin(0.0 * q)
+        np.testing.assert_allclose(np.einsum("kjli,j,l->ki", kept.d2, q, q), even, atol=1e-9 * np.abs(even).max())
+        brief = BodyInertia.from_particles(m, fields)
+        assert brief.d2.size == brief.m2.size == 0
+
+    def test_second_order_shortcuts_are_those_of_every_mass_point(self, bent):
+        beam, basis = bent
+        fields, random = particle_fields(beam, basis), np.random.default_rng(0)
+        q, force = random.normal(size=4), random.normal(size=(len(beam.particle_mass), 3))
+        np.testing.assert_allclose(fields.second_along(q), fields.second @ q, atol=1e-12)
+        np.testing.assert_allclose(
+            fields.contract_second(force), np.einsum("pi,pijk->jk", force, fields.second), atol=1e-11
+        )
+
+    def test_mass_points_beside_the_axis_turn_with_their_section(self, bent):
+        """The second derivative of exp(θ̃) d by q, in steps, for points at an offset d from the axis."""
+        beam, basis = bent
+        fields, h, unit = particle_fields(beam, basis), 1e-2, np.eye(4)
+        for p in (0, 5, 17):
+            theta, d = fields._rotation[fields._gauss[p]], fields._offset[p]
+            expected = np.zeros((3, 4, 4))
+            for j in range(4):
+                for k in range(4):
+                    corners = [
+                        a * b * Rotation.from_rotvec(theta @ (h * (a * unit[j] + b * unit[k]))).apply(d)
+                        for a in (1, -1) for b in (1, -1)
+                    ]  # fmt: skip
+                    expected[:, j, k] = sum(corners) / (4.0 * h**2)
+            found = fields.second[p] - beam.second_order_field(basis).at_gauss()[fields._gauss[p]]
+            np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
+
+    def test_without_second_order_points_move_along_straight_lines(self, bent):
+        beam, basis = bent
+        whole = FlexibleBody.from_beam("blade", beam, basis, markers={"middle": 6.0})
+        body, q = without_second_order(whole, beam, basis), np.array([0.3, -0.2, 0.4, 0.1])
+        fields, m, kept = particle_fields(beam, basis), beam.particle_mass, body.inertia
+        x = fields.position + fields.linear @ q
+        np.testing.assert_allclose(kept.c0 + kept.c1 @ q, m @ x, rtol=1e-12, atol=1e-9)
+        tensor = kept.j0 + np.einsum("k,kij", q, kept.j1) + 0.5 * np.einsum("k,l,klij", q, q, kept.j2)
+        np.testing.assert_allclose(tensor, -np.einsum("p,pij,pjk->ik", m, skew(x), skew(x)), rtol=1e-9, atol=1e-6)
+        spin = kept.d0 + np.einsum("kji,j->ki", kept.d1, q)
+        np.testing.assert_allclose(spin, np.einsum("p,pij,pjk->ki", m, skew(x), fields.linear), rtol=1e-9, atol=1e-6)
+        assert not kept.c2.any()
+        assert not kept.m1.any()
+        for key, marker in body.markers.items():
+            assert not marker.second.any()
+            assert whole.markers[key].second.any() == (key != "root")
+            assert np.array_equal(marker.linear, whole.markers[key].linear)
+
+    def test_foreshortening_along_the_beam_is_the_one_at_its_mass_points(self, bent):
+        beam, basis = bent
+        field = beam.second_order_field(basis)
+        x = 0.5 * (np.polynomial.legendre.leggauss(4)[0] + 1.0)
+        places = [a + xi * (b - a) for a, b in zip(beam.nodes, beam.nodes[1:], strict=False) for xi in x]
+        at = field.at_gauss()
+        for s, second in zip(places, at, strict=True):
+            np.testing.assert_allclose(field.at(s), second, atol=1e-12 * np.abs(at).max())
+        assert not field.at(0.0).any()
+
+    def test_a_rigid_body_has_its_inertia_about_the_origin(self):
+        """Steiner: I + m (|c|² 1 − c cᵀ)."""
+        center, own = np.array([1.0, -2.0, 0.5]), np.diag([3.0, 4.0, 5.0])
+        body = FlexibleBody.rigid("hub", 10.0, center, own, {"tip": [0.0, 0.0, 2.0]})
+        expected = own + 10.0 * (center @ center * np.eye(3) - np.outer(center, center))
+        np.testing.assert_allclose(body.inertia.j0, expected)
+        assert body.inertia.c0.tolist() == [10.0, -20.0, 5.0]
+        assert (body.n_elastic, body.markers["tip"].position.tolist()) == (0, [0.0, 0.0, 2.0])
+        assert FlexibleBody.rigid("hub", 10.0, center, own).markers["origin"].position.tolist() == [0.0] * 3
+
+    def test_an_offset_point_moves_with_its_section(self, bent):
+        """By u + θ × d."""
+        beam, basis = bent
+        offset = np.array([0.3, -0.4, 0.1])
+        marker = offset_marker(beam, basis, 7.3, offset)
+        shift, turn = beam.linear_field(7.3, basis)
+        np.testing.assert_allclose(marker.position, [0.3, -0.4, 7.4])
+        np.testing.assert_allclose(marker.linear, shift + np.cross(turn.T, offset).T)
+        np.testing.assert_array_equal(marker.rotation, turn)
 
     def test_foreshortening_of_a_bent_cantilever(self):
         """Tip shortening ½ ∫ w'² dz = P² L⁵/(15 E²I²) for an end load P."""

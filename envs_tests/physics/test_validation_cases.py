@@ -12,7 +12,7 @@ from validation.tree_tools import NoBalance, frequencies, read_table, static_bal
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
-from wt_gym.structure.substructure import add_chain, cut_beam, sub_body_at
+from wt_gym.structure.substructure import add_chain, cut_beam, sub_body_at, tip_and_interior_modes
 
 FAST_CASES = (
     "beam-static",
@@ -106,6 +106,20 @@ class TestSubstructure:
         marker = sub_bodies[2].marker(9.0, (0.1, 0.0, 0.0))
         np.testing.assert_allclose(marker.position, [0.1, 0.0, 3.0])
 
+    def test_static_shapes_of_the_tip_and_their_damping(self):
+        """Between fixed ends, Hermite's cubics: a unit shift of the tip bends by 3 x² - 2 x³, a turn by L (x³ - x²)."""
+        shapes = tip_and_interior_modes(Beam(self.sections(), 4), 0)
+        x = np.array([0.25, 0.5, 0.75, 1.0])
+        np.testing.assert_allclose(shapes[6::6, 0], 3.0 * x**2 - 2.0 * x**3)
+        np.testing.assert_allclose(shapes[6::6, 4], 12.0 * (x**3 - x**2), atol=1e-12)
+        np.testing.assert_allclose(shapes[-6:], np.eye(6))
+        assert tip_and_interior_modes(Beam(self.sections(), 1), 3).shape == (12, 6)
+        whole = tip_and_interior_modes(Beam(self.sections(), 4), 5)
+        assert whole.shape == (30, 11)
+        assert not whole[-6:, 6:].any()  # the rest vibrate between fixed ends
+        damped = cut_beam("beam", self.sections(), 4, 2, stiffness_damping=0.1)[1].body
+        np.testing.assert_allclose(damped.damping, 0.1 * damped.stiffness)
+
     def test_bad_input_is_refused(self):
         with pytest.raises(ValueError, match="not a node"):
             cut_beam("beam", self.sections(), 4, [5.0])
@@ -118,6 +132,11 @@ class TestSubstructure:
         sub_bodies = cut_beam("beam", self.sections(), 4, 2)
         with pytest.raises(ValueError, match="outside"):
             sub_body_at(sub_bodies, 13.0)
+        with pytest.raises(ValueError, match="outside"):
+            sub_body_at(sub_bodies, -0.1)
+        with pytest.raises(ValueError, match="outside the piece"):
+            sub_bodies[1].marker(5.9)
+        assert sub_body_at(sub_bodies, 6.0 - 5e-10) == 1  # rounding of the cut belongs to the outer piece
         with pytest.raises(ValueError, match="outside the piece"):
             sub_bodies[0].marker(9.0)
 

@@ -60,6 +60,23 @@ def test_interval_is_that_of_scipy_between_expanded_percentiles():
     np.testing.assert_allclose(mean_interval(values, (8.0,) * 12), reference, atol=0.03)
 
 
+@pytest.mark.parametrize(("strata", "freedom"), [((8.0,) * 6, 5), ((8.0,) * 3 + (12.0,) * 5, 6)])
+def test_expanded_percentiles_are_those_of_students_t(strata, freedom):
+    """The statistic of a resample is its number: quantiles of 0 to N - 1 are the percentiles themselves."""
+    smallest = min(strata.count(label) for label in strata)
+    low, high = bootstrap_interval(lambda k: np.arange(len(k), dtype=float), strata, level=0.9)
+    percentile = stats.norm.cdf(math.sqrt(smallest / (smallest - 1)) * stats.t.ppf(0.05, freedom))
+    assert low / (N_RESAMPLES - 1) == pytest.approx(percentile, rel=1e-9)
+    assert high / (N_RESAMPLES - 1) == pytest.approx(1.0 - percentile, rel=1e-9)
+
+
+def test_resamples_are_shared_and_cannot_be_written():
+    indices = stratified_resamples((8.0, 8.0), 10)
+    assert stratified_resamples((8.0, 8.0), 10) is indices
+    with pytest.raises(ValueError, match="read-only"):
+        indices[:] = 0
+
+
 @pytest.mark.parametrize("statistic", [np.mean, interquartile_mean])
 def test_the_interval_covers_the_truth(statistic):
     rng, strata, inside = np.random.default_rng(1), (8.0,) * 6, 0
@@ -153,6 +170,17 @@ def test_changes_are_taken_wind_by_wind():
     )
 
 
+def test_less_power_lost_is_more_power():
+    """From -3 kW to -1.5 kW in every wind, as an idle turbine draws: half of it is gained."""
+    result = evaluation(np.full(8, -0.5), "corrected_power")
+    idle = [replace(run, metrics=run.metrics | {"corrected_power": -3e3 if run.agent == "Baseline" else -1.5e3})
+            for run in result.runs]  # fmt: skip
+    found = paired_change(replace(result, runs=idle), "PPO", "corrected_power")
+    assert found.relative
+    assert (found.value, found.low, found.high) == pytest.approx((0.5, 0.5, 0.5))
+    assert found.kind("corrected_power") == "better"
+
+
 def test_the_same_change_in_every_wind_has_no_scatter():
     found = paired_change(evaluation(np.full(8, -0.1)), "PPO", "blade_flap_del")
     assert (found.value, found.low, found.high) == pytest.approx((-0.1, -0.1, -0.1))
@@ -162,9 +190,11 @@ def test_the_same_change_in_every_wind_has_no_scatter():
 
 def test_too_few_winds_have_no_interval():
     few = evaluation(CHANGES)
+    three = replace(few, runs=[run for run in few.runs if run.wind.seed < 1004])
     few = replace(few, runs=[run for run in few.runs if run.wind.seed < 1003])
     found = paired_change(few, "PPO", "blade_flap_del")
     assert not found.has_interval
+    assert paired_change(three, "PPO", "blade_flap_del").has_interval
     assert format_estimate("blade_flap_del", found) == "\u221219.0 %"  # mean of -22 and -16 %, the middle two of four
 
 

@@ -47,10 +47,11 @@ from wt_gym.control.controllers.drive_mode import drive_mode
 from wt_gym.control.controllers.filters import BandLimitedIntegrator
 from wt_gym.control.controllers.retuned import found_factor, gain_of_table
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
-from wt_gym.control.controllers.tsr_tracking import pitch_schedule
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, pitch_schedule
 from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
 from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
 from wt_gym.errors import ControllerError
+from wt_gym.simulation.model.turbine_structure import tower_beam
 from wt_gym.turbines import catalogue, load_turbine
 
 RATED = 12.1 * math.pi / 30
@@ -203,9 +204,14 @@ def test_a_fade_by_its_end(turbine):
     assert AboveRated.of_turbine(turbine, 0.03).parameters == FadeParameters(pitch=(0.005, 0.03))
     assert AboveRated.of_turbine(turbine, math.radians(3.0)).parameters == FadeParameters()  # the default
     assert AboveRated.of_turbine(turbine, False) is None
-    for fade in (0.0, 1, 0.6, math.nan, "full"):
+    for fade in (0.0, 0.0009, 1, 0.51, math.nan, "full"):
         with pytest.raises(ValueError, match="fade must be True, False, FadeParameters or a pitch"):
             AboveRated.of_turbine(turbine, fade)
+    for end in (0.001, 0.5):
+        assert AboveRated.of_turbine(turbine, end).parameters.pitch == pytest.approx((end / 6.0, end))
+    for name, pair in (("pitch", (0.02, 0.02)), ("speed", (0.9, 0.8))):
+        with pytest.raises(ValueError, match=f"fade {name} must be two rising numbers"):
+            FadeParameters(**{name: pair})
     early = make_controller("ipc+tower_dampers", turbine, ipc__fade=0.01, fore_aft_damper__fade=False)
     assert early.additions[0].fade.parameters.pitch[1] == 0.01
     assert early.additions[1].fade is None
@@ -413,7 +419,97 @@ def test_side_side_damper_adds_torque_against_the_motion(turbine):
     assert damper.step(readings(nacelle_acceleration_side_side=1.0), 0.1, demand(torque=0.0)).generator_torque == 0.0
 
 
+def test_fore_aft_damper_keeps_the_range_of_the_pitch(turbine):
+    """It takes no blade below fine pitch (0 for the 5-MW turbine); where the controller has put one, it stays."""
+    damper = ForeAftDamper.of_turbine(turbine, fade=False)
+    top = turbine.pitch.max_pitch
+    for acceleration, given, expected in (
+        (-9.0, (0.001, -0.01, 0.2), (0.0, -0.01, 0.2 - damper.limit)),
+        (9.0, (top - 0.001, -0.01, 0.2), (top, damper.limit - 0.01, 0.2 + damper.limit)),
+    ):
+        damper.start(readings())
+        for _ in range(5):
+            made = damper.step(
+                readings(nacelle_acceleration_fore_aft=acceleration), 0.1, Demand(np.array(given), 0.1, 4e4)
+            )
+        assert made.pitch == pytest.approx(np.array(expected))
+        assert (made.yaw_rate, made.generator_torque) == (0.1, 4e4)
+
+
+@pytest.mark.parametrize("rotation", ["clockwise", "counter-clockwise"])
+def test_side_side_damper_adds_the_damping_it_is_asked_for(turbine, rotation):
+    """As fore-aft: 0.312 Hz, the force of a moment at the top by finite elements of the tower.
+
+    The torque of the generator, 97 times that on the high-speed shaft, turns with the rotor's sense.
+    """
+    turned = replace(turbine, rotation=rotation)
+    beam = tower_beam(turbine.tower, 20)
+    load = np.zeros((beam.n_dof, 2))
+    load[-5, 0], load[-3, 1] = 1.0, 1.0  # a force along y, a moment about x
+    by_force, by_moment = np.abs(np.linalg.solve(beam.stiffness[6:, 6:], load[6:])[-5])
+    omega, mass = 2.0 * math.pi * 0.312, 350e3 + 33.0 / 140.0 * 347e3
+    push = 97.0 * by_moment / by_force * (1.0 if rotation == "clockwise" else -1.0)
+    damper, dt = SideSideDamper.of_turbine(turned, damping=0.03, limit=1.0), 0.01
+    damper.start(readings())
+    place, velocity, added, peaks = 0.05, 0.0, 0.0, []
+    for _ in range(4000):
+        acceleration = -(omega**2) * place - push * added / mass
+        before, velocity = velocity, velocity + dt * acceleration
+        place += dt * velocity
+        made = damper.step(readings(nacelle_acceleration_side_side=acceleration), dt, demand(torque=3e4))
+        added = made.generator_torque - 3e4
+        if before > 0.0 >= velocity:
+            peaks.append(place)
+    ratio = math.log(peaks[2] / peaks[8]) / (6 * 2.0 * math.pi)
+    assert ratio == pytest.approx(0.03 * 0.888, rel=0.1)
+
+
+def test_side_side_damper_keeps_to_its_share_of_the_torque(turbine):
+    """A tenth of the rated torque, 43 094 N m (NREL/TP-500-38060); half of what there is; no more than the largest."""
+    for acceleration, given, expected in (
+        (9.0, 3e4, 3e4 + 4309.4),
+        (-9.0, 3e4, 3e4 - 4309.4),
+        (-9.0, 5e3, 2.5e3),
+        (9.0, 47e3, turbine.drivetrain.max_generator_torque),
+        (9.0, 48e3, 48e3),  # what a base demands beyond it is its own affair
+    ):
+        damper = SideSideDamper.of_turbine(turbine)
+        damper.start(readings())
+        for _ in range(5):
+            made = damper.step(readings(nacelle_acceleration_side_side=acceleration), 0.1, demand(torque=given))
+        assert made.generator_torque == pytest.approx(expected, rel=1e-3)
+
+
 # ---- yaw ----
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_yaw_error_that_is_gone_again_turns_nothing(turbine, side):
+    """The filter begins no further out than the dead band, whatever the first reading was."""
+    drive = YawByDeadBand.of_turbine(turbine)
+    drive.start(readings(yaw_error=0.5 * side))
+    for _ in range(100):
+        assert drive.step(readings(yaw_error=0.05 * side), 0.1, demand()).yaw_rate == 0.0
+    drive.start(readings(yaw_error=0.5 * side))
+    assert drive.step(readings(yaw_error=0.5 * side), 0.1, demand()).yaw_rate == side * drive.rate
+
+
+def test_a_yaw_drive_that_stopped_rests_until_the_error_is_large_again(turbine):
+    """Its slow filter goes on from what the fast one read: 0.1 rad within a dead band of 0.14 rad never starts it."""
+    drive = YawByDeadBand.of_turbine(turbine)
+    drive.start(readings(yaw_error=0.5))
+    assert drive.step(readings(yaw_error=0.5), 0.1, demand()).yaw_rate > 0.0
+    while drive.turning:
+        drive.step(readings(yaw_error=0.0), 0.1, demand())
+    for _ in range(3000):
+        assert drive.step(readings(yaw_error=0.1), 0.1, demand()).yaw_rate == 0.0
+
+
+@pytest.mark.parametrize(("dead_band", "stop"), [(0.1, 0.1), (0.1, -0.01), (0.1, math.nan)])
+def test_a_yaw_drive_stops_within_its_dead_band(dead_band, stop):
+    with pytest.raises(ValueError, match="0 <= stop < dead_band"):
+        YawByDeadBand(0.005, dead_band, stop)
+    assert YawByDeadBand(0.005, dead_band, 0.0).stop == 0.0
 
 
 def test_yaw_waits_turns_and_stops(turbine):
@@ -518,6 +614,118 @@ def test_estimator_decays_at_its_bandwidth_for_any_step():
         for _ in range(round(2.0 / dt)):
             estimator.update(steady, dt)
         assert estimator.wind - 9.0 == pytest.approx(0.05 * math.exp(-0.5 * 2.0), rel=0.05)
+
+
+def test_the_estimator_counts_what_speeds_the_rotor_up():
+    """I dw/dt is what of the moment of the air the generator, 90 % behind a gear of 50, does not take."""
+    table, inertia, dt, wind = made_up_table(), 4e7, 0.05, 9.0
+    pitch = {"pitch_1": 0.0, "pitch_2": 0.02, "pitch_3": 0.04}
+    speed, estimator = 8.0 * wind / 63.0, WindEstimator(table, inertia, 50.0, 0.9)
+    torque = 0.9 * table.torque(wind, speed, 0.02) * 0.9 / 50.0  # a tenth is left for the rotor
+    estimator.start(readings(rotor_speed=speed, generator_torque=torque, **pitch))
+    assert estimator.wind < 8.9
+    for _ in range(400):
+        speed += dt * (table.torque(wind, speed, 0.02) - torque * 50.0 / 0.9) / inertia
+        found = estimator.update(readings(rotor_speed=speed, generator_torque=torque, **pitch), dt)
+    assert found == pytest.approx(wind, rel=2e-3)
+
+
+def test_an_estimate_is_held_while_the_rotor_hardly_turns_and_keeps_its_range():
+    table = made_up_table()
+    still = readings(rotor_speed=0.05, generator_torque=1e6, pitch_1=0.0, pitch_2=0.0, pitch_3=0.0)
+    estimator = WindEstimator(table, 4e7, lowest_speed=0.1)
+    assert estimator.start(still) == 2.0
+    estimator.wind = 7.0
+    assert estimator.update(still, 0.1) == 7.0
+    assert estimator.update(still | {"rotor_speed": 1.2}, 0.1) == 7.0  # from a rest no acceleration is told
+    for torque, limit in ((1e9, 40.0), (-1e9, 2.0)):
+        assert estimator.update(still | {"rotor_speed": 1.2, "generator_torque": torque}, 10.0) == limit
+    for bandwidth in (0.0, math.inf):
+        with pytest.raises(ValueError, match="bandwidth of the wind estimator must be positive"):
+            WindEstimator(table, 4e7, bandwidth=bandwidth)
+
+
+def test_a_table_that_is_given_serves_the_estimator_too(turbine):
+    table = replace(rotor_table(turbine), power=0.9 * rotor_table(turbine).power)
+    controller = make_controller("tsr_tracking", turbine, table=table)
+    assert controller.estimator.table is controller.parameters.table is table
+
+
+class KnownWind:
+    """An estimator that is told the wind."""
+
+    channels = ("rotor_speed",)
+
+    def __init__(self, wind):
+        self.wind = wind
+
+    def start(self, signals):
+        return self.wind
+
+    def update(self, signals, dt):
+        return self.wind
+
+
+@pytest.mark.parametrize(
+    ("wind", "speed", "pitch", "torque", "shift", "tracked"),
+    [
+        (15.0, 1.01, 0.2, 0.9, 0.2 / (0.5 * math.pi) - 0.1 * 0.1, 1.0),  # pitched: the torque's set point is lower
+        (15.0, 1.0, 0.05, 0.2, 0.05 / (0.5 * math.pi) - 0.1 * 0.8, 1.0),  # torque is missing: the pitch's is higher
+        (8.0, 0.8, 0.0, 0.5, -0.1 * 0.5, None),  # between: the ratio is tracked
+        (3.0, 0.5, 0.0, 0.1, -0.1 * 0.9, 6.9 / 12.1),  # no slower than 6.9 rpm
+    ],
+)
+def test_torque_and_pitch_integrate_the_errors_of_their_set_points(turbine, wind, speed, pitch, torque, shift, tracked):
+    """From a bumpless start the first step adds K_I e dt, the pitch's gain reduced by 1/(1 + pitch/6.3 deg)."""
+    p = make_controller("tsr_tracking", turbine).parameters
+    p = replace(p, schedule_pitch=0.0 * p.schedule_pitch)
+    rated, dt = 122.9096, 0.02
+    at = p.speed_per_wind * wind if tracked is None else tracked * rated
+    controller = TsrTrackingController(p, KnownWind(wind))
+    now = readings(generator_speed=speed * rated)
+    controller.start(now, demand(pitch, torque * p.rated_torque))
+    made = controller.step(now, dt)
+    torque_error = speed * rated - (at - max(shift, 0.0) * rated)
+    pitch_error = speed * rated - (1.0 - min(shift, 0.0)) * rated
+    expected = torque * p.rated_torque + p.torque_integral_gain * torque_error * dt
+    assert made.generator_torque == pytest.approx(expected, rel=1e-5)
+    turned = pitch + 0.008068634 / (1.0 + pitch / 0.1099965) * pitch_error * dt
+    assert made.pitch == pytest.approx(np.full(3, max(turned, 0.0)), rel=1e-5)
+
+
+@pytest.mark.parametrize(("speed", "given", "highest"), [(1.05, 1.0, 1.0 / 1.05), (1.0, 1.2, 1.0), (0.8, 1.3, 1.1)])
+def test_torque_stays_below_rated_power_and_a_tenth_above_rated(turbine, speed, given, highest):
+    """It comes down at 15 kN m/s, however far it stands above."""
+    p = make_controller("tsr_tracking", turbine).parameters
+    controller, now = TsrTrackingController(p, KnownWind(15.0)), readings(generator_speed=speed * 122.9096)
+    controller.start(now, demand(0.3, given * 43_093.5))
+    assert controller.step(now, 0.02).generator_torque == pytest.approx(given * 43_093.5 - 300.0, abs=1.0)
+    for _ in range(100):
+        made = controller.step(now | {"generator_speed": speed * 122.9096}, 0.02)
+    assert made.generator_torque <= highest * 43_093.6 + 1.0
+
+
+def test_a_baseline_shifts_no_further_than_its_range():
+    controller = DisconController()
+    controller.start(readings(), demand(1.5))
+    controller.shift_pitch(0.2)
+    assert controller.law.state.pitch == pytest.approx(np.full(3, 1.570796))
+    controller.shift_pitch(-3.0)
+    assert controller.law.state.pitch == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_a_baseline_with_a_notch_does_not_answer_its_frequency():
+    """After the transient a swing of the speed at 4 Hz leaves the pitch alone, that at 0.1 Hz does not."""
+    quiet = replace(nrel_5mw_parameters(), notch_frequency=8.0 * math.pi)
+    swing = {}
+    for frequency in (0.1, 4.0):
+        law, pitch = BaselineController(quiet), []
+        law.start(122.9096, 0.2)
+        for k in range(4000):
+            speed = 122.9096 + 0.5 * math.sin(2.0 * math.pi * frequency * 0.01 * k)
+            pitch.append(law.step(speed, 0.01)[0][0])
+        swing[frequency] = np.ptp(pitch[-1000:])
+    assert swing[4.0] < 1e-5 < 1e-3 < swing[0.1]
 
 
 def test_pitch_schedule(turbine):

@@ -85,6 +85,32 @@ def test_what_a_drive_refuses_changes_no_command(turbine, arguments, message):
     assert np.array_equal(drives.command, before)
 
 
+def test_a_start_may_miss_the_range_by_a_tenth_of_a_radian(turbine):
+    low, high = turbine.pitch.min_pitch, turbine.pitch.max_pitch
+    drives = Drives(turbine)
+    for pitch in (low - 0.05, low - 0.1, high + 0.05, high + 0.1):
+        drives.start(pitch, 0.0, RATED)
+        assert drives.command[2:].tolist() == [pitch] * 3
+    for pitch in (low - 0.11, high + 0.11):
+        with pytest.raises(ActionError, match="at the start; must be"):
+            drives.start(pitch, 0.0, RATED)
+
+
+def test_half_a_turn_is_an_angle(turbine):
+    drives = Drives(turbine)
+    assert drives.pitch.vector((-np.pi, 0.0, np.pi)).tolist() == [-np.pi, 0.0, np.pi]
+    for degrees in (-3.2, 3.2):
+        with pytest.raises(ActionError, match="are these degrees"):
+            drives.pitch.vector(degrees)
+
+
+def test_a_load_changes_the_torque_alone(turbine):
+    drives = Drives(turbine)
+    drives.start(0.1, 0.3, RATED, 10e3)
+    drives.load(97.0 * 20e3, RATED)
+    np.testing.assert_allclose(drives.command, [20e3, 0.3, 0.1, 0.1, 0.1])
+
+
 def test_commands_follow_demands_at_the_greatest_rates(turbine, inputs):
     drives = Drives(turbine)
     drives.start(0.1, 0.0, RATED, 20e3)
@@ -119,12 +145,17 @@ def test_an_ideal_pitch_stands_half_a_step_behind_its_command(turbine, inputs, f
     drives.act(inputs, 1, 0)
     np.testing.assert_array_equal(inputs.servo_command, [[0.0, 0.1, 0.1, 0.1]] * 2)
     assert not inputs.servo_rate.any()
+    assert not inputs.servo_interval.any()
     drives.follow((0.102, 0.1, 0.096), 0.0, 0.0, DT, RATED)
     drives.act(inputs, 1)
     moved, ideal = np.array([0.002, 0.0, -0.004]), frequency is None
     np.testing.assert_array_equal(inputs.servo_command[0], [0.0, 0.1, 0.1, 0.1])
     np.testing.assert_allclose(inputs.servo_command[1, 1:], 0.1 + (0.5 if ideal else 1.0) * moved, rtol=1e-12)
     np.testing.assert_allclose(inputs.servo_rate[1, 1:], moved / DT if ideal else 0.0, atol=1e-12)
+    np.testing.assert_array_equal(inputs.servo_interval, [[0.0, *[DT if ideal else 0.0] * 3]] * 2)
+    drives.start(0.1, 0.0, RATED)
+    drives.act(inputs, 1, 0)
+    assert not inputs.servo_interval.any()
 
 
 def test_delay_of_the_pitch(turbine):
@@ -161,3 +192,5 @@ def test_a_linear_damper_takes_no_demand(turbine, inputs):
         drives.start(0.0, 0.0, 0.5, 10.0)
     with pytest.raises(ActionError, match="damping is -1"):
         LinearDamper(-1.0, turbine.drivetrain)
+    with pytest.raises(ActionError, match="damping is inf"):
+        LinearDamper(np.inf, turbine.drivetrain)

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,6 +78,40 @@ def test_a_stuck_blade_is_not_shut_down_in_whatever_order_faults_are_named(drive
     np.testing.assert_allclose(found[-1, 2:], [0.1, 0.5 * np.pi, 0.5 * np.pi])
 
 
+def test_feather_is_a_right_angle_also_for_blades_that_can_turn_further(turbine):
+    """From either side of it, at the greatest rate of the 5-MW pitch drive, 8 deg/s, unless another is named."""
+    far = replace(turbine, pitch=replace(turbine.pitch, max_pitch=2.0))
+    drives = Drives(far)
+    drives.start((1.0, 1.9, 0.5 * np.pi), 0.0, RATED, 40e3)
+    found = commands(drives, [ShutDown(0.0)], np.zeros(3))
+    np.testing.assert_allclose(found[0, 2:], [1.0 + RATE * DT, 1.9 - RATE * DT, 0.5 * np.pi])
+    assert ShutDown(0.0).rate == pytest.approx(RATE)
+    found = commands(drives, [ShutDown(0.0)], np.zeros(3), steps=100)
+    np.testing.assert_allclose(found[-1, 2:], 0.5 * np.pi)
+
+
+def test_a_turbine_with_a_damper_shuts_down(turbine):
+    drives = Drives(turbine, LinearDamper(1e6, turbine.drivetrain))
+    drives.start(0.1, 0.0, RATED)
+    found = commands(drives, [ShutDown(0.0)], np.full(3, 0.1), steps=10, torque=0.0)
+    np.testing.assert_allclose(found[-1, 2:], 0.1 + 10 * DT * RATE)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.1, 2.0])
+def test_a_fault_begins_with_the_first_step_at_its_time(dt):
+    """Sums of steps miss it by rounding, not by more than a millionth of a step."""
+    fault = GeneratorLoss(1.0)
+    assert fault.begun(1.0 - 0.9e-6 * dt, dt)
+    assert not fault.begun(1.0 - 1.1e-6 * dt, dt)
+
+
+def test_the_first_and_the_last_blade_can_be_stuck(drives):
+    found = commands(drives, [StuckPitch(0.0), StuckPitch(0.0, 3)], np.full(3, 0.6), steps=3)
+    np.testing.assert_allclose(found[-1, 2:], [0.1, 0.1 + 3 * DT * RATE, 0.1])
+    with pytest.raises(ActionError, match="blade 0 cannot be stuck"):
+        drives.fail([StuckPitch(0.0, 0)], lambda: 0.0)
+
+
 def test_drives_are_sound_again_without_faults(drives, turbine):
     commands(drives, [StuckPitch(0.0), ShutDown(0.0), GeneratorLoss(0.0)], np.full(3, 0.3))
     drives.start(0.1, 0.0, RATED, 40e3)
@@ -94,7 +129,11 @@ def test_drives_are_sound_again_without_faults(drives, turbine):
         (lambda: ShutDown(1.0, 0.0), "pitch rate of a shut-down must be a finite number above 0 rad/s, got 0"),
         (lambda: SensorBias(1.0, ()), "channels of a sensor"),
         (lambda: SensorBias(1.0, "pitch_1"), "channels of a sensor"),
-        (lambda: SensorBias(1.0, ("pitch_1",), math.inf), "factor"),
+        (lambda: SensorBias(-0.5, ("pitch_1",)), "time of a fault must be a finite number of at least 0 s, got -0.5"),
+        (lambda: SensorBias(1.0, ("pitch_1",), math.inf), "the factor of a sensor must be a finite number, got inf"),
+        (lambda: SensorBias(1.0, ("pitch_1",), True), "factor of a sensor must be a finite number, got True"),
+        (lambda: ShutDown("now"), "time of a fault must be a finite number of at least 0 s, got 'now'"),
+        (lambda: checked_faults([SensorBias(1.0, ("time",))], 3), r"got \['time'\]"),
         (
             lambda: checked_faults([SensorBias(1.0, ("color",))], 3),
             r"channels of a sensor fault must be among .*; got \['color'\]",
@@ -138,6 +177,10 @@ def test_a_biased_vane_reads_directions():
     read = SensorBias(0.0, ("yaw_error", "azimuth"), 1.0, 0.5).read(signals)
     assert read.yaw_error == pytest.approx(3.5 - 2.0 * math.pi)
     assert read.azimuth == pytest.approx(6.5 - 2.0 * math.pi)
+    signals.values[names.index("azimuth")] = 4.0  # within the range nothing is folded
+    truth = SensorBias(0.0, ("yaw_error", "azimuth", "pitch_1")).read(signals)
+    assert truth.azimuth == 4.0
+    np.testing.assert_array_equal(truth.values, signals.values)  # without factor and offset a sensor reads the truth
 
 
 # ---- in the simulator ----

@@ -113,13 +113,19 @@ def paired_change(evaluation: Evaluation, agent: str, key: str, speed: float | N
         return None
     metric = METRICS[key]
     relative = key != "overspeed_count" and bool(np.all(np.abs(base) * metric.factor >= 10.0**-metric.digits))
-    changes = (mine - base) / np.abs(base) if relative else (mine - base) * metric.factor
+    changes = _relative_change(mine, base) if relative else (mine - base) * metric.factor
     speeds = tuple(wind.speed for wind in winds)
     if key in _ADD_UP:
         if relative:
-            return _estimate(speeds, lambda k: mine[k].sum(axis=-1) / base[k].sum(axis=-1) - 1.0, relative)
+            return _estimate(speeds, lambda k: _relative_change(mine[k].sum(axis=-1), base[k].sum(axis=-1)), relative)
         return _estimate(speeds, lambda k: changes[k].mean(axis=-1), relative)
     return _estimate(speeds, lambda k: interquartile_mean(changes[k], axis=-1), relative)
+
+
+def _relative_change(mine: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Change against the baseline; more is more where the baseline's value is negative, too."""
+    out: NDArray[np.float64] = (mine - base) / np.abs(base)
+    return out
 
 
 def level_of(evaluation: Evaluation, agent: str, key: str, speed: float | None = None) -> Estimate | None:

@@ -113,7 +113,7 @@ def cut_beam(
 
     Returns
     -------
-    tuple of Piece
+    tuple of SubBody
         From root to tip.
 
     Raises

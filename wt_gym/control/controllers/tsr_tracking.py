@@ -81,8 +81,8 @@ PARAMETERS = (
         kind="BaselineParameters", only_object=True,
     ),
     Parameter(
-        "table", "-", "coefficients behind the least pitch and the gains", otherwise="the turbine's table",
-        kind="RotorTable", only_object=True,
+        "table", "-", "coefficients behind the estimated wind, the least pitch and the gains",
+        otherwise="the turbine's table", kind="RotorTable", only_object=True,
     ),
 )  # fmt: skip
 """What can be chosen (`wt_gym.control.controllers.parameters`)."""
@@ -327,7 +327,7 @@ class TsrTrackingController:
         The bandwidth of the estimator is by default that of `bandwidth_of` [rad/s].
         """
         made = TsrTrackingParameters.from_turbine(turbine, **parameters)
-        return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth))
+        return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth, made.table))
 
     @classmethod
     def published(
