@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from site_parts import command_line, constants, environment, options, validation_record
+from site_parts import command_line, constants, crosscheck_record, environment, options, validation_record
 
 _ROOT = Path(__file__).resolve().parents[2]
 
@@ -37,6 +37,7 @@ PARTS = {
     "fidelities": options.fidelities,
     "lattices": options.lattices,
     "cli": command_line.commands,
+    "crosscheck": crosscheck_record.crosscheck,
     "validation": validation_record.summary,
     "checks": validation_record.checks,
 }

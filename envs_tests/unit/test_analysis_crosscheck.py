@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from wt_gym.analysis.crosscheck import SERIES, Crosscheck
-from wt_gym.analysis.crosscheck_page import page, tables, write_page
+from wt_gym.analysis.crosscheck_page import _changes_figure, page, tables, write_page
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.results import Evaluation, Run, Wind
 
@@ -78,7 +78,7 @@ def test_other_agents_or_winds_are_refused():
 
 
 def test_the_page(check, tmp_path):
-    text = tables(check)
+    text = tables(json.loads(json.dumps(check.to_json(), default=str)))
     assert "| 12 | ipc | −20.0 % / −15.0 % |" in text
     assert "| 12 | a\\|b | −30.0 % / −25.0 % |" in text
     assert "| 16 | level | −16.7 % |" in text
@@ -86,13 +86,26 @@ def test_the_page(check, tmp_path):
     written = path.read_text(encoding="utf-8")
     assert written == page(check, "wt-gym crosscheck discon ipc")
     assert "wt-gym crosscheck discon ipc\n" in written
+    assert "![changes in wt_gym and openfast](figures/changes.svg)" in written
+    assert (tmp_path / "figures" / "changes.svg").stat().st_size > 5000
     for k in range(4):
         for what in ("signals", "spectra"):
             assert (tmp_path / "figures" / f"{what}_{k}.png").stat().st_size > 5000
     content = json.loads((tmp_path / "crosscheck.json").read_text())
     (row,) = [r for r in content["metrics"] if r["metric"] == "blade_flap_del" and r["wind_speed"] is None]
-    assert row["changes"]["last"] == [pytest.approx(-0.1), pytest.approx(-0.01)]
+    assert [change["value"] for change in row["changes"]["last"]] == [pytest.approx(-0.1), pytest.approx(-0.01)]
+    assert all(change["relative"] and change["n_winds"] == len(WINDS) for change in row["changes"]["last"])
     assert row["rank_correlation"] == pytest.approx(1.0)
+
+
+def test_changes_of_both_are_the_coordinates_of_a_point(check):
+    flap = _changes_figure(check).axes[0]
+    points = {(round(float(line.get_xdata()[0]), 6), round(float(line.get_ydata()[0]), 6))
+              for line in flap.lines if len(line.get_xdata()) == 1}  # fmt: skip
+    assert {(-20.0, -15.0), (-30.0, -25.0)} <= points
+    assert len(points) == len(check.agents)  # the same at each of the speeds
+    (diagonal,) = [line for line in flap.lines if len(line.get_xdata()) == 2]
+    np.testing.assert_array_equal(diagonal.get_xdata(), diagonal.get_ydata())
 
 
 def test_runs_that_ended_early_are_named():

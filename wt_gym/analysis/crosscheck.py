@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -140,14 +140,18 @@ class Crosscheck:
         return frequency, sums[0] / count, sums[1] / count
 
     def to_json(self) -> dict[str, Any]:
-        """All numbers of the page: changes, levels and correlations."""
+        """All numbers of the page: changes with their intervals, levels and correlations."""
+        return self._content
+
+    @cached_property
+    def _content(self) -> dict[str, Any]:
         rows = []
         for speed in (*self.speeds, None):
             for key in COMPARED:
                 row: dict[str, Any] = {"wind_speed": speed, "metric": key, "level": self.level(key, speed)}
                 row["rank_correlation"] = self.rank_correlation(key, speed)
                 row["changes"] = {
-                    agent: [None if change is None else change.value for change in self.changes(agent, key, speed)]
+                    agent: [None if change is None else asdict(change) for change in self.changes(agent, key, speed)]
                     for agent in self.agents
                 }
                 rows.append(row)
@@ -163,5 +167,9 @@ class Crosscheck:
             "winds": [wind.label for wind in self.evaluations[0].winds],
             "metrics": rows,
             "units": {key: METRICS[key].label for key in COMPARED},
+            "baseline_metrics": [
+                {key: value for key, value in each.overall_metrics(self.baseline).items() if key in COMPARED}
+                for each in self.evaluations
+            ],
             "sample_correlation": samples,
         }

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.analysis.crosscheck import COMPARED, SERIES
 from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.paired import Estimate
 from wt_gym.analysis.summary import format_estimate, format_value
 
 if TYPE_CHECKING:
@@ -27,42 +28,54 @@ _COLUMNS = {
     "mean_power": "power",
 }
 _SPECTRA = ("root_flap_moment_1", "tower_base_fore_aft_moment", "tower_base_side_side_moment", "pitch_1")
+_PLOTTED = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del", "pitch_travel")
 _SHOWN = 60.0
 """Length of the signals that are drawn [s]."""
 _FASTEST = 3.0
 """Up to which spectra are drawn [Hz]."""
+_CHANGES_FILE = "figures/changes.svg"
+# Okabe and Ito's colors, told apart by color-blind readers too; beside them markers by wind speed
+_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+_MARKERS = "os^Dv<>"
 
 
-def tables(check: Crosscheck) -> str:
-    """Markdown of the changes side by side, the order of the agents, levels and correlations."""
-    first, second = check.names
-    head = ["wind [m/s]", "agent", *(_COLUMNS[key] for key in COMPARED)]
+def tables(content: dict[str, Any]) -> str:
+    """Markdown of the changes side by side, the order of the agents, levels and correlations.
+
+    Parameters
+    ----------
+    content : dict
+        As `Crosscheck.to_json` gives it, and ``crosscheck.json`` has it.
+    """
+    (first, second), baseline = content["simulators"], content["baseline"]
+    rows = {(row["wind_speed"], row["metric"]): row for row in content["metrics"]}
+    speeds = list(dict.fromkeys(speed for speed, _ in rows))
+    agents = [name for name in content["sample_correlation"] if name != baseline]
     lines = [
-        f"Changes against {check.baseline} in the same simulator: {first} / {second}.",
+        f"Changes against {baseline} in the same simulator: {first} / {second}.",
         "",
-        *_heading(head),
+        *_heading(["wind [m/s]", "agent", *(_COLUMNS[key] for key in COMPARED)]),
     ]
-    for speed in check.speeds:
-        for agent in check.agents:
-            cells = [_pair(check, agent, key, speed) for key in COMPARED]
-            lines.append(_line([f"{speed:g}", agent, *cells]))
+    for speed in speeds:
+        for agent in agents:
+            cells = [_pair(key, rows[speed, key]["changes"][agent]) for key in COMPARED]
+            lines.append(_line([_speed(speed), agent, *cells]))
     lines += [
         "",
-        f"{check.baseline} in {first} over that in {second}, and Spearman's rank correlation of all agents' changes "
+        f"{baseline} in {first} over that in {second}, and Spearman's rank correlation of all agents' changes "
         "between both.",
         "",
         *_heading(["wind [m/s]", "", *(_COLUMNS[key] for key in COMPARED)]),
     ]
-    for speed in check.speeds:
-        lines.append(_line([f"{speed:g}", "level", *(_percent(check.level(key, speed)) for key in COMPARED)]))
-        ranks = [_number(check.rank_correlation(key, speed)) for key in COMPARED]
-        lines.append(_line([f"{speed:g}", "rank correlation", *ranks]))
+    for speed in speeds:
+        found = [rows[speed, key] for key in COMPARED]
+        lines.append(_line([_speed(speed), "level", *(_percent(row["level"]) for row in found)]))
+        lines.append(_line([_speed(speed), "rank correlation", *(_number(row["rank_correlation"]) for row in found)]))
     lines += ["", "Correlation sample by sample, mean over the winds.", "", *_heading(["agent", *SERIES])]
-    for agent in (check.baseline, *check.agents):
-        lines.append(_line([agent, *(_number(check.sample_correlation(agent, name)) for name in SERIES)]))
-    lines += ["", f"{check.baseline}, mean over all winds.", "", *_heading(["simulator", *map(_labeled, COMPARED)])]
-    for name, evaluation in zip(check.names, check.evaluations, strict=True):
-        metrics = evaluation.overall_metrics(check.baseline)
+    for agent in (baseline, *agents):
+        lines.append(_line([agent, *(_number(content["sample_correlation"][agent][name]) for name in SERIES)]))
+    lines += ["", f"{baseline}, mean over all winds.", "", *_heading(["simulator", *map(_labeled, COMPARED)])]
+    for name, metrics in zip((first, second), content["baseline_metrics"], strict=True):
         lines.append(_line([name, *(format_value(key, metrics[key]) if key in metrics else "" for key in COMPARED)]))
     return "\n".join(lines)
 
@@ -86,7 +99,9 @@ def page(check: Crosscheck, command: str | None = None) -> str:
         f"Winds: {winds}.",
         "",
         *([f"```\n{command}\n```", ""] if command else []),
-        tables(check),
+        f"![changes in {check.names[0]} and {check.names[1]}]({_CHANGES_FILE})",
+        "",
+        tables(check.to_json()),
     ]
     failed = [
         f"{name}: {run.agent} at {run.wind.name} ended after {run.duration:g} s ({run.ending}) {run.failure or ''}"
@@ -118,6 +133,7 @@ def write_page(check: Crosscheck, folder: str | Path, command: str | None = None
     """
     folder = Path(folder)
     (folder / "figures").mkdir(parents=True, exist_ok=True)
+    _changes_figure(check).savefig(folder / _CHANGES_FILE)
     for agent in (check.baseline, *check.agents):
         _signals_figure(check, agent).savefig(folder / _file(check, agent, "signals"), dpi=110)
         _spectra_figure(check, agent).savefig(folder / _file(check, agent, "spectra"), dpi=110)
@@ -125,6 +141,43 @@ def write_page(check: Crosscheck, folder: str | Path, command: str | None = None
     path = folder / "crosscheck.md"
     path.write_text(page(check, command), encoding="utf-8")
     return path
+
+
+def _changes_figure(check: Crosscheck) -> Figure:
+    """Changes in the second simulator over those in the first, a point for each agent and wind speed."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 6.6), layout="constrained")
+    axes = figure.subplots(2, 2).ravel()
+    for ax, key in zip(axes, _PLOTTED, strict=True):
+        unchanged, scale, unit = (1.0, 1.0, "times") if key == "pitch_travel" else (0.0, 100.0, "change, %")
+        ends = [unchanged, unchanged]
+        for k, agent in enumerate(check.agents):
+            for m, speed in enumerate(check.speeds):
+                first, second = check.changes(agent, key, speed)
+                if first is None or second is None or not (first.relative and second.relative):
+                    continue
+                point = [unchanged + scale * change.value for change in (first, second)]
+                ax.plot(
+                    *point, _MARKERS[m % len(_MARKERS)], markersize=5,
+                    color=_COLORS[k % len(_COLORS)], fillstyle="full" if k < len(_COLORS) else "none",
+                )  # fmt: skip
+                ends = [min(*ends, *point), max(*ends, *point)]
+        ax.plot(ends, ends, color="0.6", linewidth=0.8, zorder=0)
+        ax.set_title(f"{_COLUMNS[key]} against {check.baseline} [{unit}]", fontsize=9)
+        ax.grid(alpha=0.3)
+    figure.supxlabel(check.names[0], fontsize=9)
+    figure.supylabel(check.names[1], fontsize=9)
+    handles = [
+        axes[0].plot([], [], "o", color=_COLORS[k % len(_COLORS)], label=agent,
+                     fillstyle="full" if k < len(_COLORS) else "none")[0]
+        for k, agent in enumerate(check.agents)
+    ] + [
+        axes[0].plot([], [], _MARKERS[m % len(_MARKERS)], color="0.4", fillstyle="none", label=f"{speed:g} m/s")[0]
+        for m, speed in enumerate(check.speeds)
+    ]  # fmt: skip
+    figure.legend(handles=handles, loc="outside right upper", fontsize=8)
+    return figure
 
 
 def _signals_figure(check: Crosscheck, agent: str) -> Figure:
@@ -178,13 +231,16 @@ def _scale(unit: str) -> tuple[float, str]:
     }.get(unit, (1.0, unit))  # fmt: skip
 
 
-def _pair(check: Crosscheck, agent: str, key: str, speed: float) -> str:
-    """Changes of both simulators in one cell; the interval of the estimates is in the evaluations."""
+def _pair(key: str, changes: list[dict[str, Any] | None]) -> str:
+    """Changes of both simulators in one cell; their intervals are in ``crosscheck.json``."""
     shown = [
-        "–" if change is None else format_estimate(key, change).partition(" [")[0]
-        for change in check.changes(agent, key, speed)
+        "–" if change is None else format_estimate(key, Estimate(**change)).partition(" [")[0] for change in changes
     ]
     return " / ".join(shown)
+
+
+def _speed(speed: float | None) -> str:
+    return "all" if speed is None else f"{speed:g}"
 
 
 def _labeled(key: str) -> str:

@@ -101,5 +101,5 @@ def main(words: list[str] | None = None) -> None:
         check = Crosscheck((OWN_SIMULATOR, name), (found[0], found[1]))
         command = shlex.join(["wt-gym", "crosscheck", *(sys.argv[2:] if words is None else words)])
         path = write_page(check, out, command)
-    print(tables(check))
+    print(tables(check.to_json()))
     print(f"\npage: {path}")
