@@ -13,7 +13,7 @@ from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evalu
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing, sources_digest
 from wt_gym.envs.wind_files import wind_files_of
 from wt_gym.files import json_values, write_text_whole
-from wt_gym.runs.definition import RunDefinition, digest
+from wt_gym.runs.definition import RunDefinition, described, digest
 from wt_gym.runs.store import SWEEP_FILE, RunStore
 
 if TYPE_CHECKING:
@@ -87,6 +87,7 @@ class EvaluationFolder(RunStore):
         configuration = {
             "agents": {name: fingerprint(cast(str, choice)) for name, choice in agents.items()},
             **{name: value for name, value in asdict(config).items() if name not in _ONLY_WEIGH},
+            "env_kwargs": described(config.env_kwargs, "env_kwargs"),
             "wind_files": wind_files_of(config.env_kwargs),
         }
         # through JSON, so that it can be compared with what a file says

@@ -7,6 +7,7 @@ beneath with actions that rest. `measure` runs it and gives plain data; `score_t
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,13 +16,11 @@ import numpy as np
 
 from wt_gym.agents.comparison import half_width
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
-from wt_gym.agents.pool import Environments
-from wt_gym.agents.uniform import UniformAgent
 from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
-from wt_gym.envs.layout import layout_of
+from wt_gym.deprecated import renamed_attribute, renamed_names
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
@@ -31,12 +30,13 @@ if TYPE_CHECKING:
 
     from wt_gym.analysis.results import Run
 
-__all__ = ["STUDIES", "Column", "Part", "Study", "contender_label", "kinds_table", "measure", "score_table"]
+__all__ = ["STUDIES", "Column", "Part", "Study", "agent_label", "kinds_table", "measure", "score_table"]
 
 RANDOM = "random"
 """Word for even draws of the actions."""
 _TRAINED = "agents/trained/"
 _DASH = "–"
+_NOT_IN_NAMES = re.compile(r"[^\w.+=-]+")
 
 
 @dataclass(frozen=True)
@@ -75,23 +75,25 @@ class Study:
     ----------
     task : str
         Of `wt_gym.tasks.TASKS`, whose newest id runs.
-    contenders : tuple of str
+    agents : tuple of str
         Words and paths as for `wt_gym.agents.pool.load_agent`, or `RANDOM`; the base controller first.
     parts : tuple of Part
     columns : tuple of Column
     duration, skip : float
         Length of a run, and of its start that does not count [s].
     arguments : dict
-        Arguments of the environment for single contenders.
+        Arguments of the environment for single agents.
     """
 
     task: str
-    contenders: tuple[str, ...]
+    agents: tuple[str, ...]
     parts: tuple[Part, ...]
     columns: tuple[Column, ...]
     duration: float = 330.0
     skip: float = 30.0
     arguments: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    contenders = renamed_attribute("contenders", "agents")  # rename: keep
 
     @property
     def env_id(self) -> str:
@@ -187,16 +189,21 @@ STUDIES: dict[str, Study] = {
 """What the pages of the tasks show, by the name of the table."""
 
 
-def contender_label(contender: str, beneath: bool = False) -> str:
-    """How a contender is called in a table."""
+def agent_label(agent: str, beneath: bool = False) -> str:
+    """How an agent is called in a table."""
     if beneath:
-        return f"`{contender}`, beneath: actions that rest"
-    if contender == RANDOM:
+        return f"`{agent}`, beneath: actions that rest"
+    if agent == RANDOM:
         return "random actions"
-    return f"`{contender.removeprefix(_TRAINED)}`" + (", trained" if contender.startswith(_TRAINED) else "")
+    return f"`{agent.removeprefix(_TRAINED)}`" + (", trained" if agent.startswith(_TRAINED) else "")
 
 
-def measure(study: Study, on_progress: Callable[[str], None] = lambda text: None) -> list[dict[str, Any]]:
+def measure(
+    study: Study,
+    on_progress: Callable[[str], None] = lambda text: None,
+    folder: str | Path | None = None,
+    overwrite: bool = False,
+) -> list[dict[str, Any]]:
     """Run every agent of a study in each of its winds.
 
     Parameters
@@ -204,32 +211,39 @@ def measure(study: Study, on_progress: Callable[[str], None] = lambda text: None
     study : Study
     on_progress : callable
         Gets a line after each agent.
+    folder : str or path, optional
+        Keeps each run as soon as it is done, a folder an agent as of `wt_gym.agents.evaluation.evaluate`; what was
+        stopped goes on with the runs that are there.
+    overwrite : bool
+        Make runs anew that are there.
 
     Returns
     -------
     list of dict
-        A run each, JSON values: the contender, part and wind, how it ended, its return, and metrics in SI units.
+        A run each, JSON values: the agent, part and wind, how it ended, its return, and metrics in SI units.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds runs of another study, or of other code.
     """
     return [
         run
         for part in study.parts
-        for contender in study.contenders
-        for run in _runs_of(study, part, contender, on_progress)
+        for agent in study.agents
+        for run in _runs_of(study, part, agent, on_progress, None if folder is None else Path(folder), overwrite)
     ]
 
 
-def _runs_of(study: Study, part: Part, contender: str, on_progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    kwargs = part.arguments | study.arguments.get(contender, {})
+def _runs_of(
+    study: Study, part: Part, agent: str, on_progress: Callable[[str], None], folder: Path | None, overwrite: bool
+) -> list[dict[str, Any]]:
+    kwargs = part.arguments | study.arguments.get(agent, {})
     config = EvaluationConfig(study.env_id, kwargs, part.winds, duration=study.duration, skip=study.skip, replay=0.0)
-    agent: Any = contender
-    if contender.startswith(_TRAINED):
-        agent = str(Path(__file__).resolve().parents[1] / contender)
-    if contender == RANDOM:
-        plain = Environments(study.env_id, kwargs)
-        agent = UniformAgent(layout_of(plain.plain))
-        plain.close()
-    runs = evaluate({contender: agent}, config, progress=False).runs
-    on_progress(f"{study.env_id}{part.name and ', ' + part.name}: {contender}")
+    choice = str(Path(__file__).resolve().parents[1] / agent) if agent.startswith(_TRAINED) else agent
+    kept = None if folder is None else folder / _NOT_IN_NAMES.sub("_", f"{part.name} {agent}".strip())
+    runs = evaluate({agent: choice}, config, folder=kept, overwrite=overwrite, progress=False).runs
+    on_progress(f"{study.env_id}{part.name and ', ' + part.name}: {agent}")
     return [_kept(run, part, study) for run in runs]
 
 
@@ -266,18 +280,18 @@ def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
     """
     study = STUDIES[name]
     headings = ("", *(column.heading for column in study.columns), "return of an episode", "survived")
-    rows = [_row(study, contender, runs) for contender in study.contenders]
+    rows = [_row(study, agent, runs) for agent in study.agents]
     return _markdown(headings, rows)
 
 
-def _row(study: Study, contender: str, runs: Sequence[Mapping[str, Any]]) -> list[str]:
-    base, own = (_by_wind(runs, agent) for agent in (study.contenders[0], contender))
-    first = contender == study.contenders[0]
+def _row(study: Study, agent: str, runs: Sequence[Mapping[str, Any]]) -> list[str]:
+    base, own = (_by_wind(runs, one) for one in (study.agents[0], agent))
+    first = agent == study.agents[0]
     survived = sum(run["ending"] == "time" for run in own.values())
     share = TASKS[study.task].episode / study.duration
     returns = [run["return"] * (share if run["ending"] == "time" else 1.0) for run in own.values()]
     cells = [_cell(study, column, own, base, first) for column in study.columns]
-    return [contender_label(contender, first), *cells, _signed(np.mean(returns), 1, plus=False),
+    return [agent_label(agent, first), *cells, _signed(np.mean(returns), 1, plus=False),
             f"{survived} of {len(own)}"]  # fmt: skip
 
 
@@ -327,14 +341,14 @@ def kinds_table(name: str, key: str, runs: Sequence[Mapping[str, Any]]) -> str:
     """The largest of a metric in each part of a study, Markdown; how many runs ended early, where some did."""
     study, metric = STUDIES[name], METRICS[key]
 
-    def cell(part: Part, contender: str) -> str:
-        found = [run for run in runs if (run["part"], run["agent"]) == (part.name, contender)]
+    def cell(part: Part, agent: str) -> str:
+        found = [run for run in runs if (run["part"], run["agent"]) == (part.name, agent)]
         ended = sum(run["ending"] != "time" for run in found)
         largest = max(run["metrics"].get(key, -math.inf) for run in found) * metric.factor
         return f"{largest:.{metric.digits}f}" + (f" ({ended} of {len(found)} ended)" if ended else "")
 
-    headings = (f"{metric.label.lower()} [{metric.unit}]", *(contender_label(c) for c in study.contenders))
-    rows = [[part.name, *(cell(part, contender) for contender in study.contenders)] for part in study.parts]
+    headings = (f"{metric.label.lower()} [{metric.unit}]", *(agent_label(c) for c in study.agents))
+    rows = [[part.name, *(cell(part, agent) for agent in study.agents)] for part in study.parts]
     return _markdown(headings, rows)
 
 
@@ -347,3 +361,7 @@ def _signed(value: float, digits: int, plus: bool = True) -> str:
     """Number with the minus sign of text; one that rounds to zero has no sign."""
     text = f"{value:+.{digits}f}" if plus else f"{value:.{digits}f}"
     return (text.lstrip("+-") if float(text) == 0.0 else text).replace("-", "−")
+
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)

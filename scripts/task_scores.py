@@ -5,6 +5,8 @@ scripts/task_scores.py                         # the tables, from docs/data/task
 scripts/task_scores.py run                     # measure all tasks anew, a quarter of an hour on a free core
 scripts/task_scores.py run Yaw MaxPower        # some of them: the others keep their figures
 scripts/task_scores.py pages                   # put the tables into the pages
+
+Runs are kept in runs/task_scores as soon as they are done: "run" goes on where it was stopped.
 """
 
 import argparse
@@ -28,6 +30,8 @@ def parse_arguments(studies) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("command", nargs="?", choices=("show", "run", "pages"), default="show")
     parser.add_argument("names", nargs="*", metavar="TABLE", help=f"which (default: all): {', '.join(studies)}")
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "task_scores", help="folder of the runs")
+    parser.add_argument("--overwrite", action="store_true", help="make runs anew that are there")
     arguments = parser.parse_args()
     if unknown := [name for name in arguments.names if name not in studies]:
         parser.error(f"unknown table {', '.join(unknown)}; known: {', '.join(studies)}")
@@ -52,7 +56,7 @@ def write_record(record: dict, path: Path = RECORD) -> None:
     write_text_whole(path, f"{{\n{text}\n}}\n")
 
 
-def run(names: list[str]) -> None:
+def run(names: list[str], folder: Path, overwrite: bool) -> None:
     """Measure tasks and keep the figures of each as soon as it is done."""
     import wt_gym
     from validation.record import source_commit
@@ -64,7 +68,7 @@ def run(names: list[str]) -> None:
         print(f"{time.process_time() - started:6.0f} s  {text}", flush=True)
 
     for name in names:
-        begun, runs = time.process_time(), measure(STUDIES[name], on_progress)
+        begun, runs = time.process_time(), measure(STUDIES[name], on_progress, folder / name, overwrite)
         made = {
             "date": datetime.now(UTC).strftime("%Y-%m-%d"), "version": wt_gym.__version__, "commit": commit,
             "processor_time_s": round(time.process_time() - begun), "env_id": STUDIES[name].env_id, "runs": runs,
@@ -95,7 +99,10 @@ def main() -> int:
     arguments = parse_arguments(STUDIES)
     names = arguments.names or list(STUDIES)
     if arguments.command == "run":
-        run(names)
+        from wt_gym.commands.program import stoppable, user_errors
+
+        with user_errors(), stoppable(f"the same command goes on with the runs in {arguments.out}"):
+            run(names, arguments.out, arguments.overwrite)
     record = read_record()
     if arguments.command == "pages":
         for page in sorted(PAGES.glob("*.md")):

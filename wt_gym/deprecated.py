@@ -52,6 +52,7 @@ NAMES: dict[str, dict[str, str]] = {
         "NORMALISATION_FILE": "NORMALIZATION_FILE",
         "read_normalisation": "read_normalization",
     },
+    "wt_gym.agents.task_scores": {"contender_label": "agent_label"},
     "wt_gym.agents.training.environments": {"normalised": "normalized"},
     "wt_gym.agents.training.resume": {"train_or_go_on": "resume_or_train"},
     "wt_gym.agents.training.selection": {"HeldBackEvaluation": "SelectionEvaluation"},

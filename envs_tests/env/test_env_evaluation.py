@@ -40,11 +40,11 @@ def count_runs(monkeypatch):
     """Agents and winds that are run; stops with Ctrl-C where told."""
     done, original = [], module._run
 
-    def run(contenders, job, **more):
+    def run(pool, job, **more):
         if len(done) == run.stop_after:
             raise KeyboardInterrupt
         done.append((job[0], job[1].speed))
-        return original(contenders, job, **more)
+        return original(pool, job, **more)
 
     run.stop_after = None
     monkeypatch.setattr(module, "_run", run)

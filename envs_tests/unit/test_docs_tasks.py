@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.agents.task_scores import RANDOM, STUDIES, score_table
+from wt_gym.agents import evaluation
+from wt_gym.agents.task_scores import RANDOM, STUDIES, Part, Study, measure, score_table
+from wt_gym.analysis.results import Wind
 from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
 from wt_gym.ids import present_id
 from wt_gym.tasks import TASKS
@@ -52,15 +54,15 @@ def test_the_record_is_that_of_the_study(name):
     study, runs = STUDIES[name], RECORD[name]["runs"]
     assert present_id(RECORD[name]["env_id"]) == study.env_id
     assert [run["agent"] for run in runs] == [
-        contender for part in study.parts for contender in study.contenders for _ in part.winds
+        agent for part in study.parts for agent in study.agents for _ in part.winds
     ]
-    for contender in study.contenders:
-        own = [run for run in runs if run["agent"] == contender]
+    for agent in study.agents:
+        own = [run for run in runs if run["agent"] == agent]
         assert [run["speed"] for run in own] == [wind.speed for part in study.parts for wind in part.winds]
-        assert [run["wind"] for run in own] == [run["wind"] for run in runs if run["agent"] == study.contenders[0]]
+        assert [run["wind"] for run in own] == [run["wind"] for run in runs if run["agent"] == study.agents[0]]
     seeds = {wind.seed for part in study.parts for wind in part.winds} - {None}
     assert seeds.isdisjoint(TRAINING_WIND_SEEDS)
-    assert study.contenders[0] == TASKS[study.task].arguments.get("controller", "discon")
+    assert study.agents[0] == TASKS[study.task].arguments.get("controller", "discon")
 
 
 def test_gusts_of_every_kind_and_both_signs_were_met():
@@ -81,7 +83,7 @@ def test_ranges_of_speeds_are_those_of_the_tasks():
             speeds = [wind.speed for part in study.parts for wind in part.winds]
             assert low <= min(speeds) < max(speeds) <= high
             assert len(speeds) >= 4
-            assert RANDOM in study.contenders
+            assert RANDOM in study.agents
 
 
 def test_runs_that_ended_early_are_counted_and_not_compared():
@@ -94,8 +96,36 @@ def test_runs_that_ended_early_are_counted_and_not_compared():
         made = {"agent": agent, "part": "", "wind": wind, "speed": 8.0, "ending": ending, "return": 330.0}
         return made | {"metrics": metrics if ending == "time" else {}}
 
-    runs = [run(agent, wind, 1e6) for agent in study.contenders if agent != "tsr_tracking" for wind in winds]
+    runs = [run(agent, wind, 1e6) for agent in study.agents if agent != "tsr_tracking" for wind in winds]
     runs += [run("tsr_tracking", wind, 1.1e6, "time" if k else "overspeed") for k, wind in enumerate(winds)]
     row = next(line for line in score_table("MaxPower", runs).splitlines() if "tsr_tracking" in line)
     assert "| +10.00 % | 0.0 ± 0.0 % |" in row
     assert f"| {(330.0 + 5 * 60.0) / 6:.1f} | 5 of 6 |" in row
+
+
+def test_a_scoring_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
+    """Two agents in two winds of some seconds: the second call makes only what the first one left."""
+    study = Study(
+        "LoadReduction", ("discon", RANDOM),
+        (Part((Wind(12.0, 1001), Wind(16.0, 1001)), arguments={"start": "steady"}),), (STUDIES["Yaw"].columns[0],),
+        duration=8.0, skip=2.0,
+    )  # fmt: skip
+    begun, play = [], evaluation.play
+
+    def stopped_at_the_fourth(env, agent, **more):
+        begun.append(agent)
+        if len(begun) == 4:
+            raise KeyboardInterrupt
+        return play(env, agent, **more)
+
+    monkeypatch.setattr(evaluation, "play", stopped_at_the_fourth)
+    with pytest.raises(KeyboardInterrupt):
+        measure(study, folder=tmp_path)
+    runs = measure(study, folder=tmp_path)
+    assert len(begun) == 5
+    assert [(run["agent"], run["speed"]) for run in runs] == [
+        ("discon", 12.0), ("discon", 16.0), (RANDOM, 12.0), (RANDOM, 16.0),
+    ]  # fmt: skip
+    assert measure(study, folder=tmp_path) == runs
+    assert len(begun) == 5
+    assert measure(study) == runs  # what is read is what was made

@@ -25,9 +25,9 @@ REFUSED = {
     "option of a group": (lambda: gym.make(STEADY, wind={"shear_exponen": 0.1}), "shear_exponent"),
     "action mode": (lambda: gym.make(STEADY, action_mode="residul"), "residual"),
     "form of pitch": (lambda: gym.make(STEADY, pitch="fixed_frame"), "fixed-frame"),
-    "reward term": (lambda: gym.make(STEADY, reward={"blade_fatig": 1.0}), "blade_fatigue"),
+    "reward term": (lambda: gym.make(STEADY, reward={"blade-fatigue": 1.0}), "blade_fatigue"),
     "observed channel": (lambda: gym.make(STEADY, observation=["rotr"]), "rotor"),
-    "fidelity": (lambda: gym.make(STEADY, fidelity="trainin"), "training"),
+    "fidelity": (lambda: gym.make(STEADY, fidelity="Training"), "training"),
     "fidelity of a simulator": (
         lambda: Simulator("nrel_5mw", fidelity="Reference", inflow=SteadyInflow(8.0)),
         "reference",
@@ -58,7 +58,7 @@ def test_the_name_that_was_meant_is_asked_for(case):
 
 def test_a_command_that_was_meant_is_asked_for(capsys):
     with pytest.raises(SystemExit):
-        main(["evalute", "baseline"])
+        main(["evaluated", "baseline"])
     assert "; did you mean 'evaluate'?" in capsys.readouterr().err
 
 

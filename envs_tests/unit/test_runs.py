@@ -1,11 +1,16 @@
 """The layer of runs without a simulator: definitions, the store, and tables that make what is missing."""
 
 import json
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wt_gym.runs import RunDefinition, RunStore, make_runs
+from wt_gym.runs.definition import described
 from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.store import SWEEP_FILE
 
@@ -80,3 +85,85 @@ def test_numbers_that_are_not_finite_are_not_written(tmp_path):
     with pytest.raises(ValueError, match="JSON compliant"):
         store.keep(definition((9.0,)), {"power": float("nan")})
     assert store.find(definition((9.0,))) is None
+
+
+MADE = """
+import functools, numpy as np
+from dataclasses import dataclass
+from wt_gym.envs.rewards.fatigue import BladeFatigue
+from wt_gym.envs.rewards.function import FunctionTerm
+from wt_gym.runs.definition import RunDefinition
+from wt_gym.wind import SteadyInflow
+from wt_gym.wind.iec import reference_speed
+
+class Wave:
+    def __init__(self, height):
+        self.height, self.table = height, np.arange(1000.0) * height
+
+class Told:
+    __slots__ = ("x",)
+    def to_dict(self):
+        return {"x": self.x}
+
+def run(height=2.0, level=0.5):
+    told = Told()
+    told.x = level
+    kwargs = {
+        "wave": Wave(height), "told": told, "inflow": [SteadyInflow(8.0)], "kind": Wave, "names": {"b", "a", "c"},
+        "reward": {"terms": (BladeFatigue(weight=level), FunctionTerm(reference_speed))},
+        "call": functools.partial(reference_speed, turbine_class="I"), "small": np.array([1.0, height]),
+    }
+    return RunDefinition({"speed": 9.0}, 10.0, 2.0, {}, env_kwargs=kwargs)
+"""
+
+
+def test_objects_made_twice_have_one_digest_in_all_processes():
+    names = {"__name__": "made"}
+    exec(MADE, names)
+    here = names["run"]()
+    assert here.digest == names["run"]().digest
+    assert "0x" not in json.dumps(here.to_json())
+    for seed in ("1", "2"):
+        command = [sys.executable, "-c", f"__name__ = 'made'\n{MADE}\nprint(run().digest)"]
+        environment = {**os.environ, "PYTHONHASHSEED": seed}
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+        assert done.stdout.strip() == here.digest
+
+
+def test_what_differs_in_content_has_another_digest():
+    names = {"__name__": "made"}
+    exec(MADE, names)
+    digests = [names["run"](*given).digest for given in ((2.0, 0.5), (2.5, 0.5), (2.0, 0.6))]
+    assert len(set(digests)) == 3
+    large = np.arange(1000.0)
+    other = large.copy()
+    other[500] += 1e-9
+    assert described(large) == described(large[:]) != described(other)
+    assert described(large) != described(large.reshape(10, 100))
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (lambda step: 0.0, r"env_kwargs\['x'\] must be a function or class of a module.*<lambda>"),
+        (iter([1]), r"env_kwargs\['x'\] must be plain data.*list_iterator"),
+        (object(), r"env_kwargs\['x'\] must be plain data"),
+        ({(1, 2): 3}, r"keys of env_kwargs\['x'\] must be texts or numbers, got \(1, 2\)"),
+        ([np.random.default_rng(1)], r"env_kwargs\['x'\]\[0\] must be plain data"),
+    ],
+)
+def test_what_has_no_description_is_refused(value, message):
+    with pytest.raises(ValueError, match=message):
+        RunDefinition({}, 10.0, 2.0, {}, env_kwargs={"x": value}).to_json()
+
+
+def test_what_refers_to_itself_is_refused():
+    value = {}
+    value["x"] = [value]
+    with pytest.raises(ValueError, match=r"value\['x'\]\[0\] must not refer to itself"):
+        described(value)
+
+
+def test_plain_data_is_as_a_file_gives_it_back():
+    value = {"a": (1, 2.5, None, True), 3: "x", "p": Path("a") / "b", "n": np.float32(0.5), "i": np.int64(3)}
+    assert described(value) == {"a": [1, 2.5, None, True], "3": "x", "p": os.path.join("a", "b"), "n": 0.5, "i": 3}
