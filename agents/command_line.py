@@ -31,7 +31,7 @@ def environment_arguments(env_id: str, kwargs: dict[str, Any]) -> dict[str, Any]
     Raises
     ------
     ValueError
-        If the environment is none of this package, or takes no such argument.
+        If the environment is not one of this package, or takes no such argument.
     gymnasium.error.Error
         If there is no such environment.
     """

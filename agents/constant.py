@@ -1,4 +1,4 @@
-"""An agent that always does the same: the yardstick below every controller."""
+"""An agent that always does the same: the reference below every controller."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def test_times_without_meaning_are_refused(times, message, monkeypatch):
     with pytest.raises(ValueError, match=message):
         run_cases(turbine, {"discon": ("discon", {})}, [Case(12.0)], **{"duration": 5.0} | times)
     for step in (0.0, -0.1, math.nan):
-        with pytest.raises(ValueError, match="the control step must lie above 0"):
+        with pytest.raises(ValueError, match="the control step must be above 0"):
             run_cases(turbine, {"discon": ("discon", {})}, [Case(12.0)], 5.0, control_dt=step)
     with pytest.raises(InflowError, match="speed must lie in"):  # of the last wind, before the first one runs
         run_cases(turbine, {"discon": ("discon", {})}, [Case(12.0), Case(1e9)], 5.0)

@@ -306,7 +306,7 @@ def test_a_damaged_file_is_named(tmp_path, counted):
         (["nobody"], "got 'nobody'"),
         (["--env-kwargs", '{"wind_speed": 9}'], "wind_speed follows from the load cases"),
         (["--env-kwargs", '{"color": 9}'], "the environment has no argument 'color'"),
-        (["no controller=baseline"], "of a name other than 'no controller'"),
+        (["no controller=baseline"], "named otherwise than 'no controller'"),
         (["--out", "/dev/null/there"], "/dev/null/there"),
         (["--mean-wind-speed", "-1"], "mean_speed of a wind climate must be positive and finite, got -1.0"),
         (["--weibull-shape", "nan"], "shape of a wind climate must be positive and finite, got nan"),
@@ -324,5 +324,5 @@ def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
 
 def test_a_parked_turbine_is_refused_to_another_simulator(tmp_path):
     config = LoadCaseConfig("wt_gym/LoadReduction-v1", {"simulator": lambda *_: None}, cases=("6.1",), quick=True)
-    with pytest.raises(ValueError, match=r"without a parked turbine .* got 6\.1"):
+    with pytest.raises(ValueError, match=r"without a parked turbine, got 6\.1"):
         run_load_cases({"discon": "discon"}, config, tmp_path)

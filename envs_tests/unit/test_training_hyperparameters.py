@@ -64,7 +64,7 @@ def test_options_of_the_command_line(text, value):
 
 @pytest.mark.parametrize("text", ["gamma", "=0.9", "net_arch=[64"])
 def test_options_that_cannot_be_read(text):
-    with pytest.raises(ValueError, match=r"name=value|not a valid value"):
+    with pytest.raises(ValueError, match=r"name=value|a value must be a number, a word or YAML"):
         parse_override(text)
 
 

@@ -82,5 +82,5 @@ def test_searches_without_meaning_are_refused(made_up, tmp_path):
     with pytest.raises(ValueError, match="eval_every"):
         search(TrainingConfig(eval_every=0), tmp_path, 3)
     search(CONFIG, tmp_path, 1)
-    with pytest.raises(ValueError, match="another configuration: total_steps differ"):
+    with pytest.raises(ValueError, match="must be that of the search in this folder, got other total_steps"):
         search(TrainingConfig(total_steps=400, eval_every=100, tensorboard=False), tmp_path, 2)

@@ -17,7 +17,7 @@ An agent is one of these words or paths, with NAME= in front if you like:
                                model of stable-baselines3 will do (FILE.zip:algo=SAC, or --algo), see
                                docs/howto/own_agent.md
 
-The first is the yardstick. Every run is kept in the folder of the results as soon as it is done: the same command goes
+The first is the reference. Every run is kept in the folder of the results as soon as it is done: the same command goes
 on where it was stopped. docs/evaluation.md says what the figures mean.
 """
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("evaluate", description=__doc__, epilog=UNSAFE)
-    parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the yardstick")
+    parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the reference")
     parser.add_argument("--env", default="wt_gym/LoadReduction-v1", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/evaluation", help="folder for the results (default: %(default)s)")
     parser.add_argument("--overwrite", action="store_true", help="remove the evaluation that is in the folder")

@@ -34,7 +34,7 @@ PARKED_CASE = "6.1"
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("loadcases", description=__doc__, epilog=UNSAFE)
-    parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the yardstick")
+    parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the reference")
     parser.add_argument("--case", nargs="+", metavar="DLC", help="numbers of the cases (default: all there are)")
     parser.add_argument("--quick", action="store_true", help="fewer wind speeds, seeds and azimuths, shorter runs")
     parser.add_argument(

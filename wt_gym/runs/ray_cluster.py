@@ -85,7 +85,7 @@ def warm_nodes(warm: Callable[[], None]) -> None:
     nodes = [
         node["NodeID"] for node in ray.nodes() if node["Alive"] and node.get("Resources", {}).get("CPU", 0.0) >= 1.0
     ]
-    # a node that goes meanwhile is no loss: soft affinity warms another one twice
+    # a node that goes meanwhile does no harm: soft affinity warms another one twice
     tasks = [_call.options(scheduling_strategy=NodeAffinitySchedulingStrategy(node, soft=True)) for node in nodes]
     try:
         ray.get([task.remote(warm) for task in tasks])

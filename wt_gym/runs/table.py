@@ -63,17 +63,17 @@ def make_runs(
     definitions = [define(job) if define else {"number": number} for number, job in enumerate(jobs)]
     keys = [digest(definition) for definition in definitions]
     single = dict(zip(reversed(keys), zip(reversed(jobs), reversed(definitions), strict=True), strict=True))
-    wanted = {key: single[key] for key in dict.fromkeys(keys)}  # the first job of each definition
+    required = {key: single[key] for key in dict.fromkeys(keys)}  # the first job of each definition
     results = {}
     if store is not None:
-        for key, (_, definition) in wanted.items():
+        for key, (_, definition) in required.items():
             if (found := store.find(definition)) is not None:
                 results[key] = found
-    left = {id(job): (key, definition) for key, (job, definition) in wanted.items() if key not in results}
+    left = {id(job): (key, definition) for key, (job, definition) in required.items() if key not in results}
     if begin is not None:
-        begin(len(wanted), len(results))
+        begin(len(required), len(results))
     with store.session(tally, len(results), label) if store is not None else nullcontext():
-        for job, result in work([job for key, (job, _) in wanted.items() if key not in results]):
+        for job, result in work([job for key, (job, _) in required.items() if key not in results]):
             key, definition = left[id(job)]
             results[key] = result if store is None else store.keep(definition, result)
             if told is not None:

@@ -25,7 +25,7 @@ class Tally:
     done : int
         Jobs with a result.
     retried : int
-        Times that a job was begun anew because the process or the machine that did it was gone.
+        Times that a job was begun again because the process or the machine that did it was gone.
     lost : list
         Jobs given up after `ATTEMPTS` of these.
     """

@@ -158,7 +158,7 @@ class Measurement:
         travel : array (n_blades,)
             Way of the pitch over the steps [rad].
         accumulate : bool
-            Whether extremes and ways go on from those of the sample before.
+            Whether extremes and travel continue those of the sample before.
         """
         values, place, turbine, last = self.values, self._place, self.turbine, rows[-1]
         n = turbine.n_blades

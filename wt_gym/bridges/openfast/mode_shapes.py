@@ -57,7 +57,7 @@ def bending_shapes(
     stiffness : array (n,)
         Bending stiffness [N m²].
     count : int
-        Modes wanted, at most five.
+        Modes, at most five.
     pull : array (n,), optional
         Axial force [N], positive in tension.
     top : TopBody, optional

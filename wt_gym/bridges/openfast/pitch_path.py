@@ -55,13 +55,13 @@ class PitchPath:
 
     def follow(self, command: NDArray[np.float64]) -> NDArray[np.float64]:
         """Follow the commands (n_blades,) [rad] through a step; the angles (count, n_blades) at OpenFAST's steps."""
-        wanted = (command - self._command) / self._step
+        required = (command - self._command) / self._step
         if self._servo is None:
-            turn = (wanted - self.rate) / (2.0 * self._step)
+            turn = (required - self.rate) / (2.0 * self._step)
             path = self.angle + self.rate * self._part + turn * self._part**2
-            self.rate = wanted
+            self.rate = required
         else:
-            state = np.stack([self.angle, self.rate, self._command, wanted])
+            state = np.stack([self.angle, self.rate, self._command, required])
             path = np.empty((self._count, command.size))
             for k in range(self._count):
                 state = self._servo @ state

@@ -137,9 +137,9 @@ def prepare_run(
     if unknown := set(changes) - {"OpenFAST", *MODULES}:
         raise SimulationError(f"changes must name modules {', '.join(('OpenFAST', *MODULES))}; got {sorted(unknown)}")
     primary = InputFile(model)
-    for key, wanted in (("CompElast", (1, 2)), ("CompInflow", (1,)), ("CompAero", (2,)), ("CompServo", (1,))):
-        if int(primary.number(key)) not in wanted:
-            allowed = " or ".join(map(str, wanted))
+    for key, supported in (("CompElast", (1, 2)), ("CompInflow", (1,)), ("CompAero", (2,)), ("CompServo", (1,))):
+        if int(primary.number(key)) not in supported:
+            allowed = " or ".join(map(str, supported))
             raise SimulationError(f"{model.name}: {key} must be {allowed}, got {primary.text(key)}")
     files = {name: InputFile(_named(primary, key)) for name, key in MODULES.items()}
     if model.parent.resolve() != folder.resolve():
@@ -191,7 +191,7 @@ def _set_primary(file: InputFile, step: float, driver: DriverRun | None) -> None
     if driver is None:
         file.set("TMax", _FOREVER)
         file.set_default("DT_Out")
-        file.set("TStart", _FOREVER)  # outputs come through the library; a file of them is not wanted
+        file.set("TStart", _FOREVER)  # outputs come through the library; a file of them is not needed
         file.set("SttsTime", _FOREVER)
     else:
         file.set("TMax", driver.duration)

@@ -303,7 +303,7 @@ class OpenFASTSimulator:
         Raises
         ------
         ActionError
-            For demands that are not finite or a duration that is no multiple of the time step.
+            For demands that are not finite or a duration that is not a multiple of the time step.
         SimulationError
             With OpenFAST's message where it fails; the simulator must then be reset.
         """

@@ -67,7 +67,7 @@ class BladedController:
     call. Pitch drives, rate limits and torque limits are the simulator's.
 
     A library has one memory and cannot be copied. So that snapshots and copies of environments work all the same, this
-    object keeps all readings since the start: a copy loads the library anew and repeats the calls when it is first
+    object keeps all readings since the start: a copy loads the library again and repeats the calls when it is first
     asked for a demand. A library that depends on anything but its readings is refused then.
 
     Parameters
@@ -240,7 +240,7 @@ class BladedController:
         return made
 
     def _revive(self) -> None:
-        """Bring a library of its own to where the one was of which this is a copy."""
+        """Bring a library of its own to where that of the original was."""
         if self._loaded is not None:
             return
         if math.isnan(self._begin):
