@@ -160,9 +160,9 @@ def fly(
     apart = np.abs(found - expected).max(axis=0)
     missing: dict[str, str] = {}
     if (path := _there(find_driver, driver, LIBRARY_IN_OPENFAST, missing)) is not None:
-        outputs = read_outputs(run_driver(primary, path), scene.turbine)
         every = round(float(data.time[1] - data.time[0]) / scene.step)  # at the instants of the other runs
-        metrics[LIBRARY_IN_OPENFAST] = run_metrics(outputs.isel(time=slice(every, None, every)), scene.turbine, skip)
+        outputs = read_outputs(run_driver(primary, path), scene.turbine, every)
+        metrics[LIBRARY_IN_OPENFAST] = run_metrics(outputs.isel(time=slice(1, None)), scene.turbine, skip)
     if (path := _there(find_library, library, PYTHON_IN_OPENFAST, missing)) is not None:
         simulator = {"simulator": {"name": "openfast", "openfast_library": str(path), "duration": duration}}
         data, _ = _played(python | simulator, agent, scene, duration, held)

@@ -78,7 +78,7 @@ def scene_of(
         For arguments that the environment does not take, and a turbine besides a trained agent.
     """
     name = parse_name(choice)
-    steady = {"relative_reward": False, "start": "steady", "episode_length": None}
+    steady = {"relative_reward": False, "start": "steady", "episode_length": None, "simulator": "wt_gym"}
     if name.kind == "trained":
         if turbine is not None:
             raise ValueError("the turbine is that of the agent's training; it must be left out")

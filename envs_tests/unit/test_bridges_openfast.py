@@ -637,6 +637,20 @@ class TestDriverRuns:
         assert float(last["pitch_travel_1"]) == pytest.approx(turned)
         assert float(last["pitch_rate_1"]) == pytest.approx(turned / 0.1)
 
+    def test_rows_make_samples(self, turbine, tmp_path):
+        names, _, text = self.outputs(turbine)
+        further = [
+            [0.1 * k, *(0.01 * (1 + k * (-1) ** k) * place for place in range(1, len(names)))] for k in (2, 3, 4)
+        ]
+        text += "\n".join("\t".join(map(repr, row)) for row in further) + "\n"
+        (tmp_path / "model.out").write_text(text, encoding="utf-8")
+        each, pairs = (read_outputs(tmp_path / "model.out", turbine, every) for every in (1, 2))
+        assert pairs.time.values.tolist() == pytest.approx([0.0, 0.2, 0.4])
+        assert pairs["generator_torque"].values.tolist() == each["generator_torque"].values[::2].tolist()
+        travel, most = each["pitch_travel_2"].values, each["root_flap_moment_max_1"].values
+        assert pairs["pitch_travel_2"].values[1:] == pytest.approx([travel[1:3].sum(), travel[3:5].sum()])
+        assert pairs["root_flap_moment_max_1"].values[1:] == pytest.approx([max(most[1:3]), max(most[3:5])])
+
     def test_what_is_not_such_a_file_is_refused(self, turbine, tmp_path):
         (tmp_path / "a.out").write_text("nothing\n", encoding="utf-8")
         with pytest.raises(SimulationError, match="must be a text file of outputs of OpenFAST"):

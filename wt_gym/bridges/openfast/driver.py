@@ -167,15 +167,17 @@ def run_driver(primary: Path, driver: Path) -> Path:
     return primary.with_suffix(".out")
 
 
-def read_outputs(path: str | Path, turbine: Turbine) -> xr.Dataset:
+def read_outputs(path: str | Path, turbine: Turbine, every: int = 1) -> xr.Dataset:
     """Signals of this package from the text file of outputs of OpenFAST's driver.
 
     Parameters
     ----------
     path : str or path
-        Of a file ``.out``, evenly sampled; extremes are over its rows.
+        Of a file ``.out``, evenly sampled.
     turbine : Turbine
         That was simulated.
+    every : int
+        Rows of the file that make a sample, after that of the start: extremes and travel are over them.
 
     Returns
     -------
@@ -207,8 +209,12 @@ def read_outputs(path: str | Path, turbine: Turbine) -> xr.Dataset:
     turned = np.diff(pitch, axis=0, prepend=pitch[:1])
     rates = np.zeros_like(turned) if len(table) < 2 else turned / (table[1, 0] - table[0, 0])
     measurement, signals = Measurement(turbine, names), []
-    for k, row in enumerate(table):
-        measurement.take(float(row[0]), row[None, :], float(torque[k]), commands[k], rates[k], abs(turned[k]), False)
+    for last in range(0, len(table), every):
+        over, travel = slice(max(last - every + 1, 0), last + 1), abs(turned[max(last - every + 1, 0) : last + 1])
+        measurement.take(
+            float(table[last, 0]), table[over], float(torque[last]), commands[last], rates[last], travel.sum(axis=0),
+            False,
+        )  # fmt: skip
         signals.append(measurement.signals())
     return _dataset(signals, turbine)
 
