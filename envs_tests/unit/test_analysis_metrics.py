@@ -163,6 +163,14 @@ def test_kinetic_energy_counts_from_the_state_before_the_first_step(run, turbine
     assert run_metrics(run, turbine, skip=10.0)["corrected_power"] == pytest.approx(2e6 + gained / 90.0, rel=1e-12)
 
 
+def test_kinetic_energy_counts_from_the_first_sample_where_nothing_is_before(run, turbine):
+    speed = np.full(1000, 1.2)
+    speed[0] = 1.0
+    run["rotor_speed"][:] = speed
+    gained = 0.5 * rotor_inertia(turbine) * (1.2**2 - 1.0**2)
+    assert run_metrics(run, turbine)["corrected_power"] == pytest.approx(2e6 + gained / 99.9, rel=1e-12)
+
+
 def test_skipped_start_does_not_count(run, turbine):
     run["generator_power"][:100] = 0.0
     assert run_metrics(run, turbine, skip=10.0)["mean_power"] == 2e6
@@ -172,6 +180,9 @@ def test_skipped_start_does_not_count(run, turbine):
 def test_uneven_or_empty_runs_are_refused(run, turbine):
     with pytest.raises(ValueError, match="at least two samples"):
         run_metrics(run, turbine, skip=200.0)
+    with pytest.raises(ValueError, match=r"at least two samples after the first 99.9 s, got 1"):
+        run_metrics(run, turbine, skip=99.9)
+    assert run_metrics(run, turbine, skip=99.8)["energy"] == pytest.approx(2e6 * 0.2)
     with pytest.raises(ValueError, match="evenly"):
         run_metrics(run.isel(time=[0, 1, 5]), turbine)
 

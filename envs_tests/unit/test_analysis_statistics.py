@@ -106,6 +106,10 @@ def test_weights_of_the_wind_speeds():
     weibull = WindClimate(9.0, shape=1.7)
     assert weibull.share_below(11.0) == pytest.approx(stats.weibull_min.cdf(11.0, 1.7, scale=weibull.scale))
     assert stats.weibull_min.mean(1.7, scale=weibull.scale) == pytest.approx(9.0)
+    edges = stats.weibull_min.cdf([3.0, 8.25, 16.75, 25.0], 1.7, scale=weibull.scale)
+    found = wind_weights(weibull, [8.0, 8.5, 25.0])  # neighbors may be near, and the outermost at the end
+    np.testing.assert_allclose(found, np.diff(edges) / (edges[-1] - edges[0]), rtol=1e-12)
+    assert [WindClimate(8.5, shape=shape).shape for shape in (0.5, 10.0)] == [0.5, 10.0]
 
 
 def test_climates_without_meaning_are_refused():
@@ -121,6 +125,10 @@ def test_climates_without_meaning_are_refused():
             WindClimate(mean)
     with pytest.raises(ValueError, match="ascend from cut-in 3 m/s to cut-out 25 m/s"):
         wind_weights(WindClimate(10.0), [12.0, 8.0])
+    with pytest.raises(ValueError, match=r"0 <= cut-in < cut-out is needed, got -0.5 and 25.0 m/s"):
+        WindClimate(8.5, cut_in=-0.5)
+    with pytest.raises(ValueError, match=r"wind speeds must ascend .* got \[\]"):
+        wind_weights(WindClimate(10.0), [])
     with pytest.raises(ValueError, match=r"got \[12.0, 30.0\]"):
         wind_weights(WindClimate(10.0), [12.0, 30.0])
 
@@ -129,6 +137,8 @@ def test_load_over_a_life():
     assert lifetime_load(np.array([2.0, 3.0]), np.array([0.25, 0.75]), 4.0) == pytest.approx(
         (0.25 * 16 + 0.75 * 81) ** 0.25
     )
+    rows = lifetime_load(np.array([[2.0, 3.0], [0.0, 5.0], [0.0, 0.0]]), np.array([0.25, 0.75]), 4.0)
+    assert rows == pytest.approx([(0.25 * 16 + 0.75 * 81) ** 0.25, 5.0 * 0.75**0.25, 0.0])
     large = lifetime_load(np.array([2e40, 3e40]), np.array([0.25, 0.75]), 10.0)
     assert large == pytest.approx(1e40 * (0.25 * 2**10 + 0.75 * 3**10) ** 0.1)
     assert lifetime_load(np.zeros(2), np.array([0.5, 0.5]), 10.0) == 0.0
@@ -170,12 +180,46 @@ def test_changes_are_taken_wind_by_wind():
     )
 
 
+def with_values(key, base, mine, climate=None):
+    """An evaluation with these values of a metric, one or one a wind; None: a metric that the agent's runs lack."""
+    result = evaluation(np.zeros(8), climate=climate)
+    values = {"Baseline": np.broadcast_to(base, 8), "PPO": np.broadcast_to(base if mine is None else mine, 8)}
+    runs = []
+    for run in result.runs:
+        metrics = run.metrics | {key: float(values[run.agent][WINDS.index(run.wind)])}
+        if mine is None and run.agent == "PPO":
+            del metrics[key]
+        runs.append(replace(run, metrics=metrics))
+    return replace(result, runs=runs)
+
+
+@pytest.mark.parametrize(("base", "relative"), [(0.095, False), (0.105, True)])
+def test_changes_of_what_rounds_to_nothing_are_differences(base, relative):
+    """Of pitch travel 0.1 deg is the least that is shown."""
+    found = paired_change(with_values("pitch_travel", math.radians(base), math.radians(0.2)), "PPO", "pitch_travel")
+    assert found.relative is relative
+    assert found.value == pytest.approx(0.2 / base - 1.0 if relative else 0.2 - base)
+
+
+def test_of_power_near_nothing_every_wind_counts():
+    """From 0.5 kW by 0 to 4.2 kW: 1 kW, the mean of all eight, in MW."""
+    gained = 1e3 * np.array([0.0, 0.1, 0.2, 0.4, 0.6, 0.9, 1.6, 4.2])
+    found = paired_change(with_values("mean_power", 500.0, 500.0 + gained), "PPO", "mean_power")
+    assert not found.relative
+    assert found.value == pytest.approx(1e-3)
+
+
+def test_what_a_run_does_not_have_is_not_compared():
+    assert paired_change(with_values("blade_flap_del", 1e6, None), "PPO", "blade_flap_del") is None
+    assert level_of(with_values("blade_flap_del", 1e6, None), "PPO", "blade_flap_del") is None
+    still = with_values("blade_flap_del", 0.0, 1e6, climate=WindClimate(10.0))
+    assert lifetime(still, "Baseline", "blade_flap_del") == 0.0
+    assert lifetime_change(still, "PPO", "blade_flap_del") is None
+
+
 def test_less_power_lost_is_more_power():
     """From -3 kW to -1.5 kW in every wind, as an idle turbine draws: half of it is gained."""
-    result = evaluation(np.full(8, -0.5), "corrected_power")
-    idle = [replace(run, metrics=run.metrics | {"corrected_power": -3e3 if run.agent == "Baseline" else -1.5e3})
-            for run in result.runs]  # fmt: skip
-    found = paired_change(replace(result, runs=idle), "PPO", "corrected_power")
+    found = paired_change(with_values("corrected_power", -3e3, -1.5e3), "PPO", "corrected_power")
     assert found.relative
     assert (found.value, found.low, found.high) == pytest.approx((0.5, 0.5, 0.5))
     assert found.kind("corrected_power") == "better"
@@ -217,6 +261,7 @@ def test_lifetime_of_several_seeds():
     assert lifetime(result, "Baseline", "blade_flap_del") == pytest.approx(expected)
     change = lifetime_change(result, "PPO", "blade_flap_del")
     assert (change.value, change.low, change.high) == pytest.approx((-0.1, -0.1, -0.1))
+    assert change.relative
     assert "lifetime | PPO" in results_table(result)[-1]
     assert lifetime(replace(result, climate=None), "Baseline", "blade_flap_del") is None
 
@@ -225,6 +270,7 @@ def test_levels_are_means_in_the_unit_shown():
     found = level_of(evaluation(np.zeros(8), "pitch_duty_cycle"), "PPO", "pitch_duty_cycle", 14.0)
     assert found.value == pytest.approx(np.mean([6.0, 7.0, 8.0, 9.0]))
     assert found.low < found.value < found.high
+    assert not found.relative
 
 
 @pytest.mark.parametrize(

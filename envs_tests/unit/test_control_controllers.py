@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from wt_gym.agents.tuning import Cost, TuningTask, _defaults
 from wt_gym.angles import wrapped
@@ -49,9 +50,11 @@ from wt_gym.control.controllers.retuned import found_factor, gain_of_table
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, pitch_schedule
 from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
+from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
 from wt_gym.errors import ControllerError
 from wt_gym.simulation.model.turbine_structure import tower_beam
+from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.turbines import catalogue, load_turbine
 
 RATED = 12.1 * math.pi / 30
@@ -139,6 +142,33 @@ def test_drive_mode_of_the_nrel_5mw():
     mode = drive_mode(load_turbine("nrel_5mw"))
     assert mode.clamped_frequency / (2 * math.pi) == pytest.approx(1.08, rel=0.02)
     assert mode.frequency > mode.clamped_frequency
+
+
+def test_drive_mode_is_that_of_finite_elements(turbine):
+    """Three blades of finite elements, in the plane of the rotor, on a hub with the rest of the rotor's inertia.
+
+    The rule takes one shape, that of the static deflection: a frequency from above (Rayleigh), by less than a tenth.
+    """
+    blade, inertia = turbine.blade, rotor_inertia(turbine)
+    z = blade.structure.station
+    axis = np.column_stack([0.0 * z, 0.0 * z, z])
+    beam = Beam(BeamSections(z, blade.structure.stiffness, blade.structure.inertia, axis), 24)
+    free = np.array([6 * node + dof for node in range(1, 25) for dof in (1, 3)])  # edgewise, without coupling to flap
+    mass, stiffness = beam.mass[np.ix_(free, free)], beam.stiffness[np.ix_(free, free)]
+    turn = np.ones(48)
+    turn[::2] = -math.cos(turbine.hub.cone) * (blade.root_radius + beam.nodes[1:])  # y = -x' turn about x
+    whole = np.zeros((49, 49))
+    whole[0, 0] = inertia / 3.0
+    whole[0, 1:] = whole[1:, 0] = mass @ turn
+    whole[1:, 1:] = mass
+    spring = np.zeros((49, 49))
+    spring[1:, 1:] = stiffness
+    frequency = np.sqrt(np.maximum(eigh(spring, whole, eigvals_only=True), 0.0))
+    mode = drive_mode(turbine)
+    assert frequency[0] < 0.05
+    assert 1.0 < mode.frequency / frequency[1] < 1.1
+    assert mode.clamped_frequency == pytest.approx(math.sqrt(eigh(stiffness, mass, eigvals_only=True)[0]), rel=0.01)
+    assert replace(mode, damping_ratio=0.0).amplification() == math.inf
 
 
 def test_notches_stand_where_the_pitch_loop_would_feed_the_drive():
@@ -280,6 +310,25 @@ def test_band_is_left_alone_and_its_edge_is_held():
     held = law.pitch
     law.step(np.zeros(3), 0.0, 0.5)
     assert law.pitch == pytest.approx(held * math.exp(-0.1 * 0.5))
+
+
+def test_a_share_holds_for_gains_and_limit():
+    """Half of it halves the rate of the integral, the proportional part and the room; at none the pitch returns."""
+    parameters = HarmonicPitchParameters(integral_gain=4e-9, proportional_gain=1e-9, limit=0.05, rate_limit=0.02)
+    moments = 1e6 * from_harmonic(3.0, 4.0, 0.0)
+    law = HarmonicPitch(replace(parameters, rate_limit=1.0))
+    law.step(moments, 0.0, 0.1, share=0.5)
+    assert law.pitch == pytest.approx(np.array([3e6, 4e6]) * 0.5 * (0.1 * 4e-9 + 1e-9))
+    assert law.moment == pytest.approx([3e6, 4e6])
+    law = HarmonicPitch(parameters)
+    for _ in range(300):
+        law.step(moments, 0.0, 0.1, share=0.5)
+    assert law.pitch == pytest.approx([0.015, 0.02])
+    sizes = []
+    for _ in range(20):
+        law.step(moments, 0.0, 0.1, share=0.0)
+        sizes.append(np.hypot(*law.pitch))
+    assert sizes == pytest.approx([max(0.025 - 0.002 * k, 0.0) for k in range(1, 21)], abs=1e-12)
 
 
 def test_individual_pitch_adds_to_the_demand_and_fades(turbine):

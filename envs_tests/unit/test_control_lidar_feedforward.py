@@ -236,6 +236,25 @@ def test_what_makes_no_sense_is_refused(turbine):
         LidarFeedforward.of_turbine(turbine, Combined(DisconController(), ForeAftDamper.of_turbine(turbine)))
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"wavenumber": 0.0}, "wavenumber must be positive and finite"),
+        ({"wavenumber": math.inf}, "wavenumber must be positive and finite"),
+        ({"wavenumber": 0.0099}, "nearest gate of the lidar, 100 m"),
+        ({"delay": math.inf}, "delay and gain must be finite and not negative"),
+        ({"gain": -0.1}, "delay and gain must be finite and not negative"),
+        ({"lidar": "gates"}, "lidar must be a wt_gym.control.Lidar"),
+    ],
+)
+def test_a_feed_forward_out_of_range_is_refused(changes, message):
+    given = dict(base=DisconController(), winds=[4.0, 25.0], pitch=[0.0, 0.4], lidar=Lidar((100.0, 200.0)))
+    made = LidarFeedforward(**given, wavenumber=0.01, delay=0.0, gain=0.0)  # the ends of the ranges are allowed
+    assert made.channels == ("generator_speed", "rotor_speed", "lidar_1", "lidar_2")
+    with pytest.raises(ValueError, match=message):
+        LidarFeedforward(**({"wavenumber": 0.01} | given | changes))
+
+
 def test_readings_are_those_of_the_lidar_in_the_inflow(turbine):
     inflow = SteadyInflow(14.0, turbine.hub_height, shear_exponent=0.2)
     signals = {"time": 3.0, "yaw": 0.1, "rotor_speed": 1.2}
