@@ -369,7 +369,7 @@ def test_names_on_the_command_line(trained):
         (["simulate", "--wind-speed", "-1"], "--wind-speed must be from 0 to 50 m/s, got -1"),
         (["simulate", "--wind-speed", "60"], "--wind-speed must be from 0 to 50 m/s, got 60"),
         (["simulate", "--wind-speed", "nan"], "--wind-speed must be from 0 to 50 m/s, got nan"),
-        (["simulate", "--turbulent", "--wind-speed", "0.1"], "between 0.5 and 50 m/s with --turbulent, got 0.1"),
+        (["simulate", "--turbulent", "--wind-speed", "0.1"], "from 0.5 to 50 m/s with --turbulent, got 0.1"),
         (["simulate", "--duration", "0"], "--duration must lie between 1 and 1e+06 s, got 0.0"),
         (["simulate", "--duration", "-5"], "--duration must lie between 1 and 1e+06 s, got -5.0"),
     ],
