@@ -207,7 +207,7 @@ def _played(
             rows.append(np.append(pitch, torque / most))
             return advance(time, pitch, yaw_rate, torque, **options)
 
-        simulator.advance = noted  # type: ignore[method-assign]
+        simulator.advance = noted  # type: ignore[method-assign, assignment]
         return simulator
 
     env.operation.make_simulator = noting

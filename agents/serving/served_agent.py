@@ -263,7 +263,7 @@ class _Turbine:
         if self._action.pitch == "fixed-frame":
             offsets = to_blades(offsets, azimuth, self._n_blades)
         elif self._action.pitch == "cyclic":
-            offsets = harmonic_of_blades(*offsets, azimuth, self._n_blades)
+            offsets = harmonic_of_blades(offsets[0], offsets[1], azimuth, self._n_blades)
         elif self._action.pitch == "collective":
             offsets *= self._n_blades
         first, second, third = [*offsets, 0.0, 0.0][:3]
