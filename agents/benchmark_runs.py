@@ -118,7 +118,9 @@ def _entry(label: str, name: Name) -> Entry:
             return Entry(label, text, {"kind": "class", **source}, env_choices_of(text))
         residual = {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]}
         return Entry(label, text, {"kind": "controller", **source}, residual)
-    definition = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
+    definition: dict[str, Any] = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
+    if files := fingerprint(text).get("sha256"):  # a library of others, with its input files
+        definition["sha256"] = [*files.values()]
     return Entry(label, text, definition, {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]})
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,11 +27,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BASELINE",
+    "COMPARED",
     "GROUPS",
     "LEVELS",
     "PREFIX",
     "RESIDUAL_INTERFACE",
     "WORDS",
+    "available",
     "checked_choices",
     "controller_of",
     "default_name",
@@ -49,17 +53,22 @@ __all__ = [
 if not TYPE_CHECKING:  # which would take every name for one of this module
     __getattr__ = renamed_names(__name__)
 
+_log = logging.getLogger(__name__)
 WORDS = ("zero", "random", "planner")
 """Agents by word: zero actions, which leave everything to the base controller; even draws; planning on a copy of the
 simulator. A controller, a class of yours and a path are read by `wt_gym.control.controllers.names.parse_name`."""
 LEVELS = (0.03, 0.06, 0.1, 0.15, 0.2)
 """Bands of constrained individual pitch in the word "baselines", in `reference_flap_moment`."""
+ROSCO = "rosco"
+"""The controller that a package brings; lists of controllers go without it where that is not installed."""
 GROUPS = {
     "baselines": (
-        "zero", "random", BASELINE, "retuned", "tuned", "ipc", *(f"constrained_ipc:level={x:g}" for x in LEVELS)
+        "zero", "random", BASELINE, ROSCO, "retuned", "tuned", "ipc", *(f"constrained_ipc:level={x:g}" for x in LEVELS)
     ),
 }  # fmt: skip
 """Words of the benchmark that stand for several agents."""
+COMPARED = (BASELINE, ROSCO, "tsr_tracking", "ipc", "tuned")
+"""Controllers that are compared where none is named."""
 RESIDUAL_INTERFACE: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
 """Arguments of an environment in which a controller is the base controller of zero actions."""
 _WORD_ALIASES = {"constant": "zero", "Constant action": "zero"}
@@ -81,6 +90,15 @@ def read_name(choice: str) -> Name:
             if key not in allowed:
                 raise ValueError(f"parameters of {choice!r} must be among {', '.join(allowed) or 'none'}, got {key!r}")
     return name
+
+
+def available(choices: Iterable[str]) -> tuple[str, ...]:
+    """Choices of a ready-made list, without ROSCO where its package is not installed; a line of the log says so."""
+    found = tuple(choices)
+    if ROSCO not in found or importlib.util.find_spec(ROSCO) is not None:
+        return found
+    _log.warning("rosco is left out: the package rosco is not installed (pip install --no-deps rosco)")
+    return tuple(choice for choice in found if choice != ROSCO)
 
 
 def is_controller_name(choice: str) -> bool:
@@ -269,7 +287,8 @@ def each_named(
     ValueError
         If a choice is none.
     """
-    for given in (single for word in choices for single in (groups or {}).get(word, (word,))):
+    known = groups or {}
+    for given in (single for word in choices for single in (available(known[word]) if word in known else (word,))):
         label, choice = split_name(given)
         try:
             name = read_name(own if choice in ALIASES else choice)

@@ -1,9 +1,14 @@
 """What the words for agents on a command line mean."""
 
+import importlib.util
+
 import pytest
 
 from wt_gym.agents.names import (
     BASELINE,
+    COMPARED,
+    GROUPS,
+    available,
     controller_of,
     fingerprint,
     is_controller_name,
@@ -138,3 +143,14 @@ def test_a_model_is_known_by_what_its_files_hold(tmp_path):
     model.write_bytes(b"two")
     assert fingerprint(str(tmp_path))["sha256"]["model.zip"] != second["sha256"]["model.zip"]
     assert fingerprint("ipc:limit=0.05") == {"choice": "ipc:limit=0.05"}
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_lists_of_controllers_have_rosco_where_it_is_installed(there, monkeypatch, caplog):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: object() if there else None)
+    for names in (COMPARED, GROUPS["baselines"]):
+        caplog.clear()
+        assert available(names) == tuple(name for name in names if there or name != "rosco")
+        assert caplog.messages == ([] if there else ["rosco is left out: the package rosco is not installed "
+                                                     "(pip install --no-deps rosco)"])  # fmt: skip
+    assert available(["ipc"]) == ("ipc",)

@@ -1,6 +1,7 @@
 """The benchmark without a simulator: tasks, fingerprint, scores, reference numbers, results on disk, the table."""
 
 import dataclasses
+import hashlib
 import json
 import re
 from pathlib import Path
@@ -40,6 +41,7 @@ from wt_gym.benchmark import (
 from wt_gym.benchmark.fingerprint import code_of, differing
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
+from wt_gym.control.bladed import rosco_library
 from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.errors import BenchmarkError
 
@@ -381,6 +383,14 @@ def test_entries_of_words():
     with pytest.raises(ValueError, match=r"parameters of a planner must be among horizon, hold, .*; got fish"):
         entry_of("planner:fish=1")
     assert controller_of("ipc+yaw:ipc__limit=0.1") == ("ipc+yaw", {"ipc__limit": 0.1})
+
+
+def test_an_entry_of_rosco_is_known_by_its_library():
+    """Two releases of the package are two agents."""
+    pytest.importorskip("rosco", reason="the package rosco is not installed")
+    (digest,) = entry_of("rosco").definition["sha256"]
+    assert digest == hashlib.sha256(rosco_library().read_bytes()).hexdigest()
+    assert "rosco" in [entry.name for entry in entries_of(["baselines"])]
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@
     wt-gym benchmark front runs/ppo --jobs 2            # docs/data/load_travel_front.csv and .svg
 
 An agent is zero, random, a controller with parameters behind a colon (constrained_ipc:level=0.1), a class of your own
-(file.py:Class), planner, the path of a trained model, or baselines, which stands for ten of them; NAME=AGENT names it.
-Every run is kept when it is done: who stops a command and starts it again loses no finished run. docs/benchmark.md has
-the rules.
+(file.py:Class), planner, the path of a trained model, or baselines, which stands for twelve of them (with rosco, where
+its package is installed); NAME=AGENT names it. Every run is kept when it is done: who stops a command and starts it
+again loses no finished run. docs/benchmark.md has the rules.
 """
 
 from __future__ import annotations

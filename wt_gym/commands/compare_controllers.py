@@ -3,7 +3,8 @@
     wt-gym compare-controllers discon ipc constrained_ipc:level=0.1 --winds 12 15 18 --seeds 1001 1002
 
 A controller is a name of wt-gym list controllers, with parameters behind a colon, a class of your own (file.py:Class),
-or any other agent of wt-gym evaluate, as a trained model: that runs in an environment with the same winds.
+or any other agent of wt-gym evaluate, as a trained model: that runs in an environment with the same winds. Without
+one, discon, rosco (where its package is installed), tsr_tracking, ipc and tuned are compared.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("compare-controllers", description=__doc__)
-    parser.add_argument("controllers", nargs="+")
+    parser.add_argument("controllers", nargs="*", metavar="CONTROLLER")
     parser.add_argument("--turbine", default="nrel_5mw")
     add_site_option(parser)
     add_simulator_option(parser)
@@ -72,11 +73,12 @@ def main(words: list[str] | None = None) -> None:
     runs: list[ControllerRuns] = []
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
         from wt_gym.agents.comparison import Case, run_cases
-        from wt_gym.agents.names import named_choices, read_name, with_model_options
+        from wt_gym.agents.names import COMPARED, available, named_choices, read_name, with_model_options
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
-        given = named_choices(with_model_options(arguments.controllers, arguments.algo, arguments.trust))
+        chosen = arguments.controllers or available(COMPARED)
+        given = named_choices(with_model_options(chosen, arguments.algo, arguments.trust))
         names = {label: read_name(text) for label, text in given.items()}
         controllers = {label: (name.target, name.parameters) for label, name in names.items()}
         cases = [Case(wind, seed) for wind in arguments.winds for seed in (arguments.seeds or [None])]
