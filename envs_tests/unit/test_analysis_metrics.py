@@ -194,4 +194,8 @@ def test_spectrum_holds_the_variance_at_the_right_frequency():
     assert f[np.argmax(density)] == pytest.approx(frequency)
     assert np.trapezoid(density, f) == pytest.approx(amplitude**2 / 2, rel=1e-3)
     with pytest.raises(ValueError, match="at least 8 samples"):
-        power_spectral_density(np.zeros(4), step)
+        power_spectral_density(np.zeros(7), step)
+    with pytest.raises(ValueError, match="a positive time step"):
+        power_spectral_density(np.zeros(8), 0.0)
+    assert power_spectral_density(np.zeros(8), step)[0] == pytest.approx(np.arange(1, 5) / (8 * step))
+    assert power_spectral_density(np.zeros(100), step, 0.1)[0][0] == pytest.approx(1 / (8 * step))  # 8 samples at least
