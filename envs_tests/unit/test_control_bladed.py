@@ -9,6 +9,7 @@ import re
 import numpy as np
 import pytest
 
+from wt_gym.agents.comparison import Case, run_cases
 from wt_gym.agents.names import fingerprint
 from wt_gym.bridges.compiler import CompilerError, compile_library, find_compiler, library_name
 from wt_gym.control import Demand
@@ -265,6 +266,18 @@ def test_rosco_runs_the_5mw_as_its_input_file_says():
     assert float(steady[8.0].rotor_speed) * 63.0 / 8.0 == pytest.approx(7.5, rel=0.03)
     assert float(steady[16.0].generator_power) == pytest.approx(5e6, rel=2e-3)
     assert float(steady[16.0].rotor_speed) * 30 / math.pi == pytest.approx(12.1, rel=2e-3)
+
+
+@pytest.mark.slow
+@needs_rosco
+def test_rosco_against_tip_speed_ratio_tracking_below_rated():
+    """In other 8 m/s winds ROSCO was seen to make 2090 kW at 9.68 rpm, `tsr_tracking` 2121 kW at 10.15 rpm."""
+    controllers = {name: (name, {}) for name in ("tsr_tracking", "rosco")}
+    other, rosco = (
+        next(iter(run.metrics.values())) for run in run_cases(TURBINE, controllers, [Case(8.0, 1001)], 150.0)
+    )
+    assert rosco["mean_power"] / other["mean_power"] == pytest.approx(2090 / 2121, abs=0.015)
+    assert rosco["rotor_speed_mean"] / other["rotor_speed_mean"] == pytest.approx(9.68 / 10.15, abs=0.015)
 
 
 @needs_rosco
