@@ -1,11 +1,9 @@
 """Exported agents and controllers in OpenFAST: through ServoDyn, beside Python's behind the environment."""
 
 import json
-import shutil
 import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from openfast_library import openfast_driver, openfast_library
@@ -79,18 +77,16 @@ def test_a_controller_goes_on_from_a_checkpoint_of_openfast(tmp_path):
     file = InputFile(primary)
     file.set("ChkptTime", 2.0)
     file.write(primary)
-    whole = read_outputs(run_driver(primary, DRIVER), scene.turbine)
+    outputs = run_driver(primary, DRIVER)
     (found,) = tmp_path.glob("model.*.dll.chkp")
-    shutil.move(primary.with_suffix(".out"), tmp_path / "whole.out")
+    whole = outputs.read_text(encoding="utf-8").splitlines()
+    outputs.unlink()
     command = [str(DRIVER), "-restart", found.name.removesuffix(".dll.chkp")]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "terminated normally" in done.stdout
-    after = read_outputs(primary.with_suffix(".out"), scene.turbine)
-    late = after.sel(time=slice(2.05, None))
-    assert late.sizes["time"] == 20
-    assert len(np.unique(late["pitch_1"])) == 20
-    for name in ("pitch_1", "generator_torque", "root_flap_moment_2", "tower_base_side_side_moment"):
-        assert np.array_equal(late[name], whole[name].sel(time=slice(2.05, None)))
+    late = outputs.read_text(encoding="utf-8").splitlines()  # a restart writes rows alone
+    assert [float(row.split()[0]) for row in (late[0], late[-1])] == [2.1, 4.0]
+    assert late == whole[-20:]
     # without the controller's own part it does not
     found.write_bytes(b"nothing")
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
