@@ -63,7 +63,7 @@ def test_a_trained_agent_flies_alike_in_python_and_as_a_library(agent, duration,
     library, python = flight.metrics["OpenFAST, library"], flight.metrics["OpenFAST, Python"]
     assert library["pitch_travel"] == pytest.approx(python["pitch_travel"], rel=0.02)
     # and it flies: its base controller alone has other loads
-    parameters = flight.primary.with_name("model.in")
+    parameters = flight.primary.with_name("run.in")
     text = parameters.read_text(encoding="utf-8")
     assert "agent = 1.0" in text
     parameters.write_text(text.replace("agent = 1.0", "agent = 0.0"), encoding="utf-8")
@@ -109,5 +109,7 @@ def test_commands_fly_and_read(tmp_path, capsys, monkeypatch):
     loads_command([outputs, "--skip", "1", "--json"])
     lines = capsys.readouterr().out.splitlines()
     found = json.loads(lines[-1])[outputs]
-    assert found["blade_flap_del"] == pytest.approx(told["metrics"]["OpenFAST, library"]["blade_flap_del"], rel=0.05)
+    flown = told["metrics"]["OpenFAST, library"]
+    assert found["rotor_speed_mean"] == pytest.approx(flown["rotor_speed_mean"], rel=2e-3)
+    assert found["pitch_travel"] == pytest.approx(flown["pitch_travel"], rel=0.1)
     assert lines[0].split() == ["openfast"]
