@@ -2,7 +2,7 @@
 
 from wt_gym.compiled import kernel
 from wt_gym.multibody.tree.rotation_kernels import cross_add
-from wt_gym.multibody.tree.tree_kernels import bias_acceleration, inertia_terms, kinematics
+from wt_gym.multibody.tree.tree_kernels import inertia_terms, kinematics
 
 
 @kernel(separate=True)
@@ -61,8 +61,14 @@ def joint_wrenches(y, acceleration, loads, tree, work, wrench):
             work.bias_force[b],
             work.rot[b],
         )
-        bias_acceleration(b, tree, work, a, al)
         for i in range(3):
+            a[i] = (
+                work.bias_lin[b, i]
+                - rot[0, i] * tree.gravity[0]
+                - rot[1, i] * tree.gravity[1]
+                - rot[2, i] * tree.gravity[2]
+            )
+            al[i] = work.bias_ang[b, i]
             for c in range(tree.n_col[b]):
                 rate = acceleration[tree.cols[b, c]]
                 a[i] += work.vl[b, i, c] * rate

@@ -411,20 +411,6 @@ def body_terms(b, y, yd, tree, work):
     cross_add(w, work.two, h[3:6])
 
 
-@kernel
-def bias_acceleration(b, tree, work, a, al):
-    """Acceleration of a body's frame at u̇ = 0 less gravity, into a (3,), and its angular acceleration, into al (3,)."""
-    rot = work.rot[b]
-    for i in range(3):
-        a[i] = (
-            work.bias_lin[b, i]
-            - rot[0, i] * tree.gravity[0]
-            - rot[1, i] * tree.gravity[1]
-            - rot[2, i] * tree.gravity[2]
-        )
-        al[i] = work.bias_ang[b, i]
-
-
 @kernel(inline="always")
 def assemble(y, loads, tree, work):
     """Mass matrix and right-hand side of M u̇ = f from all bodies; kinematics must be up to date."""
@@ -439,8 +425,16 @@ def assemble(y, loads, tree, work):
     for b in range(tree.parent.shape[0]):
         m, nf, nc = tree.mass[b], tree.n_elastic[b], tree.n_col[b]
         mc, jj, h, cols = work.first_moment[b], work.inertia[b], work.bias_force[b], tree.cols[b]
+        rot = work.rot[b]
         a, al, f, t = work.acceleration, work.angular_acceleration, work.one, work.two
-        bias_acceleration(b, tree, work, a, al)
+        for i in range(3):
+            a[i] = (
+                work.bias_lin[b, i]
+                - rot[0, i] * tree.gravity[0]
+                - rot[1, i] * tree.gravity[1]
+                - rot[2, i] * tree.gravity[2]
+            )
+            al[i] = work.bias_ang[b, i]
         for i in range(3):
             f[i] = loads[b, i] - h[i] - m * a[i]
             t[i] = loads[b, 3 + i] - h[3 + i] - (jj[i, 0] * al[0] + jj[i, 1] * al[1] + jj[i, 2] * al[2])
