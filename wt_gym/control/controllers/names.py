@@ -15,7 +15,7 @@ from __future__ import annotations
 import ast
 import inspect
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -84,7 +84,9 @@ class Name:
         return f"{shown}:{pairs}" if pairs else shown
 
 
-def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str] | None = None) -> Name:
+def parse_name(
+    text: str, words: Collection[str] = (), aliases: Mapping[str, str] | None = None, near: Iterable[str] = ()
+) -> Name:
     """Read a name: a word before a controller before a class in a file before a path before a class in a module.
 
     Nothing is loaded or executed.
@@ -96,6 +98,8 @@ def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str
         That mean something here besides.
     aliases : mapping, optional
         Of those words.
+    near : iterable of str
+        Further names that may have been meant, for the message.
 
     Raises
     ------
@@ -141,7 +145,7 @@ def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str
     raise ValueError(
         f"an agent must be {allowed} ({', '.join(CONTROLLERS)}, joined with '+', parameters behind ':'), "
         f"a class of your own (path/file.py:Class or module:Class), or the path of a trained model; got {text!r}"
-        + did_you_mean(head.rpartition("+")[2], (*words, *CONTROLLERS, *ALIASES))
+        + did_you_mean(head.rpartition("+")[2], (*words, *CONTROLLERS, *ALIASES, *near))
     )
 
 
