@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import zipfile
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,17 +14,21 @@ from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.controller import Combined, parts_of
 from wt_gym.control.optimal.measured import recorded_outputs, side_sign
 from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.files import whole_file
+from wt_gym.runs.definition import digest
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["LOADS", "DrawnOffsets", "Excitation", "Recording", "record"]
+__all__ = ["LOADS", "DrawnOffsets", "Excitation", "Recording", "RecordingStore", "record"]
 
 LOADS = ("tower_fore_aft", "tower_side_side", "power")
 """Loads that a controller does not read [N m], and the power of the generator [W]."""
@@ -91,9 +96,7 @@ class DrawnOffsets:
         k = len(self.acting)
         share = self.offsets.update_share(demand, signals["rotor_speed"], dt)
         level = self.levels[:, k] if k < self.levels.shape[1] else np.zeros(3)
-        changed = self.offsets.added(
-            (share * level).tolist(), demand, signals["azimuth"], signals["rotor_speed"], dt
-        )
+        changed = self.offsets.added((share * level).tolist(), demand, signals["azimuth"], signals["rotor_speed"], dt)
         self.acting.append(self.offsets.acting)
         self.share.append(share)
         return changed
@@ -119,8 +122,6 @@ class Recording:
         That reached the drives [rad].
     share : numpy.ndarray, shape (n,)
         In which offsets may act.
-    schedule : numpy.ndarray, shape (n,)
-        Mean pitch of the blades [rad].
     """
 
     dt: float
@@ -135,8 +136,49 @@ class Recording:
 
     @property
     def steps(self) -> int:
-        """n."""
+        """N."""
         return self.offsets.shape[1]
+
+
+class RecordingStore:
+    """Folder of recordings, one file each, found by the digest of what defines it.
+
+    Parameters
+    ----------
+    folder : path
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def file(self, definition: dict[str, Any]) -> Path:
+        """Where a recording stands, or would."""
+        return self.folder / f"{digest(definition)}.npz"
+
+    def find(self, definition: dict[str, Any]) -> Recording | None:
+        """A recording, None if it has not been made yet.
+
+        Raises
+        ------
+        ValueError
+            If its file is damaged.
+        """
+        file = self.file(definition)
+        if not file.exists():
+            return None
+        try:
+            with np.load(file, allow_pickle=False) as found:
+                arrays = {part.name: found[part.name] for part in fields(Recording)}
+        except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            raise ValueError(f"{file} is damaged: {error}; remove it to have the run made again") from error
+        return Recording(**arrays | {"dt": float(arrays["dt"])})
+
+    def keep(self, definition: dict[str, Any], recording: Recording) -> None:
+        """Write a recording: there is all of it or nothing."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        arrays = {part.name: np.asarray(getattr(recording, part.name)) for part in fields(recording)}
+        with whole_file(self.file(definition)) as partial, partial.open("wb") as file:
+            np.savez(file, **arrays)
 
 
 def record(

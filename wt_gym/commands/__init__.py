@@ -21,6 +21,7 @@ COMMANDS = {
     "dataset": "record an agent at work as a Minari data set",
     "compare-controllers": "controllers side by side in the same winds, without environments",
     "tune": "tune the parameters of a controller",
+    "design": "design the linear optimal controller of a turbine",
     "export": "write a trained agent as an ONNX file",
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",

@@ -9,7 +9,6 @@ Control 21 (1976) 319; system-level synthesis: Anderson et al., Annu. Rev. Contr
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 

@@ -88,9 +88,7 @@ class LinearDesign:
         wanted = {"pitch": (n,), "responses": (n, m, 3, -1), "gains": (n, 3, m, -1), "scale": (m,), "washout": (m,)}
         for name, shape in wanted.items():
             given = getattr(self, name).shape
-            fits = len(given) == len(shape) and all(
-                w in (g, -1) and g > 0 for g, w in zip(given, shape, strict=True)
-            )
+            fits = len(given) == len(shape) and all(w in (g, -1) and g > 0 for g, w in zip(given, shape, strict=True))
             if not fits:
                 shown = ", ".join("any" if w == -1 else str(w) for w in shape)
                 raise ControllerError(f"{name} of a linear design must have shape ({shown}), got {given}")

@@ -55,9 +55,7 @@ def measured_outputs(signals: Readings, n_blades: int, sign: float, out: NDArray
     out[5] = signals["rotor_speed"]
 
 
-def recorded_outputs(
-    channels: Mapping[str, NDArray[np.float64]], n_blades: int, sign: float
-) -> NDArray[np.float64]:
+def recorded_outputs(channels: Mapping[str, NDArray[np.float64]], n_blades: int, sign: float) -> NDArray[np.float64]:
     """`OUTPUTS` of a record (6, n), from channels (n,) by name."""
     angles = channels["azimuth"][None] + 2.0 * math.pi / n_blades * np.arange(n_blades)[:, None]
     moments = np.stack([channels[f"root_flap_moment_{b + 1}"] for b in range(n_blades)])

@@ -106,9 +106,7 @@ class PitchOffsets:
         ahead = azimuth + rotor_speed * pitch_delay(self.drive, dt)
         low, high = self.drive.min_pitch, self.drive.max_pitch
         pitch, reached = [], []
-        for before, offset in zip(
-            map(float, demand.pitch), to_blades(self._asked, ahead, self.n_blades), strict=True
-        ):
+        for before, offset in zip(map(float, demand.pitch), to_blades(self._asked, ahead, self.n_blades), strict=True):
             angle = min(max(before + offset, min(before, low)), max(before, high))
             pitch.append(angle)
             reached.append(angle - before)

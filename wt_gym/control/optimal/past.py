@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -36,7 +37,7 @@ def delay_bins(longest: float, dt: float, fine: int = 6, growth: float = 1.3) ->
     while edges[-1] < end:
         width *= growth
         edges.append(min(edges[-1] + max(round(width), 1), end))
-    return tuple(zip(edges[:-1], edges[1:], strict=True))
+    return tuple(itertools.pairwise(edges))
 
 
 def without_lasting(series: NDArray[np.float64], time_constant: float, dt: float) -> NDArray[np.float64]:
@@ -45,7 +46,8 @@ def without_lasting(series: NDArray[np.float64], time_constant: float, dt: float
         return series
     kept = math.exp(-dt / time_constant)
     lasting, _ = lfilter([1.0 - kept], [1.0, -kept], series, axis=-1, zi=kept * series[..., :1])
-    return series - lasting
+    out: NDArray[np.float64] = series - lasting
+    return out
 
 
 def bin_means(series: NDArray[np.float64], bins: Sequence[tuple[int, int]]) -> NDArray[np.float64]:
