@@ -188,7 +188,7 @@ def record(
     seed: int,
     duration: float,
     offsets: PitchOffsets,
-    levels: NDArray[np.float64] | None = None,
+    drawn: tuple[Excitation, int] | None = None,
     fidelity: str = "training",
 ) -> Recording:
     """Run a base controller in a wind, with offsets or without.
@@ -206,8 +206,8 @@ def record(
         [s].
     offsets : PitchOffsets
         Is started.
-    levels : numpy.ndarray, shape (3, n), optional
-        Offsets that are asked for [rad], by default none.
+    drawn : (Excitation, int), optional
+        What offsets are drawn from, and with which seed; by default there are none.
     fidelity : str
 
     Raises
@@ -215,11 +215,15 @@ def record(
     wt_gym.errors.SimulationError
         If the simulation fails.
     """
+    simulator = Simulator(turbine, inflow_of(turbine, Case(wind_speed, seed)), fidelity)
+    levels = np.zeros((3, 0))
+    if drawn is not None:
+        excitation, own_seed = drawn
+        levels = excitation.draw(round(duration / simulator.time_step), simulator.time_step, own_seed)
     controller = make_controller(base, turbine)
-    played = DrawnOffsets(offsets, np.zeros((3, 0)) if levels is None else levels)
+    played = DrawnOffsets(offsets, levels)
     parts = parts_of(controller)
     combined = Combined(parts[0], *parts[1:], played)  # type: ignore[arg-type]  # the first part is a controller
-    simulator = Simulator(turbine, inflow_of(turbine, Case(wind_speed, seed)), fidelity)
     data = run_controller(simulator, combined, duration).to_dataset()
     blades = range(1, turbine.n_blades + 1)
 
