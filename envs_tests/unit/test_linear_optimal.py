@@ -2,6 +2,7 @@
 
 import copy
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -210,7 +211,7 @@ def test_options_refuse(wrong):
 def test_bins_cover_every_delay_once_and_widen():
     bins = delay_bins(15.0, DT)
     assert [bins[0][0], bins[-1][1]] == [0, 150]
-    assert all(a[1] == b[0] for a, b in zip(bins, bins[1:], strict=False))
+    assert all(a[1] == b[0] for a, b in pairwise(bins))
     widths = [last - first for first, last in bins]
     assert widths[:6] == [1] * 6
     assert max(widths) > 10
