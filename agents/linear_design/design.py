@@ -127,7 +127,7 @@ def default_speeds(turbine: Turbine) -> tuple[float, ...]:
     return tuple(speed for speed in found if speed <= turbine.cut_out)
 
 
-_SPEED_RATIOS = (1.05, 1.18, 1.32, 1.58, 1.93)
+_SPEED_RATIOS = (1.05, 1.32, 1.58)
 """Winds of the designs over the rated one [-]."""
 
 

@@ -33,7 +33,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     add_site_option(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="file of the design")
     parser.add_argument("--base", help="base controller (default: side_side_damper)")
-    parser.add_argument("--speeds", nargs="+", type=float, help="winds of the designs, m/s (default: 1.05 to 1.93 "
+    parser.add_argument("--speeds", nargs="+", type=float, help="winds of the designs, m/s (default: 1.05, 1.32, 1.58 "
                         "rated wind speeds)")  # fmt: skip
     parser.add_argument("--seeds", nargs="+", type=int, help="of the training winds, 1 to 24 (default: 1 to 6)")
     parser.add_argument("--excited", type=int, help="seeds that are run with drawn offsets too (default: 3)")

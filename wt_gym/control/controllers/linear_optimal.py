@@ -20,7 +20,6 @@ from wt_gym.control.optimal.design_file import LinearDesign, load_design
 from wt_gym.control.optimal.measured import OUTPUTS, channels_read, measured_outputs, side_sign
 from wt_gym.control.optimal.offsets import PitchOffsets
 from wt_gym.control.sensors import LowPass
-from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
@@ -77,7 +76,7 @@ class LinearOptimalPitch:
         self._acted = np.zeros((3, design.responses.shape[-1]))
         self._past = np.zeros((len(OUTPUTS), design.gains.shape[-1]))
         self._measured, self._lasting = np.zeros(len(OUTPUTS)), np.zeros(len(OUTPUTS))
-        self.disturbance = np.zeros(len(OUTPUTS))
+        self.disturbance, self._sum = np.zeros(len(OUTPUTS)), np.zeros(3)
         self._forget()
 
     @classmethod
@@ -111,45 +110,40 @@ class LinearOptimalPitch:
         self.offsets.start()
         self._acted[:] = self._past[:] = 0.0
         self._lasting[:] = self.disturbance[:] = 0.0
-        self._wanted, self._sums, self._steps = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0
-        self._since, self._fresh = 0.0, True
+        self._sum[:] = 0.0
+        self._wanted, self._age, self._acted_for, self._fresh = (0.0, 0.0, 0.0), 0.0, 0.0, True
 
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
-        """Add the offsets.
-
-        Raises
-        ------
-        wt_gym.errors.ControllerError
-            If dt is longer than the interval of the design, or no part of it.
-        """
-        steps = round(self.design.interval / dt)
-        if steps < 1 or abs(steps * dt - self.design.interval) > 1e-6 * dt:
-            raise ControllerError(
-                f"linear_optimal decides every {self.design.interval:g} s and must be stepped at this interval or a "
-                f"whole part of it, got {dt:g} s; wt-gym design linear_optimal makes a design for another one"
-            )
+        """Add the offsets, which are decided at the interval of the design, or at every step where that is longer."""
         speed, azimuth = signals["rotor_speed"], signals["azimuth"]
         share = self.offsets.update_share(demand, speed, dt)
-        before = sum(map(float, demand.pitch)) / self.n_blades
-        pitch = before + self.offsets.acting[0]
+        pitch = sum(map(float, demand.pitch)) / self.n_blades + self.offsets.acting[0]
         if self._fresh:
             self._schedule.reset(pitch)
         slow = self._schedule.update(pitch, dt)
-        if self._steps == 0:
-            self._wanted = self._decide(signals, slow)
-        self._fresh = False
-        self._steps = (self._steps + 1) % steps
+        passed = int(self._age + 1e-6)
+        if self._fresh or passed > 0:
+            self._remember(passed)
+            self._wanted = self._decide(signals, slow, passed)
+            self._age -= passed
+            self._fresh = False
         mean, tilt, yaw = self._wanted
         changed = self.offsets.added((share * mean, share * tilt, share * yaw), demand, azimuth, speed, dt)
-        self._sums = tuple(s + x / steps for s, x in zip(self._sums, self.offsets.acting, strict=True))
-        if self._steps == 0:
-            self._acted[:, 1:] = self._acted[:, :-1]
-            self._acted[:, 0] = self._sums
-            self._sums = (0.0, 0.0, 0.0)
+        self._age += dt / self.design.interval
+        self._acted_for += dt
+        self._sum += dt * np.array(self.offsets.acting)
         return changed
 
-    def _decide(self, signals: Readings, pitch: float) -> tuple[float, float, float]:
-        """Offsets of what is measured now, at a slow pitch [rad]."""
+    def _remember(self, passed: int) -> None:
+        """Take the mean of the offsets since the last decision for each of the intervals that passed."""
+        if passed > 0:
+            _shift(self._acted, passed)
+            self._acted[:, :passed] = (self._sum / self._acted_for)[:, None]
+            self._sum[:] = 0.0
+            self._acted_for = 0.0
+
+    def _decide(self, signals: Readings, pitch: float, passed: int) -> tuple[float, float, float]:
+        """Offsets of what is measured now, at a slow pitch [rad], after so many intervals without a decision."""
         design = self.design
         low, weight = _place(design.pitch, pitch)
         measured_outputs(signals, self.n_blades, self.sign, self._measured)
@@ -161,8 +155,11 @@ class LinearOptimalPitch:
         if self._fresh:
             self._lasting[:] = found
             past[:] = np.where(self._washes, 0.0, found)[:, None]
-        self._lasting += (1.0 - self._kept) * (found - self._lasting)
-        past[:, 1:] = past[:, :-1]
+        else:
+            held = past[:, :1].copy()
+            _shift(past, passed)
+            past[:, 1:passed] = held  # nothing was measured between
+        self._lasting += (1.0 - self._kept**passed) * (found - self._lasting)
         past[:, 0] = np.where(self._washes, found - self._lasting, found)
         self.disturbance[:] = found * design.scale
         wanted = np.zeros(3)
@@ -171,6 +168,12 @@ class LinearOptimalPitch:
                 wanted += share * self.gain * (design.gains[k].reshape(3, -1) @ past.reshape(-1))
         mean, tilt, yaw = wanted.tolist()
         return mean, tilt, yaw
+
+
+def _shift(rows: NDArray[np.float64], steps: int) -> None:
+    """Move what stands in rows to the right; the first columns stay."""
+    if 0 < steps < rows.shape[1]:
+        rows[:, steps:] = rows[:, :-steps].copy()
 
 
 def _place(knots: NDArray[np.float64], value: float) -> tuple[int, float]:
@@ -182,9 +185,10 @@ def _place(knots: NDArray[np.float64], value: float) -> tuple[int, float]:
 
 
 def _shipped(turbine: Turbine) -> Path:
-    """Design that comes with the package."""
+    """Design that comes with the package: for the rotor and for what it stands on, which has a name of its own."""
     for name in SHIPPED:
-        if same_rotor(load_turbine(name), turbine):
+        home = load_turbine(name)
+        if home.name == turbine.name and same_rotor(home, turbine):
             return Path(__file__).with_name("data") / f"linear_optimal_{name}.npz"
     raise ValueError(
         f"linear_optimal must be given a design for {turbine.name}: linear_optimal:file=PATH, made by wt-gym design "
