@@ -1,6 +1,7 @@
 """Linear optimal pitch: identification, least squares, offsets, files and the controller, against what is exact."""
 
 import copy
+import json
 import math
 from itertools import pairwise
 
@@ -22,6 +23,7 @@ from wt_gym.agents.linear_design.identification import explained_share, identify
 from wt_gym.agents.linear_design.recording import Excitation, Recording, RecordingStore
 from wt_gym.benchmark import load_task
 from wt_gym.benchmark.run import benchmark_metrics
+from wt_gym.commands import design as design_command
 from wt_gym.control import Demand
 from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.control.controllers import Combined, make_controller
@@ -619,6 +621,35 @@ def test_winds_of_the_same_pitch_are_refused(turbine, toy_runs, monkeypatch):
     monkeypatch.setattr(designing, "_make", lambda task, turbine, run: toy(task, turbine, (15.0, *run[1:])))
     with pytest.raises(ValueError, match="pitch must rise"):
         design(turbine, task)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--out", "mine.txt"], "must be a file *.npz, got mine.txt"),
+        (["--out", "mine.npz", "--seeds", "1", "1001"], "training winds, 1 to 24; got 1001"),
+        (["--out", "mine.npz", "--speeds", "18", "12"], "rising wind speeds"),
+        (["--out", "mine.npz", "--base", "ipd"], "a controller must be among"),
+        (["--out", "mine.npz", "--turbine", "nrel_6mw"], "nrel_6mw"),
+        (["--out", "mine.npz", "--travel-weight", "-1"], "travel_weight must be finite and not negative"),
+    ],
+)
+def test_the_command_refuses(words, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        design_command.main(["linear_optimal", *words])
+    assert message in str(end.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_a_design(toy_runs, tmp_path, capsys):
+    path = tmp_path / "mine.npz"
+    words = ["linear_optimal", "--speeds", "15", "--seeds", "1", "2", "--excited", "2", "--duration", "75"]
+    design_command.main([*words, "--travel-weight", "2", "--out", str(path), "--json"])
+    shown = capsys.readouterr()
+    assert json.loads(shown.out.splitlines()[-1])["task"]["feedback"]["travel_weight"] == 2.0
+    assert "run 4 of 4: 15 m/s, seed 2, with drawn offsets" in shown.err
+    assert load_design(path).record["task"]["speeds"] == [15.0]
 
 
 @pytest.mark.slow
