@@ -86,7 +86,12 @@ def test_names_that_left_a_module_are_imported_from_where_they_are(script):
             exec(renamer.text("mine.py", f"from {module} import {old} as mine\n"), scope)
             where, _, new = place.rpartition(".")
             assert scope["mine"] is getattr(importlib.import_module(where), new)
-    text = "if x:\n    from wt_gym.agents.workers import (\n        ProcessExecutor,  # one\n        in_processes\n    )\n"
+    text = """if x:
+    from wt_gym.agents.workers import (
+        ProcessExecutor,  # one
+        in_processes,
+    )
+"""
     assert renamer.text("mine.py", text) == (
         "if x:\n    from wt_gym.runs.executors import ProcessExecutor\n"
         "    from wt_gym.agents.former import in_processes\n"

@@ -223,11 +223,11 @@ def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
     name, _, rest = choice.partition(":")
     name = _canonical(name)
     declared = [
-        (f"{prefix}{parameter.name}", parameter)
+        (key, parameter)
         for part in name.split("+")
         if part in CONTROLLERS
-        for parameter in declared_parameters(part)
-        for prefix in ("", f"{part}__")
+        for parameter in declared_parameters(part)  # those of a name that stands for several are part__parameter
+        for key in (parameter.name, f"{part}__{parameter.name}", parameter.name.rpartition("__")[2])
     ]
     words = {key for key, parameter in declared if parameter.word}
     library, rest = _library(rest, {key for key, _ in declared}) if _LIBRARY in name.split("+") else ("", rest)
