@@ -223,8 +223,8 @@ def minimize_quadratic(
         Over the diagonal of the normal equations.
     linear : numpy.ndarray, shape (n,), optional
     """
-    gram = sum(added @ added.T for added, _ in rows)
-    right = -sum(added @ there for added, there in rows)
+    gram = np.sum([added @ added.T for added, _ in rows], axis=0)
+    right = -np.sum([added @ there for added, there in rows], axis=0)
     if linear is not None:
         right = right - 0.5 * linear
     regular = gram + np.diag(ridge * np.diag(gram) + 1e-12 * np.trace(gram) / len(gram))
@@ -261,7 +261,10 @@ def _without_slow(series: NDArray[np.float64], length: int) -> NDArray[np.float6
     window /= window.sum()
     half = window.size // 2
     padded = np.pad(series, [(0, 0)] * (series.ndim - 1) + [(half, half)], mode="edge")
-    return series - fftconvolve(padded, window.reshape((1,) * (series.ndim - 1) + (-1,)), "valid", axes=-1)
+    smooth: NDArray[np.float64] = fftconvolve(
+        padded, window.reshape((1,) * (series.ndim - 1) + (-1,)), "valid", axes=-1
+    )
+    return series - smooth
 
 
 def _amplitude_weights(series: NDArray[np.float64], exponent: float, window: int) -> NDArray[np.float64]:
@@ -410,7 +413,7 @@ def fit_feedback(
             _rows(run, own, plant, options, now, turbine, first=number == 0)
             for run, own, now in zip(runs, columns, offsets, strict=True)
         ]
-        found = minimize_quadratic(rows, options.ridge, -power * sum(own.power for own in columns))
+        found = minimize_quadratic(rows, options.ridge, -power * np.sum([own.power for own in columns], axis=0))
         of_each = np.split(found, parts)
         offsets = [np.stack([c @ f for c, f in zip(of_each, own, strict=True)]) for own in features]
     bins = delay_bins(options.longest, plant.dt)

@@ -137,7 +137,7 @@ class Recording:
     @property
     def steps(self) -> int:
         """N."""
-        return self.offsets.shape[1]
+        return int(self.offsets.shape[1])
 
 
 class RecordingStore:
@@ -176,7 +176,7 @@ class RecordingStore:
     def keep(self, definition: dict[str, Any], recording: Recording) -> None:
         """Write a recording: there is all of it or nothing."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        arrays = {part.name: np.asarray(getattr(recording, part.name)) for part in fields(recording)}
+        arrays: dict[str, Any] = {part.name: np.asarray(getattr(recording, part.name)) for part in fields(recording)}
         with whole_file(self.file(definition)) as partial, partial.open("wb") as file:
             np.savez(file, **arrays)
 

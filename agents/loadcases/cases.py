@@ -125,7 +125,8 @@ class Condition:
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values."""
         faults = [{"kind": type(fault).__name__, **asdict(fault)} for fault in self.faults]
-        return described(asdict(self) | {"faults": faults}, "condition")
+        values: dict[str, Any] = described(asdict(self) | {"faults": faults}, "condition")
+        return values
 
 
 @dataclass(frozen=True)

@@ -147,11 +147,11 @@ def _load(file: Path, changed: int, size: int) -> LinearDesign:
     try:
         with np.load(file, allow_pickle=False) as found:
             head = json.loads(str(found["head"][()]))
-            arrays = {name: found[name] for name in _ARRAYS}
+            parts: dict[str, Any] = {name: found[name] for name in _ARRAYS}
         if head["format"] != FORMAT:
             raise ControllerError(f"{file} must have format {FORMAT}, got {head['format']!r}")
-        numbers = {name: float(head[name]) for name in _NUMBERS}
-        return LinearDesign(**arrays, **numbers, record=head["record"])
+        parts |= {name: float(head[name]) for name in _NUMBERS}
+        return LinearDesign(**parts, record=head["record"])
     except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
         if isinstance(error, ControllerError):
             raise
