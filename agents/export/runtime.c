@@ -720,6 +720,14 @@ static void drives_move(const struct parameters *p, struct state *s, double tau,
 
 /* ---- readings ---------------------------------------------------------------------------------------------------- */
 
+/* Readings to be told of: those that somebody needs, and the speed that would have stood in for a missing one. */
+static unsigned missed(const struct state *s) {
+    unsigned needed = s->bad & (1u << READ_GENERATOR_SPEED) ? 1u << READ_ROTOR_SPEED : 0u;
+    for (int k = 0; k < N_READINGS; k++)
+        if (READINGS[k].users != 0) needed |= 1u << k;
+    return s->bad & needed;
+}
+
 /* Take the readings: one that is no number or out of range keeps its last good value and rests who needs it. */
 static void read_swap(const struct parameters *p, struct state *s, const float *swap, double elapsed) {
     struct readings *r = &s->now;
@@ -728,9 +736,7 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
     for (int k = 0; k < N_READINGS; k++) {
         const struct reading *from = &READINGS[k];
         double value = swap[from->record - 1];
-        if (from->users == 0) {
-            s->raw[k] = isfinite(value) ? value : 0.0;
-        } else if (value >= from->low && value <= from->high) { /* false for what is no number */
+        if (value >= from->low && value <= from->high) { /* false for what is no number */
             s->raw[k] = value;
         } else {
             s->bad |= 1u << k;
@@ -906,17 +912,24 @@ static void write_swap(float *swap, const struct demand *d) {
 
 /* Say once which readings have no meaning. */
 static void tell(struct state *s, char *message, size_t size, int *fail) {
-    unsigned unsaid = s->bad & ~s->told;
+    unsigned unsaid = missed(s) & ~s->told;
+    int stands_in = unsaid & (1u << READ_GENERATOR_SPEED) && !(s->bad & (1u << READ_ROTOR_SPEED));
+    size_t length;
     if (!unsaid) return;
     s->told |= unsaid;
     *fail = 1;
     snprintf(message, size, "no reading of");
     for (int k = 0; k < N_READINGS; k++)
         if (unsaid & (1u << k)) {
-            size_t length = strlen(message);
+            length = strlen(message);
             snprintf(message + length, size - length, " %s (record %d)", READINGS[k].name, READINGS[k].record);
         }
-    if (strlen(message) + 60 < size) strcat(message, ": its last value is held, and what acts on it rests");
+    length = strlen(message);
+    snprintf(message + length, size - length, "%s",
+             !s->running ? ": without it there is nothing to start from"
+             : !stands_in ? ": its last value is held, and what acts on it rests"
+             : unsaid == 1u << READ_GENERATOR_SPEED ? ": the rotor speed stands in for it"
+             : ": the rotor speed stands in for that of the generator, other last values are held, what acts on them rests");
 }
 
 static void call(float *swap, int *fail, const char *in, const char *out, char *message, size_t size) {

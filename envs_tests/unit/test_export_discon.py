@@ -180,6 +180,103 @@ def test_the_rotor_speed_stands_in_for_that_of_the_generator_and_the_azimuth_goe
         assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
 
 
+GENERATOR, ROTOR = 20, 21
+SPEEDS = {GENERATOR: "generator speed (record 20)", ROTOR: "rotor speed (record 21)"}
+
+
+def in_full_wind(turbine, count):
+    """Readings of a turbine that holds its rated power at a pitch of 0.2 rad."""
+    speed = turbine.drivetrain.rated_rotor_speed
+    held = next(random_readings(turbine, 1, 0, DT)) | {f"pitch_{b}": 0.2 for b in (1, 2, 3)} | {"wind_x": 18.0}
+    for k in range(count):
+        now = speed * (1.0 + 0.005 * math.sin(0.3 * k))
+        yield held | {"rotor_speed": now, "generator_speed": now * turbine.drivetrain.gear_ratio}
+
+
+@pytest.mark.parametrize("value", [math.nan, -math.inf, 1e6])
+@pytest.mark.parametrize("lost", [(GENERATOR,), (ROTOR,), (GENERATOR, ROTOR)])
+def test_a_controller_goes_on_without_speed_readings(lost, value, exported):
+    """One speed stands in for the other, as good as it; without both the last one is held, and that is said."""
+    turbine = load_turbine("nrel_5mw")
+    _, library, parameters, _ = exported("discon")
+    signals = list(in_full_wind(turbine, 200))
+    held = replace(start_demand(signals[0], turbine), pitch=np.full(3, 0.2))
+    ours, whole = (Exported(library, turbine, parameters, held) for _ in range(2))
+    said = []
+    for k, now in enumerate(signals):
+        ours.read(now)
+        # without both readings the controller sees what it saw last
+        whole.read(signals[99] if k >= 100 and len(lost) == 2 else now)
+        if k >= 100:
+            ours.swap[[record - 1 for record in lost]] = value
+        found, expected = ours.call(k * DT, DT), whole.call(k * DT, DT)
+        assert found.pitch == pytest.approx(expected.pitch, abs=1e-6)
+        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
+        assert min(found.pitch) > 0.1
+        if ours.flag:
+            said.append((k, ours.flag, ours.message))
+    if lost == (ROTOR,):
+        assert said == []  # nobody reads it
+        return
+    ((k, flag, message),) = said
+    assert (k, flag) == (100, 1)
+    assert SPEEDS[GENERATOR] in message
+    assert (SPEEDS[ROTOR] in message) == (len(lost) == 2)
+    assert ("its last value is held" if len(lost) == 2 else "the rotor speed stands in for it") in message
+
+
+def test_the_last_speed_is_held_when_the_one_that_stands_in_is_lost_too(exported):
+    turbine = load_turbine("nrel_5mw")
+    _, library, parameters, _ = exported("discon")
+    signals = list(in_full_wind(turbine, 150))
+    held = replace(start_demand(signals[0], turbine), pitch=np.full(3, 0.2))
+    ours, whole = (Exported(library, turbine, parameters, held) for _ in range(2))
+    said = []
+    for k, now in enumerate(signals):
+        ours.read(now)
+        whole.read(signals[min(k, 99)])
+        ours.swap[[record - 1 for record, since in ((GENERATOR, 50), (ROTOR, 100)) if k >= since]] = math.nan
+        found, expected = ours.call(k * DT, DT), whole.call(k * DT, DT)
+        assert found.pitch == pytest.approx(expected.pitch, abs=1e-6)
+        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
+        if ours.flag:
+            said.append((k, ours.message))
+    assert [k for k, _ in said] == [50, 100]
+    assert SPEEDS[ROTOR] in said[1][1]
+    assert "its last value is held" in said[1][1]
+
+
+@pytest.mark.parametrize("lost", [(GENERATOR,), (GENERATOR, ROTOR)])
+def test_without_the_generator_speed_nothing_starts(lost, exported):
+    turbine = load_turbine("nrel_5mw")
+    _, library, parameters, _ = exported("discon")
+    ours = Exported(library, turbine, parameters)
+    ours.read(next(in_full_wind(turbine, 1)))
+    ours.swap[[record - 1 for record in lost]] = math.nan
+    ours.call(0.0, DT)
+    assert ours.flag == -1
+    assert all(SPEEDS[record] in ours.message for record in lost)
+    assert "nothing to start from" in ours.message
+
+
+def test_a_rotor_speed_that_is_missing_from_the_first_call_on_stands_in_for_nothing(exported):
+    turbine = load_turbine("nrel_5mw")
+    _, library, parameters, _ = exported("discon")
+    signals = list(in_full_wind(turbine, 100))
+    held = replace(start_demand(signals[0], turbine), pitch=np.full(3, 0.2))
+    ours, whole = (Exported(library, turbine, parameters, held) for _ in range(2))
+    for k, now in enumerate(signals):
+        ours.read(now)
+        whole.read(signals[min(k, 49)])
+        ours.swap[20] = math.nan
+        if k >= 50:
+            ours.swap[19] = math.nan
+        found, expected = ours.call(k * DT, DT), whole.call(k * DT, DT)
+        assert found.pitch == pytest.approx(expected.pitch, abs=1e-6)
+        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
+        assert ours.flag == int(k == 50)
+
+
 def test_what_the_controller_starts_from_must_be_there(exported):
     turbine, signals = recorded(1)
     _, library, parameters, _ = exported("discon")
