@@ -26,11 +26,13 @@ if TYPE_CHECKING:
     from wt_gym.control.rotor_table import RotorTable
     from wt_gym.turbines import Turbine
 
-__all__ = ["SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
+__all__ = ["ACCELERATION", "SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
              "side_side_damper", "yaw")  # fmt: skip
 """Names of controllers that can be exported."""
+ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
+"""Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
 
 
 @dataclass
@@ -91,6 +93,7 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
         "gear_ratio": drive.gear_ratio,
         "rated_rotor_speed": drive.rated_rotor_speed,
         "drive": 0.0,
+        "acceleration_axes": 0.0,
         "drive_min_pitch": pitch.min_pitch,
         "drive_max_pitch": pitch.max_pitch,
         "drive_pitch_rate": pitch.max_rate,
@@ -255,7 +258,8 @@ def _fore_aft(parts: Parts, addition: ForeAftDamper) -> None:
         "fore_aft_min_pitch": low,
     }
     note_fade(parts, addition.fade, "fore_aft", "fore_aft", "FADE_FORE_AFT")
-    parts.reads.setdefault("DAMPER", set()).update({"fore_aft", "rotor_speed"})
+    parts.groups.add("acceleration")
+    parts.reads.setdefault("DAMPER", set()).update(ACCELERATION | {"rotor_speed"})
 
 
 def _side_side(parts: Parts, addition: SideSideDamper) -> None:
@@ -266,7 +270,8 @@ def _side_side(parts: Parts, addition: SideSideDamper) -> None:
         "side_side_corner": addition._velocity.corner,
         "side_side_limit": addition.limit,
     }
-    parts.reads.setdefault("DAMPER", set()).add("side_side")
+    parts.groups.add("acceleration")
+    parts.reads.setdefault("DAMPER", set()).update(ACCELERATION)
 
 
 def _yaw(parts: Parts, addition: YawByDeadBand) -> None:

@@ -46,7 +46,7 @@ struct state {
     struct integrator fore_aft, side_side;
     double yaw_slow, yaw_fast;
     int turning;
-    struct demand base, demand;
+    struct demand present, base, demand; /* present: at the first call */
 #if WITH_AGENT
     /* agent */
     double from[N_SETPOINT], to[N_SETPOINT], yaw_rate, action[N_ACT];
@@ -728,6 +728,21 @@ static unsigned missed(const struct state *s) {
     return s->bad & needed;
 }
 
+/* Tower-top acceleration along the axes of the nacelle. Where it comes along those of the tower top (OpenFAST: YawBrTAxp and
+ * YawBrTAyp), the angle of the nacelle turns it; with one of the three missing, the last acceleration is held. */
+static void take_acceleration(const struct parameters *p, struct state *s) {
+    struct readings *r = &s->now;
+    const double x = s->raw[READ_FORE_AFT], y = s->raw[READ_SIDE_SIDE], yaw = s->raw[READ_NACELLE_YAW];
+    const unsigned needed = 1u << READ_FORE_AFT | 1u << READ_SIDE_SIDE | 1u << READ_NACELLE_YAW;
+    if (p->acceleration_axes != 0.0) {
+        r->acceleration_fore_aft = x;
+        r->acceleration_side_side = y;
+    } else if (!(s->bad & needed)) {
+        r->acceleration_fore_aft = cos(yaw) * x + sin(yaw) * y;
+        r->acceleration_side_side = cos(yaw) * y - sin(yaw) * x;
+    }
+}
+
 /* Take the readings: one that is no number or out of range keeps its last good value and rests who needs it. */
 static void read_swap(const struct parameters *p, struct state *s, const float *swap, double elapsed) {
     struct readings *r = &s->now;
@@ -736,6 +751,7 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
     for (int k = 0; k < N_READINGS; k++) {
         const struct reading *from = &READINGS[k];
         double value = swap[from->record - 1];
+        if (k == READ_NACELLE_YAW && p->acceleration_axes != 0.0) continue; /* not needed */
         if (value >= from->low && value <= from->high) { /* false for what is no number */
             s->raw[k] = value;
         } else {
@@ -752,8 +768,7 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
     r->generator_torque = raw[READ_TORQUE];
     r->yaw_error = raw[READ_YAW_ERROR];
     r->wind_speed = raw[READ_WIND];
-    r->acceleration_fore_aft = raw[READ_FORE_AFT];
-    r->acceleration_side_side = raw[READ_SIDE_SIDE];
+    take_acceleration(p, s);
     r->azimuth = raw[READ_AZIMUTH];
     for (int b = 0; b < N_BLADES; b++) {
         /* the records hold moments of the blade that does not pitch; those of the pitched blade follow */
@@ -864,8 +879,8 @@ static struct demand present_demand(const struct state *s, const float *swap) {
     return d;
 }
 
-static void start(const struct parameters *p, struct state *s, const float *swap, double time) {
-    struct demand present = present_demand(s, swap);
+static void start(const struct parameters *p, struct state *s, double time) {
+    struct demand present = s->present;
     s->count = 0;
     s->next_time = time;
     base_start(p, s, &present);
@@ -964,7 +979,8 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
             *fail = -1; /* without them there is nothing to start from */
             return;
         }
-        start(p, s, swap, time);
+        s->present = present_demand(s, swap);
+        start(p, s, time);
         if (INDIVIDUAL_BLADES && swap[27] != 1.0f) {
             *fail = 1;
             snprintf(message, size, "blades must be pitched one by one: record 28 must be 1 (OpenFAST: Ptch_Cntrl), got %g",
@@ -976,7 +992,7 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
         if (time < s->next_time - 0.5 * fmin(dt, p->controller_step)) {
             read_swap(p, s, swap, 0.0);
             if (!(s->bad_users & FOR_BASE)) {
-                start(p, s, swap, s->step_time);
+                start(p, s, s->step_time); /* from the demand before the first call: the records have its answer */
                 s->provisional = 0;
                 step(p, s);
             }

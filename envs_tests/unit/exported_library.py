@@ -44,10 +44,13 @@ class Exported:
 def as_read(swap, n_blades):
     """Signals by name as records hold them."""
     swap = swap.astype(np.float64)
+    yaw = swap[36]
+    cos, sin = math.cos(yaw), math.sin(yaw)
     read = {
         "generator_speed": swap[19], "rotor_speed": swap[20], "generator_power": swap[14], "generator_torque": swap[22],
-        "yaw_error": swap[23], "yaw": swap[36], "wind_x": swap[26], "wind_y": 0.0,
-        "nacelle_acceleration_fore_aft": swap[52], "nacelle_acceleration_side_side": swap[53], "azimuth": swap[59],
+        "yaw_error": swap[23], "yaw": yaw, "wind_x": swap[26], "wind_y": 0.0, "azimuth": swap[59],
+        "nacelle_acceleration_fore_aft": cos * swap[52] + sin * swap[53],
+        "nacelle_acceleration_side_side": cos * swap[53] - sin * swap[52],
     }  # fmt: skip
     for b in range(n_blades):
         out, within, angle = (swap[records[b] - 1] for records in (OUT_OF_PLANE, IN_PLANE, PITCH))
@@ -77,6 +80,7 @@ def random_readings(turbine, count, seed, dt):
     names = {
         "rotor_speed": (0.0, 1.3 * speed, 0.01), "torque_part": (0.0, 1.1, 0.02), "wind_x": (1.0, 30.0, 0.02),
         "yaw_error": (-0.6, 0.6, 0.02), "fore_aft": (-1.0, 1.0, 0.1), "side_side": (-0.5, 0.5, 0.1),
+        "yaw": (-3.0, 3.0, 0.002),
     }  # fmt: skip
     names |= {f"pitch_{b + 1}": (-0.05, 0.5, 0.01) for b in range(n)}
     names |= {f"root_{kind}_moment_{b + 1}": (-moment, moment, 0.03) for kind in ("flap", "edge") for b in range(n)}
@@ -88,7 +92,7 @@ def random_readings(turbine, count, seed, dt):
         torque = now.pop("torque_part") * drive.max_generator_torque
         generator_speed = now["rotor_speed"] * drive.gear_ratio
         yield now | {
-            "time": k * dt, "wind_y": 0.0, "azimuth": azimuth, "yaw": 0.0, "generator_speed": generator_speed,
+            "time": k * dt, "wind_y": 0.0, "azimuth": azimuth, "generator_speed": generator_speed,
             "generator_torque": torque, "generator_power": torque * generator_speed, "shaft_torque": 0.0,
             "rotor_thrust": 0.0, "nacelle_acceleration_fore_aft": now.pop("fore_aft"),
             "nacelle_acceleration_side_side": now.pop("side_side"),
@@ -116,6 +120,7 @@ int main(int n, char **words) {
         swap[19] = uniform(-10.0f, 200.0f); swap[20] = swap[19] / 97.0f; swap[14] = uniform(0.0f, 6e6f);
         swap[22] = uniform(0.0f, 5e4f); swap[23] = uniform(-7.0f, 7.0f); swap[26] = uniform(0.0f, 40.0f);
         swap[52] = uniform(-60.0f, 60.0f); swap[53] = uniform(-2.0f, 2.0f); swap[59] = uniform(-10.0f, 10.0f);
+        swap[36] = uniform(-4.0f, 4.0f);
         if (k > 0 && k % 7 == 0) swap[rand() % 75 + 3] = k % 2 ? NAN : INFINITY;
         DISCON(swap, &fail, words[1], words[2], message);
         if (fail < worst) worst = fail;
