@@ -1010,8 +1010,10 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
     write_swap(swap, &demands);
 }
 
-/* Length of a string that a record gives, without the final null. */
-static int length_of(float record, size_t most) { return record > 1.0f ? (int)fmin(record - 1.0f, (double)most) : 0; }
+/* Length of a string that a record gives, without the final null; the most where it gives none, and the null ends it. */
+static int length_of(float record, size_t most) {
+    return (int)(record >= 1.0f ? fmin(record - 1.0f, (double)most) : (double)most);
+}
 
 #if defined(_WIN32)
 __declspec(dllexport)
@@ -1020,10 +1022,10 @@ __attribute__((visibility("default")))
 #endif
 void DISCON(float *avrSWAP, int *aviFAIL, const char *accINFILE, const char *avcOUTNAME, char *avcMSG);
 
-/* The Bladed interface. Strings end with a null or after the lengths in records 49 to 51. */
+/* The Bladed interface. Strings end with a null, or after the lengths in records 49 to 51. */
 void DISCON(float *avrSWAP, int *aviFAIL, const char *accINFILE, const char *avcOUTNAME, char *avcMSG) {
     char in[PATH_SIZE], out[PATH_SIZE], message[1025] = "";
-    int length = length_of(avrSWAP[48], sizeof message);
+    int length = length_of(avrSWAP[48], sizeof message - 1);
     int n_in = length_of(avrSWAP[49], sizeof in - 1), n_out = length_of(avrSWAP[50], sizeof out - 1);
     *aviFAIL = 0;
     snprintf(in, sizeof in, "%.*s", n_in, accINFILE == NULL ? "" : accINFILE);

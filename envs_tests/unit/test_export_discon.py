@@ -420,6 +420,24 @@ def test_a_parameter_file_with_an_error_ends_the_simulation(line, message, expor
     assert "must be readable" in ours.message
 
 
+@pytest.mark.parametrize("length", [0.0, -1.0, math.nan, 4.0e9])
+def test_a_parameter_file_is_read_when_its_length_is_not_given(length, exported, tmp_path):
+    """The name ends with its null then; an unreadable one ends the simulation and is not passed over."""
+    turbine, signals = recorded(100)
+    _, library, *_ = exported("discon")
+    changed = tmp_path / "slow.in"
+    changed.write_text("corner_frequency = 0.5\n", encoding="utf-8")
+    held = start_demand(signals[0], turbine)
+    ours, whole = (Exported(library, turbine, changed, held) for _ in range(2))
+    ours.swap[49] = length
+    assert np.array_equal(pitches(run(ours, signals)), pitches(run(whole, signals)))
+    none = Exported(library, turbine, tmp_path / "none.in", held)
+    none.swap[49] = length
+    run(none, signals[:1])
+    assert none.flag == -1
+    assert "none.in must be readable" in none.message
+
+
 @pytest.mark.parametrize("choice", ["tsr_tracking+ipc+yaw:dead_band=0.05", WHOLE])
 def test_a_checkpoint_brings_another_instance_to_the_same_place(choice, exported):
     turbine, signals = recorded(300)
