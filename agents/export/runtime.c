@@ -779,6 +779,121 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
     }
 }
 
+/* ---- numbers as text: strtod follows the locale of the caller, which may have a decimal comma ---------------------- */
+
+enum { DIGITS = 40, GREATEST_EXPONENT = 400, LIMBS = 64 }; /* 10^(40 + 400) < 2^1462; shifted by as much at most: < 2^2048 */
+struct whole { unsigned long limb[LIMBS]; int n; };        /* a whole number in base 2^32, the lowest limb first */
+
+static void whole_multiply(struct whole *x, unsigned long factor, unsigned long added) {
+    for (int k = 0; k < x->n; k++) {
+        unsigned long long product = (unsigned long long)x->limb[k] * factor + added;
+        x->limb[k] = (unsigned long)(product & 0xffffffffUL);
+        added = (unsigned long)(product >> 32);
+    }
+    if (added != 0) x->limb[x->n++] = added;
+}
+
+static int whole_compare(const struct whole *x, const struct whole *y) {
+    if (x->n != y->n) return x->n < y->n ? -1 : 1;
+    for (int k = x->n - 1; k >= 0; k--)
+        if (x->limb[k] != y->limb[k]) return x->limb[k] < y->limb[k] ? -1 : 1;
+    return 0;
+}
+
+static void whole_subtract(struct whole *x, const struct whole *y) {
+    unsigned long borrow = 0;
+    for (int k = 0; k < x->n; k++) {
+        unsigned long taken = (k < y->n ? y->limb[k] : 0) + borrow;
+        borrow = x->limb[k] < taken;
+        x->limb[k] = (x->limb[k] + (borrow ? 0xffffffffUL - taken + 1UL : 0UL - taken)) & 0xffffffffUL;
+    }
+    while (x->n > 0 && x->limb[x->n - 1] == 0) x->n--;
+}
+
+/* The double nearest to numerator/denominator, ties to even, by binary long division. */
+static double quotient(struct whole *numerator, struct whole *denominator) {
+    double value = 0.0;
+    int exponent = 0, bits = 53, above;
+    while (whole_compare(numerator, denominator) < 0) {
+        whole_multiply(numerator, 2, 0);
+        exponent--;
+    }
+    for (;;) { /* until 1 <= quotient < 2 */
+        struct whole twice = *denominator;
+        whole_multiply(&twice, 2, 0);
+        if (whole_compare(numerator, &twice) < 0) break;
+        *denominator = twice;
+        exponent++;
+    }
+    if (exponent < -1022) bits -= -1022 - exponent; /* subnormal numbers have fewer */
+    if (bits < 0) return 0.0;
+    for (int k = 0; k < bits; k++) {
+        int one = whole_compare(numerator, denominator) >= 0;
+        value = 2.0 * value + one;
+        if (one) whole_subtract(numerator, denominator);
+        whole_multiply(numerator, 2, 0);
+    }
+    above = whole_compare(numerator, denominator); /* of the rest to half of the last bit */
+    if (above > 0 || (above == 0 && fmod(value, 2.0) != 0.0)) value += 1.0;
+    return ldexp(value, exponent - bits + 1);
+}
+
+/* A decimal number, with a point in every locale, or inf; *end is `at` where there is none. */
+static double read_number(const char *at, const char **end) {
+    struct whole numerator = {{0}, 0}, denominator = {{1}, 1};
+    int digits = 0, any = 0, point = 0, negative;
+    long exponent = 0;
+    double value;
+    const char *from = at;
+    *end = at;
+    from += strspn(from, " \t");
+    negative = *from == '-';
+    if (*from == '-' || *from == '+') from++;
+    if (strncmp(from, "inf", 3) == 0) {
+        *end = from + 3;
+        return negative ? -HUGE_VAL : HUGE_VAL;
+    }
+    for (;; from++) {
+        if (*from == '.' && !point) {
+            point = 1;
+        } else if (*from >= '0' && *from <= '9') {
+            any = 1;
+            if (digits < DIGITS) {
+                whole_multiply(&numerator, 10, (unsigned long)(*from - '0'));
+                digits += numerator.n > 0; /* zeros before the first one do not count */
+                exponent -= point;
+            } else {
+                exponent += !point;
+            }
+        } else {
+            break;
+        }
+    }
+    if (!any) return 0.0;
+    *end = from;
+    if (*from == 'e' || *from == 'E') {
+        long power = 0;
+        int down = from[1] == '-';
+        from += from[1] == '-' || from[1] == '+' ? 2 : 1;
+        if (*from >= '0' && *from <= '9') {
+            for (; *from >= '0' && *from <= '9'; from++)
+                if (power < 100000) power = 10 * power + (*from - '0');
+            exponent += down ? -power : power;
+            *end = from;
+        }
+    }
+    if (numerator.n == 0 || exponent < -GREATEST_EXPONENT) {
+        value = 0.0;
+    } else if (exponent > GREATEST_EXPONENT) {
+        value = HUGE_VAL;
+    } else {
+        for (long k = 0; k < exponent; k++) whole_multiply(&numerator, 10, 0);
+        for (long k = 0; k > exponent; k--) whole_multiply(&denominator, 10, 0);
+        value = quotient(&numerator, &denominator);
+    }
+    return negative ? -value : value;
+}
+
 /* ---- parameter file, checkpoints --------------------------------------------------------------------------------- */
 
 /* Read `name = numbers  # comment` lines; returns 0, or -1 with a message. */
@@ -790,7 +905,8 @@ static int read_parameters(struct parameters *p, const char *path, char *message
         return -1;
     }
     for (int number = 1; fgets(line, sizeof line, file) != NULL; number++) {
-        char name[64], *at, *end;
+        char name[64];
+        const char *at, *end;
         const struct entry *entry = NULL;
         double *value;
         line[strcspn(line, "#!\r\n")] = '\0';
@@ -811,7 +927,7 @@ static int read_parameters(struct parameters *p, const char *path, char *message
         value = (double *)(void *)((char *)p + entry->offset);
         at++;
         for (int k = 0; k < entry->count; k++, at = end) {
-            value[k] = strtod(at, &end);
+            value[k] = read_number(at, &end);
             if (end == at || !(value[k] >= entry->low && value[k] <= entry->high)) {
                 snprintf(message, size, "%.600s, line %d: %s must be %d number(s) from %g to %g", path, number, name,
                          entry->count, entry->low, entry->high);

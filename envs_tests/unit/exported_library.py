@@ -2,6 +2,7 @@
 
 import math
 import shutil
+import struct
 import subprocess
 from pathlib import Path
 
@@ -141,6 +142,47 @@ int main(int n, char **words) {
     return worst == 0 ? 0 : 5;
 }
 """
+
+
+NUMBERS = r"""
+#include <locale.h>
+#include <stdio.h>
+#include <string.h>
+int main(int n, char **words) {
+    char line[4096];
+    if (n > 1 && setlocale(LC_ALL, words[1]) == NULL) return 2;
+    if (n > 1 && snprintf(line, sizeof line, "%.1f", 0.5) && line[1] != ',') return 3;
+    while (fgets(line, sizeof line, stdin) != NULL) {
+        const char *end;
+        double value;
+        unsigned long long bits;
+        line[strcspn(line, "\n")] = 0;
+        value = read_number(line, &end);
+        memcpy(&bits, &value, sizeof bits);
+        printf("%016llx %d\n", bits, (int)(end - line));
+    }
+    return 0;
+}
+"""
+
+
+def numbers_read(source, texts, folder, locale=None, environment=None):
+    """Numbers that the parameter file of a source would have of texts, and how many characters each took."""
+    if not (compiler := shutil.which("gcc") or shutil.which("clang")):
+        pytest.skip("gcc or clang is needed")
+    (folder / "numbers.c").write_text(f'#include "{source}"\n' + NUMBERS, encoding="utf-8")
+    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    command = [compiler, *flags, "-o", str(folder / "numbers"), str(folder / "numbers.c"), "-lm"]
+    built = subprocess.run(command, capture_output=True, text=True)
+    if "cannot find" in built.stderr:
+        pytest.skip("the libraries of the sanitizers are not installed")
+    assert built.returncode == 0, built.stderr
+    words = [str(folder / "numbers"), *([locale] if locale else [])]
+    text = "".join(f"{line}\n" for line in texts)
+    done = subprocess.run(words, input=text, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    rows = [line.split() for line in done.stdout.splitlines()]
+    return [(struct.unpack(">d", bytes.fromhex(bits))[0], int(count)) for bits, count in rows]
 
 
 def sanitized(source, parameters, folder):

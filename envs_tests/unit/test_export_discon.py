@@ -1,15 +1,17 @@
 """Controllers exported as libraries with the Bladed interface, against Python's on the same readings."""
 
 import math
+import os
 import re
 import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from envs_tests.unit.exported_library import Exported, random_readings, sanitized
+from envs_tests.unit.exported_library import Exported, numbers_read, random_readings, sanitized
 from wt_gym.agents.export.discon import export_discon
 from wt_gym.agents.export.parameters import PARAMETERS
 from wt_gym.bridges.compiler import CompilerError, find_compiler
@@ -418,6 +420,52 @@ def test_a_parameter_file_with_an_error_ends_the_simulation(line, message, expor
     run(ours, signals)
     assert ours.flag == -1
     assert "must be readable" in ours.message
+
+
+def written_numbers(count):
+    """Numbers as parameter files have them, of every size, and in other writings."""
+    rng = np.random.default_rng(0)
+    values = rng.integers(0, 2**63, count, dtype=np.uint64).view(np.float64)  # finite or not, every exponent
+    texts = [repr(x) for x in values[np.isfinite(values)].tolist()]
+    texts += [repr(-float(x)) for x in 10.0 ** rng.uniform(-12.0, 12.0, count)]
+    texts += [
+        f"{x:.{d}e}" for x, d in zip(10.0 ** rng.uniform(-9.0, 9.0, count), rng.integers(0, 35, count), strict=True)
+    ]
+    texts += [f"{x:.20f}" for x in rng.normal(size=count)]
+    halves = rng.integers(2**52, 2**53, 100).tolist()
+    texts += [str(2 * half + 1) for half in halves]  # halfway between two numbers
+    texts += ["0", "-0.0", "+1", ".5", "5.", "1e5", "1E+05", "00012.50", "5e-324", "2.4703282292062327e-324", "1e-330",
+              "2.2250738585072011e-308", "1.7976931348623157e308", "1.7976931348623159e308", "1e999", "-1e-999", "inf",
+              "0." + "0" * 350 + "1", "1" + "0" * 300, "9007199254740993", " \t3.5"]  # fmt: skip
+    return texts
+
+
+def test_numbers_of_a_parameter_file_are_those_of_python(exported, tmp_path):
+    texts = written_numbers(2000)
+    found = numbers_read(exported("discon")[0], texts, tmp_path)
+    expected = [float(text) for text in texts]
+    wrong = [(t, f, e) for t, (f, _), e in zip(texts, found, expected, strict=True) if f != e]
+    assert wrong == []
+    assert [count for _, count in found] == [len(text) for text in texts]
+
+
+def test_numbers_end_where_they_are_none(exported, tmp_path):
+    texts = ["1.5 2", "1,5", "1e", "2e+", "3x", "0x10", "", "x", "-", ".", "nan", "1.2.3"]
+    found = numbers_read(exported("discon")[0], texts, tmp_path)
+    assert found == [(1.5, 3), (1.0, 1), (1.0, 1), (2.0, 1), (3.0, 1), (0.0, 1), *[(0.0, 0)] * 5, (1.2, 3)]
+
+
+def test_numbers_have_a_point_where_the_locale_has_a_comma(exported, tmp_path):
+    if (define := shutil.which("localedef")) is None:
+        pytest.skip("localedef is needed")
+    made = subprocess.run(
+        [define, "-c", "-f", "UTF-8", "-i", "de_DE", str(tmp_path / "de_DE.UTF-8")], capture_output=True
+    )
+    if not (tmp_path / "de_DE.UTF-8").exists():
+        pytest.skip(f"localedef makes no German locale: {made.stderr!r}")
+    environment = os.environ | {"LOCPATH": str(tmp_path)}
+    found = numbers_read(exported("discon")[0], ["0.1", "-2.5e-3"], tmp_path, "de_DE.UTF-8", environment)
+    assert found == [(0.1, 3), (-2.5e-3, 7)]
 
 
 @pytest.mark.parametrize("length", [0.0, -1.0, math.nan, 4.0e9])
