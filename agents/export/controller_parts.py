@@ -12,6 +12,7 @@ from wt_gym.control.controllers import (
     DisconController,
     ForeAftDamper,
     IndividualPitch,
+    LidarFeedforward,
     SideSideDamper,
     YawByDeadBand,
 )
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["ACCELERATION", "SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
-             "side_side_damper", "yaw")  # fmt: skip
+             "side_side_damper", "tower_dampers", "tuned", "yaw")  # fmt: skip
 """Names of controllers that can be exported."""
 ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
 """Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
@@ -129,7 +130,16 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
 
 
 def _refused(part: object) -> ValueError:
-    return ValueError(f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}")
+    why = ""
+    if type(part) is LidarFeedforward:
+        why = (
+            ": the Bladed interface has no records for the gates of a lidar, and those of OpenFAST's extended one "
+            "depend on the sensor that InflowWind is given. Export the controller without it, such as tuned for tuned_lidar; "
+            "an agent needs a base controller without it in its training"
+        )
+    return ValueError(
+        f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}{why}"
+    )
 
 
 def _baseline(parts: Parts, p: BaselineParameters) -> None:

@@ -633,7 +633,7 @@ def test_drives_that_are_servos_settle_on_the_demand(tmp_path):
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
-        ("tuned_lidar", "must be made of discon, .* got LidarFeedforward"),
+        ("tuned_lidar", "must be made of discon, .*tuned.* got LidarFeedforward: .* no records .* such as tuned for"),
         ("ipc+ipc_2p", "individual pitch is there twice"),
         ("envs_tests/unit/test_export_discon.py:Exported", "must be a trained agent or a controller of discon"),
     ],
