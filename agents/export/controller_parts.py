@@ -134,8 +134,8 @@ def _refused(part: object) -> ValueError:
     if type(part) is LidarFeedforward:
         why = (
             ": the Bladed interface has no records for the gates of a lidar, and those of OpenFAST's extended one "
-            "depend on the sensor that InflowWind is given. Export the controller without it, such as tuned for tuned_lidar; "
-            "an agent needs a base controller without it in its training"
+            "depend on the sensor that InflowWind is given. Export the controller without it, such as tuned for "
+            "tuned_lidar; an agent needs a base controller without it in its training"
         )
     return ValueError(
         f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}{why}"
