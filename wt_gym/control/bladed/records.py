@@ -172,7 +172,7 @@ def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:
     for number, name in _SINGLE:
         swap[number - 1] = signals[name]
     swap[14 - 1] = signals["shaft_torque"] * signals["rotor_speed"]
-    yaw, fore_aft, side_side = signals["yaw"], *(signals[name] for name in _ACCELERATIONS)
+    yaw, fore_aft, side_side = (signals[name] for name in ("yaw", *_ACCELERATIONS))
     swap[53 - 1] = fore_aft * math.cos(yaw) - side_side * math.sin(yaw)
     swap[54 - 1] = fore_aft * math.sin(yaw) + side_side * math.cos(yaw)
     swap[27 - 1] = math.hypot(signals["wind_x"], signals["wind_y"])
