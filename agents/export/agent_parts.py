@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.agents.export.controller_parts import Parts, estimator_values, note_fade
+from wt_gym.agents.export.controller_parts import ACCELERATION, Parts, estimator_values, note_fade
 from wt_gym.control import NacelleAnemometer
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 
@@ -23,8 +23,8 @@ _PLAIN = {
     "generator_speed": ("GENERATOR_SPEED", {"generator_speed"}),
     "generator_power": ("GENERATOR_POWER", {"power"}),
     "generator_torque": ("GENERATOR_TORQUE", {"generator_torque"}),
-    "nacelle_acceleration_fore_aft": ("ACCELERATION_FORE_AFT", {"fore_aft"}),
-    "nacelle_acceleration_side_side": ("ACCELERATION_SIDE_SIDE", {"side_side"}),
+    "nacelle_acceleration_fore_aft": ("ACCELERATION_FORE_AFT", set(ACCELERATION)),
+    "nacelle_acceleration_side_side": ("ACCELERATION_SIDE_SIDE", set(ACCELERATION)),
     "pitch": ("MEAN_PITCH", {"pitch"}),
     "pitch_rate": ("MEAN_PITCH_RATE", {"pitch"}),
     "pitch_demand": ("MEAN_PITCH_DEMAND", set()),
@@ -204,4 +204,6 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         reads |= {"azimuth", "rotor_speed"}
     if parts.constants["FADE_AGENT"] or torque:
         reads.add("rotor_speed")
+    if reads & ACCELERATION:
+        parts.groups.add("acceleration")
     parts.reads["AGENT"] = reads

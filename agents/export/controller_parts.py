@@ -12,6 +12,7 @@ from wt_gym.control.controllers import (
     DisconController,
     ForeAftDamper,
     IndividualPitch,
+    LidarFeedforward,
     SideSideDamper,
     YawByDeadBand,
 )
@@ -26,11 +27,13 @@ if TYPE_CHECKING:
     from wt_gym.control.rotor_table import RotorTable
     from wt_gym.turbines import Turbine
 
-__all__ = ["SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
+__all__ = ["ACCELERATION", "SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
-             "side_side_damper", "yaw")  # fmt: skip
+             "side_side_damper", "tower_dampers", "tuned", "yaw")  # fmt: skip
 """Names of controllers that can be exported."""
+ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
+"""Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
 
 
 @dataclass
@@ -91,6 +94,7 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
         "gear_ratio": drive.gear_ratio,
         "rated_rotor_speed": drive.rated_rotor_speed,
         "drive": 0.0,
+        "acceleration_axes": 0.0,
         "drive_min_pitch": pitch.min_pitch,
         "drive_max_pitch": pitch.max_pitch,
         "drive_pitch_rate": pitch.max_rate,
@@ -126,7 +130,16 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
 
 
 def _refused(part: object) -> ValueError:
-    return ValueError(f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}")
+    why = ""
+    if type(part) is LidarFeedforward:
+        why = (
+            ": the Bladed interface has no records for the gates of a lidar, and those of OpenFAST's extended one "
+            "depend on the sensor that InflowWind is given. Export the controller without it, such as tuned for "
+            "tuned_lidar; an agent needs a base controller without it in its training"
+        )
+    return ValueError(
+        f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}{why}"
+    )
 
 
 def _baseline(parts: Parts, p: BaselineParameters) -> None:
@@ -255,7 +268,8 @@ def _fore_aft(parts: Parts, addition: ForeAftDamper) -> None:
         "fore_aft_min_pitch": low,
     }
     note_fade(parts, addition.fade, "fore_aft", "fore_aft", "FADE_FORE_AFT")
-    parts.reads.setdefault("DAMPER", set()).update({"fore_aft", "rotor_speed"})
+    parts.groups.add("acceleration")
+    parts.reads.setdefault("DAMPER", set()).update(ACCELERATION | {"rotor_speed"})
 
 
 def _side_side(parts: Parts, addition: SideSideDamper) -> None:
@@ -266,7 +280,8 @@ def _side_side(parts: Parts, addition: SideSideDamper) -> None:
         "side_side_corner": addition._velocity.corner,
         "side_side_limit": addition.limit,
     }
-    parts.reads.setdefault("DAMPER", set()).add("side_side")
+    parts.groups.add("acceleration")
+    parts.reads.setdefault("DAMPER", set()).update(ACCELERATION)
 
 
 def _yaw(parts: Parts, addition: YawByDeadBand) -> None:

@@ -40,6 +40,10 @@ def _fade(group: str, what: str) -> tuple[Entry, ...]:
     )
 
 
+# Which axes a code means by records 53 and 54: OpenFAST's ServoDyn hands over ElastoDyn's YawBrTAxp and YawBrTAyp,
+# along axes of the tower top, which do not yaw with the nacelle (modules/servodyn/src/BladedInterface.f90). In DNV's
+# documentation of Bladed's outputs fore-aft and side-side accelerations of the nacelle are "corrected by the yaw angle"
+# (bladednextgen.dnv.com/documentation/modelling/drivetrainAndNacelle/nacelle/Nacelleoutputs.html): along the nacelle.
 PARAMETERS = (
     Entry("controller_step", "s", "step of the controller"),
     Entry("gear_ratio", "-", "generator speed over rotor speed"),
@@ -62,6 +66,8 @@ PARAMETERS = (
     Entry("drive_max_torque", "N m", "greatest generator torque", "all", 0.0),
     Entry("drive_torque_rate", "N m/s", "greatest rate of the generator torque", "all", 0.0),
     Entry("drive_yaw_rate", "rad/s", "greatest yaw rate", "all", 0.0),
+    Entry("acceleration_axes", "-", "of records 53 and 54; 0: of the tower top, record 37 turns them (OpenFAST), "
+          "1: of the nacelle (Bladed)", "acceleration", 0.0, 1.0),
     Entry("corner_frequency", "rad/s", "of the low-pass filter on the generator speed", "base", 1e-6),
     Entry("filter_damping", "-", "damping ratio of that filter; 0: first order", "base", 0.0),
     Entry("notch_frequency", "rad/s", "of a notch before that filter; 0: none", "base", 0.0),

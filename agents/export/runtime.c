@@ -46,7 +46,7 @@ struct state {
     struct integrator fore_aft, side_side;
     double yaw_slow, yaw_fast;
     int turning;
-    struct demand base, demand;
+    struct demand present, base, demand; /* present: at the first call */
 #if WITH_AGENT
     /* agent */
     double from[N_SETPOINT], to[N_SETPOINT], yaw_rate, action[N_ACT];
@@ -720,6 +720,29 @@ static void drives_move(const struct parameters *p, struct state *s, double tau,
 
 /* ---- readings ---------------------------------------------------------------------------------------------------- */
 
+/* Readings to be told of: those that somebody needs, and the speed that would have stood in for a missing one. */
+static unsigned missed(const struct state *s) {
+    unsigned needed = s->bad & (1u << READ_GENERATOR_SPEED) ? 1u << READ_ROTOR_SPEED : 0u;
+    for (int k = 0; k < N_READINGS; k++)
+        if (READINGS[k].users != 0) needed |= 1u << k;
+    return s->bad & needed;
+}
+
+/* Tower-top acceleration along the axes of the nacelle. Where it comes along those of the tower top (OpenFAST: YawBrTAxp and
+ * YawBrTAyp), the angle of the nacelle turns it; with one of the three missing, the last acceleration is held. */
+static void take_acceleration(const struct parameters *p, struct state *s) {
+    struct readings *r = &s->now;
+    const double x = s->raw[READ_FORE_AFT], y = s->raw[READ_SIDE_SIDE], yaw = s->raw[READ_NACELLE_YAW];
+    const unsigned needed = 1u << READ_FORE_AFT | 1u << READ_SIDE_SIDE | 1u << READ_NACELLE_YAW;
+    if (p->acceleration_axes != 0.0) {
+        r->acceleration_fore_aft = x;
+        r->acceleration_side_side = y;
+    } else if (!(s->bad & needed)) {
+        r->acceleration_fore_aft = cos(yaw) * x + sin(yaw) * y;
+        r->acceleration_side_side = cos(yaw) * y - sin(yaw) * x;
+    }
+}
+
 /* Take the readings: one that is no number or out of range keeps its last good value and rests who needs it. */
 static void read_swap(const struct parameters *p, struct state *s, const float *swap, double elapsed) {
     struct readings *r = &s->now;
@@ -728,9 +751,8 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
     for (int k = 0; k < N_READINGS; k++) {
         const struct reading *from = &READINGS[k];
         double value = swap[from->record - 1];
-        if (from->users == 0) {
-            s->raw[k] = isfinite(value) ? value : 0.0;
-        } else if (value >= from->low && value <= from->high) { /* false for what is no number */
+        if (k == READ_NACELLE_YAW && p->acceleration_axes != 0.0) continue; /* not needed */
+        if (value >= from->low && value <= from->high) { /* false for what is no number */
             s->raw[k] = value;
         } else {
             s->bad |= 1u << k;
@@ -746,8 +768,7 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
     r->generator_torque = raw[READ_TORQUE];
     r->yaw_error = raw[READ_YAW_ERROR];
     r->wind_speed = raw[READ_WIND];
-    r->acceleration_fore_aft = raw[READ_FORE_AFT];
-    r->acceleration_side_side = raw[READ_SIDE_SIDE];
+    take_acceleration(p, s);
     r->azimuth = raw[READ_AZIMUTH];
     for (int b = 0; b < N_BLADES; b++) {
         /* the records hold moments of the blade that does not pitch; those of the pitched blade follow */
@@ -756,6 +777,121 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
         r->flap[b] = out * cos(angle) + in * sin(angle);
         r->edge[b] = in * cos(angle) - out * sin(angle);
     }
+}
+
+/* ---- numbers as text: strtod follows the locale of the caller, which may have a decimal comma ---------------------- */
+
+enum { DIGITS = 40, GREATEST_EXPONENT = 400, LIMBS = 64 }; /* 10^(40 + 400) < 2^1462; shifted by as much at most: < 2^2048 */
+struct whole { unsigned long limb[LIMBS]; int n; };        /* a whole number in base 2^32, the lowest limb first */
+
+static void whole_multiply(struct whole *x, unsigned long factor, unsigned long added) {
+    for (int k = 0; k < x->n; k++) {
+        unsigned long long product = (unsigned long long)x->limb[k] * factor + added;
+        x->limb[k] = (unsigned long)(product & 0xffffffffUL);
+        added = (unsigned long)(product >> 32);
+    }
+    if (added != 0) x->limb[x->n++] = added;
+}
+
+static int whole_compare(const struct whole *x, const struct whole *y) {
+    if (x->n != y->n) return x->n < y->n ? -1 : 1;
+    for (int k = x->n - 1; k >= 0; k--)
+        if (x->limb[k] != y->limb[k]) return x->limb[k] < y->limb[k] ? -1 : 1;
+    return 0;
+}
+
+static void whole_subtract(struct whole *x, const struct whole *y) {
+    unsigned long borrow = 0;
+    for (int k = 0; k < x->n; k++) {
+        unsigned long taken = (k < y->n ? y->limb[k] : 0) + borrow;
+        borrow = x->limb[k] < taken;
+        x->limb[k] = (x->limb[k] + (borrow ? 0xffffffffUL - taken + 1UL : 0UL - taken)) & 0xffffffffUL;
+    }
+    while (x->n > 0 && x->limb[x->n - 1] == 0) x->n--;
+}
+
+/* The double nearest to numerator/denominator, ties to even, by binary long division. */
+static double quotient(struct whole *numerator, struct whole *denominator) {
+    double value = 0.0;
+    int exponent = 0, bits = 53, above;
+    while (whole_compare(numerator, denominator) < 0) {
+        whole_multiply(numerator, 2, 0);
+        exponent--;
+    }
+    for (;;) { /* until 1 <= quotient < 2 */
+        struct whole twice = *denominator;
+        whole_multiply(&twice, 2, 0);
+        if (whole_compare(numerator, &twice) < 0) break;
+        *denominator = twice;
+        exponent++;
+    }
+    if (exponent < -1022) bits -= -1022 - exponent; /* subnormal numbers have fewer */
+    if (bits < 0) return 0.0;
+    for (int k = 0; k < bits; k++) {
+        int one = whole_compare(numerator, denominator) >= 0;
+        value = 2.0 * value + one;
+        if (one) whole_subtract(numerator, denominator);
+        whole_multiply(numerator, 2, 0);
+    }
+    above = whole_compare(numerator, denominator); /* of the rest to half of the last bit */
+    if (above > 0 || (above == 0 && fmod(value, 2.0) != 0.0)) value += 1.0;
+    return ldexp(value, exponent - bits + 1);
+}
+
+/* A decimal number, with a point in every locale, or inf; *end is `at` where there is none. */
+static double read_number(const char *at, const char **end) {
+    struct whole numerator = {{0}, 0}, denominator = {{1}, 1};
+    int digits = 0, any = 0, point = 0, negative;
+    long exponent = 0;
+    double value;
+    const char *from = at;
+    *end = at;
+    from += strspn(from, " \t");
+    negative = *from == '-';
+    if (*from == '-' || *from == '+') from++;
+    if (strncmp(from, "inf", 3) == 0) {
+        *end = from + 3;
+        return negative ? -HUGE_VAL : HUGE_VAL;
+    }
+    for (;; from++) {
+        if (*from == '.' && !point) {
+            point = 1;
+        } else if (*from >= '0' && *from <= '9') {
+            any = 1;
+            if (digits < DIGITS) {
+                whole_multiply(&numerator, 10, (unsigned long)(*from - '0'));
+                digits += numerator.n > 0; /* zeros before the first one do not count */
+                exponent -= point;
+            } else {
+                exponent += !point;
+            }
+        } else {
+            break;
+        }
+    }
+    if (!any) return 0.0;
+    *end = from;
+    if (*from == 'e' || *from == 'E') {
+        long power = 0;
+        int down = from[1] == '-';
+        from += from[1] == '-' || from[1] == '+' ? 2 : 1;
+        if (*from >= '0' && *from <= '9') {
+            for (; *from >= '0' && *from <= '9'; from++)
+                if (power < 100000) power = 10 * power + (*from - '0');
+            exponent += down ? -power : power;
+            *end = from;
+        }
+    }
+    if (numerator.n == 0 || exponent < -GREATEST_EXPONENT) {
+        value = 0.0;
+    } else if (exponent > GREATEST_EXPONENT) {
+        value = HUGE_VAL;
+    } else {
+        for (long k = 0; k < exponent; k++) whole_multiply(&numerator, 10, 0);
+        for (long k = 0; k > exponent; k--) whole_multiply(&denominator, 10, 0);
+        value = quotient(&numerator, &denominator);
+    }
+    return negative ? -value : value;
 }
 
 /* ---- parameter file, checkpoints --------------------------------------------------------------------------------- */
@@ -769,7 +905,8 @@ static int read_parameters(struct parameters *p, const char *path, char *message
         return -1;
     }
     for (int number = 1; fgets(line, sizeof line, file) != NULL; number++) {
-        char name[64], *at, *end;
+        char name[64];
+        const char *at, *end;
         const struct entry *entry = NULL;
         double *value;
         line[strcspn(line, "#!\r\n")] = '\0';
@@ -790,7 +927,7 @@ static int read_parameters(struct parameters *p, const char *path, char *message
         value = (double *)(void *)((char *)p + entry->offset);
         at++;
         for (int k = 0; k < entry->count; k++, at = end) {
-            value[k] = strtod(at, &end);
+            value[k] = read_number(at, &end);
             if (end == at || !(value[k] >= entry->low && value[k] <= entry->high)) {
                 snprintf(message, size, "%.600s, line %d: %s must be %d number(s) from %g to %g", path, number, name,
                          entry->count, entry->low, entry->high);
@@ -858,8 +995,8 @@ static struct demand present_demand(const struct state *s, const float *swap) {
     return d;
 }
 
-static void start(const struct parameters *p, struct state *s, const float *swap, double time) {
-    struct demand present = present_demand(s, swap);
+static void start(const struct parameters *p, struct state *s, double time) {
+    struct demand present = s->present;
     s->count = 0;
     s->next_time = time;
     base_start(p, s, &present);
@@ -906,17 +1043,24 @@ static void write_swap(float *swap, const struct demand *d) {
 
 /* Say once which readings have no meaning. */
 static void tell(struct state *s, char *message, size_t size, int *fail) {
-    unsigned unsaid = s->bad & ~s->told;
+    unsigned unsaid = missed(s) & ~s->told;
+    int stands_in = unsaid & (1u << READ_GENERATOR_SPEED) && !(s->bad & (1u << READ_ROTOR_SPEED));
+    size_t length;
     if (!unsaid) return;
     s->told |= unsaid;
     *fail = 1;
     snprintf(message, size, "no reading of");
     for (int k = 0; k < N_READINGS; k++)
         if (unsaid & (1u << k)) {
-            size_t length = strlen(message);
+            length = strlen(message);
             snprintf(message + length, size - length, " %s (record %d)", READINGS[k].name, READINGS[k].record);
         }
-    if (strlen(message) + 60 < size) strcat(message, ": its last value is held, and what acts on it rests");
+    length = strlen(message);
+    snprintf(message + length, size - length, "%s",
+             !s->running ? ": without it there is nothing to start from"
+             : !stands_in ? ": its last value is held, and what acts on it rests"
+             : unsaid == 1u << READ_GENERATOR_SPEED ? ": the rotor speed stands in for it"
+             : ": the rotor speed stands in for that of the generator, other last values are held, what acts on them rests");
 }
 
 static void call(float *swap, int *fail, const char *in, const char *out, char *message, size_t size) {
@@ -951,7 +1095,8 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
             *fail = -1; /* without them there is nothing to start from */
             return;
         }
-        start(p, s, swap, time);
+        s->present = present_demand(s, swap);
+        start(p, s, time);
         if (INDIVIDUAL_BLADES && swap[27] != 1.0f) {
             *fail = 1;
             snprintf(message, size, "blades must be pitched one by one: record 28 must be 1 (OpenFAST: Ptch_Cntrl), got %g",
@@ -963,7 +1108,7 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
         if (time < s->next_time - 0.5 * fmin(dt, p->controller_step)) {
             read_swap(p, s, swap, 0.0);
             if (!(s->bad_users & FOR_BASE)) {
-                start(p, s, swap, s->step_time);
+                start(p, s, s->step_time); /* from the demand before the first call: the records have its answer */
                 s->provisional = 0;
                 step(p, s);
             }
@@ -981,8 +1126,10 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
     write_swap(swap, &demands);
 }
 
-/* Length of a string that a record gives, without the final null. */
-static int length_of(float record, size_t most) { return record > 1.0f ? (int)fmin(record - 1.0f, (double)most) : 0; }
+/* Length of a string that a record gives, without the final null; the most where it gives none, and the null ends it. */
+static int length_of(float record, size_t most) {
+    return (int)(record >= 1.0f ? fmin(record - 1.0f, (double)most) : (double)most);
+}
 
 #if defined(_WIN32)
 __declspec(dllexport)
@@ -991,10 +1138,10 @@ __attribute__((visibility("default")))
 #endif
 void DISCON(float *avrSWAP, int *aviFAIL, const char *accINFILE, const char *avcOUTNAME, char *avcMSG);
 
-/* The Bladed interface. Strings end with a null or after the lengths in records 49 to 51. */
+/* The Bladed interface. Strings end with a null, or after the lengths in records 49 to 51. */
 void DISCON(float *avrSWAP, int *aviFAIL, const char *accINFILE, const char *avcOUTNAME, char *avcMSG) {
     char in[PATH_SIZE], out[PATH_SIZE], message[1025] = "";
-    int length = length_of(avrSWAP[48], sizeof message);
+    int length = length_of(avrSWAP[48], sizeof message - 1);
     int n_in = length_of(avrSWAP[49], sizeof in - 1), n_out = length_of(avrSWAP[50], sizeof out - 1);
     *aviFAIL = 0;
     snprintf(in, sizeof in, "%.*s", n_in, accINFILE == NULL ? "" : accINFILE);

@@ -35,6 +35,7 @@ _FIRST = {
     "generator_speed": "READ_GENERATOR_SPEED", "rotor_speed": "READ_ROTOR_SPEED", "power": "READ_POWER",
     "generator_torque": "READ_TORQUE", "yaw_error": "READ_YAW_ERROR", "wind": "READ_WIND",
     "fore_aft": "READ_FORE_AFT", "side_side": "READ_SIDE_SIDE", "azimuth": "READ_AZIMUTH",
+    "nacelle_yaw": "READ_NACELLE_YAW",
 }  # fmt: skip
 """Names of the first reading of each kind in the C source."""
 
@@ -70,6 +71,7 @@ def readings(parts: Parts) -> list[tuple[str, int, str, float, float, set[str]]]
         ("fore_aft", 53, "fore-aft acceleration", 50.0),
         ("side_side", 54, "side-side acceleration", 50.0),
         ("azimuth", 60, "azimuth", 1e4),
+        ("nacelle_yaw", 37, "nacelle yaw", 1e4),
     ]
     needed = {kind: {user for user in _USERS if kind in parts.reads.get(user, set())} for kind in _FIRST}
     return [(kind, record, name, -most, most, needed[kind]) for kind, record, name, most in rows]

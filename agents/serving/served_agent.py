@@ -94,6 +94,9 @@ _READ = {
 _SIGNAL_OF = {"wind_speed": "wind_x", "acceleration_fore_aft": "nacelle_acceleration_fore_aft"}
 """Signals of the simulator that have another name."""
 _MOMENT = "root_out_of_plane_moment_"
+_ASKEW = "FA_Acc_TT along the nacelle (NacHeading must be within 30 deg of the tower's x axis)"
+_LEAST_SHARE = math.cos(math.radians(30.0))
+"""Of a fore-aft acceleration that must go along the x axis of the tower top, for it to be read from that alone."""
 
 
 def _needed(channels: tuple[str, ...], turns: bool, n_blades: int) -> tuple[str, ...]:
@@ -109,6 +112,17 @@ def _needed(channels: tuple[str, ...], turns: bool, n_blades: int) -> tuple[str,
             name = re.sub("^nacelle_|_(sin|cos)$", "", name)
             needed |= {_READ[name]} if name in _READ else set()
     return tuple(sorted(needed))
+
+
+def _fore_aft(acceleration: float, yaw: float) -> float:
+    """Fore-aft acceleration of a nacelle that heads along a yaw angle [rad], from that along the tower's x axis [m/s²].
+
+    ROSCO passes on OpenFAST's YawBrTAxp, along an axis that does not yaw, and not the YawBrTAyp across it. What moves
+    side-side, and goes into the former with the sine of the angle, is small against fore-aft and taken as zero. Not a
+    number beyond 30 deg, where that no longer holds.
+    """
+    share = math.cos(yaw) if math.isfinite(yaw) else math.nan
+    return acceleration / share if abs(share) >= _LEAST_SHARE else math.nan
 
 
 def _finite(value: float) -> float:
@@ -189,6 +203,7 @@ class _Turbine:
     def _take(self, message: Message, hold: float) -> tuple[str, ...]:
         """Take over the readings; give ROSCO's names of those that are needed and missing."""
         readings = {name: getattr(message, field) for field, name in _READ.items()}
+        given, readings["FA_Acc_TT"] = readings["FA_Acc_TT"], _fore_aft(message.acceleration_fore_aft, message.yaw)
         for field, name in _READ.items():
             self._signals.set(_SIGNAL_OF.get(field, field), _finite(readings[name]))
         for b in range(self._n_blades):
@@ -199,7 +214,9 @@ class _Turbine:
         known = math.isfinite(message.azimuth)
         self._azimuth = message.azimuth if known else self._azimuth + self._speed * hold
         self._speed = message.rotor_speed if math.isfinite(message.rotor_speed) else self._speed
-        return tuple(name for name in self._needed if not math.isfinite(readings[name]))
+        askew = math.isfinite(given) and math.isfinite(message.yaw)
+        missing = (name for name in self._needed if not math.isfinite(readings[name]))
+        return tuple(_ASKEW if name == "FA_Acc_TT" and askew else name for name in missing)
 
     def _tell_missing(self, missing: tuple[str, ...]) -> None:
         if missing:

@@ -18,7 +18,7 @@ from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.commands.export import main
 from wt_gym.control.bladed.records import new_swap, write_readings
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.simulation import Signals
+from wt_gym.simulation import Signals, Simulator
 from wt_gym.turbines import load_turbine
 
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"
@@ -189,6 +189,29 @@ def demands_over(env, duration, act, held=()):
         observation, *_, info = env.step(act(observation))
         powers.append(info["generator_power"])
     return np.array(rows), float(np.mean(powers))
+
+
+@pytest.mark.parametrize("duration", [20.0])
+def test_a_library_damps_the_tower_of_a_nacelle_that_heads_elsewhere(duration, tmp_path, monkeypatch):
+    """Its accelerations come along axes that do not yaw, and it acts as Python's controller does."""
+    name, direction = "constrained_ipc+tower_dampers", 1.0
+    reset = Simulator.reset
+
+    def turned(self, *words, **options):
+        return reset(self, *words, **(options | {"yaw": direction}))
+
+    monkeypatch.setattr(Simulator, "reset", turned)
+    made = export_discon(name, tmp_path)["files"]
+    wind = WIND | {"episode_length": None, "pitch": "fixed-frame", "action_components": ["pitch"]}
+    wind |= {"wind_direction": direction}
+    library, rows = f"bladed:{made[1]}:input_file={made[2]}", []
+    for controller in (name, library):
+        env = WindTurbineEnv(**wind, controller=controller)
+        rows.append(demands_over(env, duration, lambda obs: np.zeros(3))[0])
+        assert env.signals["yaw"] == pytest.approx(direction, abs=1e-6)
+    assert abs(rows[1] - rows[0]).max() < 1e-5
+    undamped = demands_over(WindTurbineEnv(**wind, controller="constrained_ipc"), duration, lambda obs: np.zeros(3))[0]
+    assert abs(undamped - rows[0]).max() > 1e-3  # dampers do act
 
 
 @pytest.mark.parametrize("duration", [60.0, pytest.param(600.0, marks=pytest.mark.slow)])

@@ -166,6 +166,42 @@ def test_a_missing_reading_lets_rosco_act_alone(env, caplog):
     assert caplog.text.count("all readings are back at 1.4 s") == 1
 
 
+class Noting(Steady):
+    """An agent that notes what it observes."""
+
+    def __init__(self):
+        super().__init__([0.0, 0.0, 0.0])
+        self.seen = []
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        self.seen.append(np.array(observation))
+        return super().predict(observation)
+
+
+@pytest.mark.parametrize("heading", [0.0, 20.0, -25.0, 340.0, 170.0])
+def test_the_acceleration_of_a_nacelle_that_heads_elsewhere_is_its_own(env, heading):
+    """ROSCO sends the acceleration along an axis that does not yaw: a part of the fore-aft one, of either sign."""
+    agent = Noting()
+    served = ServedAgent(lambda: agent, env)
+    turned = 0.4 * math.cos(math.radians(heading))
+    served.answer(message(0.0, status=0, n9=heading, n15=turned))
+    place = env.layout.observation.index("nacelle_acceleration_fore_aft")
+    straight = Noting()
+    ServedAgent(lambda: straight, env).answer(message(0.0, status=0, n15=0.4))
+    assert agent.seen[0][place] == pytest.approx(straight.seen[0][place], rel=1e-5)
+    assert abs(straight.seen[0][place]) > 0.01
+    assert np.delete(agent.seen[0], place) == pytest.approx(np.delete(straight.seen[0], place))
+
+
+@pytest.mark.parametrize(("heading", "said"), [(45.0, r"NacHeading must be within 30 deg"), (math.nan, "no FA_Acc_TT")])
+def test_an_acceleration_across_the_nacelle_lets_rosco_act_alone(env, heading, said, caplog):
+    points = ServedAgent(up, env).answer(message(0.0, status=0, n9=heading))
+    assert points == SetPoints()
+    assert said in caplog.text
+    without = WindTurbineEnv(**(KWARGS | {"pitch": "individual", "observation": ["rotor_speed"]}))
+    assert ServedAgent(up, without).answer(message(0.0, status=0, n9=heading)).pitch_offset_1 > 0.0
+
+
 def test_a_reading_that_the_agent_does_not_need_may_be_missing():
     env = WindTurbineEnv(**(KWARGS | {"pitch": "individual", "observation": ["rotor_speed"]}))
     served = ServedAgent(up, env)

@@ -2,6 +2,7 @@
 
 import math
 import shutil
+import struct
 import subprocess
 from pathlib import Path
 
@@ -44,10 +45,13 @@ class Exported:
 def as_read(swap, n_blades):
     """Signals by name as records hold them."""
     swap = swap.astype(np.float64)
+    yaw = swap[36]
+    cos, sin = math.cos(yaw), math.sin(yaw)
     read = {
         "generator_speed": swap[19], "rotor_speed": swap[20], "generator_power": swap[14], "generator_torque": swap[22],
-        "yaw_error": swap[23], "yaw": swap[36], "wind_x": swap[26], "wind_y": 0.0,
-        "nacelle_acceleration_fore_aft": swap[52], "nacelle_acceleration_side_side": swap[53], "azimuth": swap[59],
+        "yaw_error": swap[23], "yaw": yaw, "wind_x": swap[26], "wind_y": 0.0, "azimuth": swap[59],
+        "nacelle_acceleration_fore_aft": cos * swap[52] + sin * swap[53],
+        "nacelle_acceleration_side_side": cos * swap[53] - sin * swap[52],
     }  # fmt: skip
     for b in range(n_blades):
         out, within, angle = (swap[records[b] - 1] for records in (OUT_OF_PLANE, IN_PLANE, PITCH))
@@ -77,6 +81,7 @@ def random_readings(turbine, count, seed, dt):
     names = {
         "rotor_speed": (0.0, 1.3 * speed, 0.01), "torque_part": (0.0, 1.1, 0.02), "wind_x": (1.0, 30.0, 0.02),
         "yaw_error": (-0.6, 0.6, 0.02), "fore_aft": (-1.0, 1.0, 0.1), "side_side": (-0.5, 0.5, 0.1),
+        "yaw": (-3.0, 3.0, 0.002),
     }  # fmt: skip
     names |= {f"pitch_{b + 1}": (-0.05, 0.5, 0.01) for b in range(n)}
     names |= {f"root_{kind}_moment_{b + 1}": (-moment, moment, 0.03) for kind in ("flap", "edge") for b in range(n)}
@@ -88,7 +93,7 @@ def random_readings(turbine, count, seed, dt):
         torque = now.pop("torque_part") * drive.max_generator_torque
         generator_speed = now["rotor_speed"] * drive.gear_ratio
         yield now | {
-            "time": k * dt, "wind_y": 0.0, "azimuth": azimuth, "yaw": 0.0, "generator_speed": generator_speed,
+            "time": k * dt, "wind_y": 0.0, "azimuth": azimuth, "generator_speed": generator_speed,
             "generator_torque": torque, "generator_power": torque * generator_speed, "shaft_torque": 0.0,
             "rotor_thrust": 0.0, "nacelle_acceleration_fore_aft": now.pop("fore_aft"),
             "nacelle_acceleration_side_side": now.pop("side_side"),
@@ -116,6 +121,7 @@ int main(int n, char **words) {
         swap[19] = uniform(-10.0f, 200.0f); swap[20] = swap[19] / 97.0f; swap[14] = uniform(0.0f, 6e6f);
         swap[22] = uniform(0.0f, 5e4f); swap[23] = uniform(-7.0f, 7.0f); swap[26] = uniform(0.0f, 40.0f);
         swap[52] = uniform(-60.0f, 60.0f); swap[53] = uniform(-2.0f, 2.0f); swap[59] = uniform(-10.0f, 10.0f);
+        swap[36] = uniform(-4.0f, 4.0f);
         if (k > 0 && k % 7 == 0) swap[rand() % 75 + 3] = k % 2 ? NAN : INFINITY;
         DISCON(swap, &fail, words[1], words[2], message);
         if (fail < worst) worst = fail;
@@ -136,6 +142,47 @@ int main(int n, char **words) {
     return worst == 0 ? 0 : 5;
 }
 """
+
+
+NUMBERS = r"""
+#include <locale.h>
+#include <stdio.h>
+#include <string.h>
+int main(int n, char **words) {
+    char line[4096];
+    if (n > 1 && setlocale(LC_ALL, words[1]) == NULL) return 2;
+    if (n > 1 && snprintf(line, sizeof line, "%.1f", 0.5) && line[1] != ',') return 3;
+    while (fgets(line, sizeof line, stdin) != NULL) {
+        const char *end;
+        double value;
+        unsigned long long bits;
+        line[strcspn(line, "\n")] = 0;
+        value = read_number(line, &end);
+        memcpy(&bits, &value, sizeof bits);
+        printf("%016llx %d\n", bits, (int)(end - line));
+    }
+    return 0;
+}
+"""
+
+
+def numbers_read(source, texts, folder, locale=None, environment=None):
+    """Numbers that the parameter file of a source would have of texts, and how many characters each took."""
+    if not (compiler := shutil.which("gcc") or shutil.which("clang")):
+        pytest.skip("gcc or clang is needed")
+    (folder / "numbers.c").write_text(f'#include "{source}"\n' + NUMBERS, encoding="utf-8")
+    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    command = [compiler, *flags, "-o", str(folder / "numbers"), str(folder / "numbers.c"), "-lm"]
+    built = subprocess.run(command, capture_output=True, text=True)
+    if "cannot find" in built.stderr:
+        pytest.skip("the libraries of the sanitizers are not installed")
+    assert built.returncode == 0, built.stderr
+    words = [str(folder / "numbers"), *([locale] if locale else [])]
+    text = "".join(f"{line}\n" for line in texts)
+    done = subprocess.run(words, input=text, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    rows = [line.split() for line in done.stdout.splitlines()]
+    return [(struct.unpack(">d", bytes.fromhex(bits))[0], int(count)) for bits, count in rows]
 
 
 def sanitized(source, parameters, folder):

@@ -65,11 +65,13 @@ def readings(signals, number, status):
         pitch = signals[f"pitch_{b}"]
         flap, edge = signals[f"root_flap_moment_{b}"], signals[f"root_edge_moment_{b}"]
         moments.append(flap * math.cos(pitch) - edge * math.sin(pitch))
+    yaw, fore_aft = signals["yaw"], signals["nacelle_acceleration_fore_aft"]
+    along_x = fore_aft * math.cos(yaw) - signals["nacelle_acceleration_side_side"] * math.sin(yaw)
     return [
         number, status, signals["time"], signals["shaft_torque"] * signals["rotor_speed"], signals["generator_power"],
         signals["generator_speed"], signals["rotor_speed"], signals["generator_torque"], math.degrees(signals["yaw"]),
         math.degrees(signals["yaw_error"]), math.hypot(signals["wind_x"], signals["wind_y"]), *moments,
-        signals["nacelle_acceleration_fore_aft"], 0.0, signals["azimuth"],
+        along_x, 0.0, signals["azimuth"],
     ]  # fmt: skip
 
 

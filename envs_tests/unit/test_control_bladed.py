@@ -14,7 +14,7 @@ from wt_gym.agents.names import fingerprint
 from wt_gym.bridges.compiler import CompilerError, compile_library, find_compiler, library_name
 from wt_gym.control import Demand
 from wt_gym.control.bladed import RECORDS, BladedController, rosco_library
-from wt_gym.control.bladed.records import channels_read
+from wt_gym.control.bladed.records import channels_read, new_swap, write_readings
 from wt_gym.control.bladed.rosco import tuned_input
 from wt_gym.control.bladed.rosco_input import PERFORMANCE_FILE, write_rosco_input
 from wt_gym.control.controllers import make_controller, parse_name
@@ -99,6 +99,16 @@ def test_root_moments_belong_to_the_blade_that_does_not_pitch(library):
     assert pitch[:2] == pytest.approx([-1e6, 3e6], rel=1e-6)  # turned by a quarter
     signals = readings(root_flap_moment_1=3e6, root_edge_moment_1=1e6)
     assert started(library, signals).step(signals, 0.1).pitch[:2] == pytest.approx([3e6, 1e6])
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5, -2.0])
+def test_accelerations_are_those_along_axes_that_do_not_yaw(yaw):
+    """What OpenFAST's YawBrTAxp and YawBrTAyp are: x to the back of a nacelle that heads along x, y to its left."""
+    along, across = np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])
+    swap = new_swap()
+    names = {"yaw": yaw, "nacelle_acceleration_fore_aft": 0.7, "nacelle_acceleration_side_side": -0.2}
+    write_readings(swap, readings(**names), 3)
+    assert swap[[52, 53]] == pytest.approx(0.7 * along - 0.2 * across, abs=1e-6)
 
 
 def test_calls_come_at_the_step_or_more_often(library):

@@ -8,6 +8,11 @@ Root moments belong to the axes of the coned blade that does not pitch (OpenFAST
 channels `root_flap_moment` and `root_edge_moment` belong to the pitched blade. With the pitch angle θ of a blade
 
 ``My_c = M_flap cos θ − M_edge sin θ``,   ``Mx_c = M_flap sin θ + M_edge cos θ``.
+
+Tower-top accelerations belong to the axes of the tower top, which do not yaw with the nacelle (OpenFAST's YawBrTAxp and
+YawBrTAyp), while the channels are along the axes of the nacelle. With the yaw ψ of record 37
+
+``a_x = a_fore-aft cos ψ − a_side-side sin ψ``,   ``a_y = a_fore-aft sin ψ + a_side-side cos ψ``.
 """
 
 from __future__ import annotations
@@ -90,7 +95,7 @@ RECORDS = (
     Record((47,), "N m", "controller", "generator torque demand"),
     Record((48,), "rad/s", "controller", "yaw rate demand"),
     Record((49, 50, 51), "-", "turbine", "lengths of message, input file name and output name, with the final null"),
-    Record((53, 54), "m/s²", "simulation", "tower-top acceleration, fore-aft and side-side"),
+    Record((53, 54), "m/s²", "simulation", "tower-top acceleration along x and y, which do not yaw with the nacelle"),
     Record((60,), "rad", "simulation", "azimuth of blade 1, 0 when it points up"),
     Record((61,), "-", "turbine", "number of blades"),
     Record((62, 63, 64), "-", "turbine", "values for logging: most, first record, characters of their names"),
@@ -107,17 +112,17 @@ AZIMUTH = 60 - 1
 _PITCH, _OUT_OF_PLANE, _IN_PLANE = (4, 33, 34), (30, 31, 32), (69, 70, 71)
 _SINGLE = (
     (20, "generator_speed"), (21, "rotor_speed"), (15, "generator_power"), (23, "generator_torque"),
-    (24, "yaw_error"), (37, "yaw"), (53, "nacelle_acceleration_fore_aft"), (54, "nacelle_acceleration_side_side"),
-    (60, "azimuth"), (109, "shaft_torque"), (110, "rotor_thrust"),
+    (24, "yaw_error"), (37, "yaw"), (60, "azimuth"), (109, "shaft_torque"), (110, "rotor_thrust"),
 )  # fmt: skip
 """Records that are a channel as it is."""
+_ACCELERATIONS = ("nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side")
 
 
 def channels_read(n_blades: int) -> tuple[str, ...]:
     """Channels behind the readings of a turbine with so many blades."""
     per_blade = ("pitch", "root_flap_moment", "root_edge_moment")
     blades = [f"{name}_{b}" for name in per_blade for b in range(1, n_blades + 1)]
-    return ("time", "wind_x", "wind_y", *(name for _, name in _SINGLE), *blades)
+    return ("time", "wind_x", "wind_y", *_ACCELERATIONS, *(name for _, name in _SINGLE), *blades)
 
 
 def new_swap() -> np.ndarray:
@@ -167,6 +172,9 @@ def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:
     for number, name in _SINGLE:
         swap[number - 1] = signals[name]
     swap[14 - 1] = signals["shaft_torque"] * signals["rotor_speed"]
+    yaw, fore_aft, side_side = (signals[name] for name in ("yaw", *_ACCELERATIONS))
+    swap[53 - 1] = fore_aft * math.cos(yaw) - side_side * math.sin(yaw)
+    swap[54 - 1] = fore_aft * math.sin(yaw) + side_side * math.cos(yaw)
     swap[27 - 1] = math.hypot(signals["wind_x"], signals["wind_y"])
     for b in range(n_blades):
         pitch, flap, edge = (signals[f"{name}_{b + 1}"] for name in ("pitch", "root_flap_moment", "root_edge_moment"))
