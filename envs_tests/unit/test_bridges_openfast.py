@@ -602,6 +602,40 @@ class TestDriverRuns:
         assert math.radians(elasto.number("BlPitch(2)")) == pytest.approx(point.pitch)
         assert math.radians(elasto.number("Azimuth")) == pytest.approx(0.5)
 
+    @staticmethod
+    def own_model(turbine, folder, **values):
+        """Primary file of a model of the user's with values of module and keyword, ``ServoDyn_DT`` for example."""
+        primary = write_model(turbine, folder)
+        names = {"OpenFAST": primary.name, "ServoDyn": "servodyn.dat", "ElastoDyn": "elastodyn.dat"}
+        for place, value in values.items():
+            module, _, key = place.partition("_")
+            file = InputFile(folder / names[module])
+            file.set(key, value)
+            file.write(file.path)
+        return primary
+
+    @staticmethod
+    def driven(turbine, model, folder, interval=0.1):
+        controller = ServedController("mine.so", "mine.in")
+        return write_driver_run(
+            turbine, SteadyInflow(8.0), folder, controller, duration=1.0, interval=interval, model=model
+        )
+
+    @pytest.mark.parametrize("step", [0.008, 0.1])
+    def test_the_library_of_a_model_is_called_at_its_step(self, turbine, tmp_path, step):
+        """ServoDyn ends with another DLL_DT that its step does not divide, and holds demands over a longer one."""
+        model = self.own_model(turbine, tmp_path / "own", OpenFAST_DT=0.008, ServoDyn_DT=0.008, ServoDyn_DLL_DT=step)
+        primary = self.driven(turbine, model, tmp_path / "run")
+        servo = InputFile(primary.with_name("servodyn.dat"))
+        assert InputFile(primary).number("DT") == pytest.approx(0.1 / 13)
+        assert servo.is_default("DT")
+        assert servo.is_default("DLL_DT")
+
+    def test_blades_of_beamdyn_are_refused(self, turbine, tmp_path):
+        model = self.own_model(turbine, tmp_path / "own", OpenFAST_CompElast=2)
+        with pytest.raises(SimulationError, match="CompElast must be 1; blades of BeamDyn are not flown here, got 2"):
+            self.driven(turbine, model, tmp_path / "run")
+
     def test_rotors_that_turn_the_other_way_are_refused(self, turbine, tmp_path):
         with pytest.raises(TurbineDefinitionError, match="rotation must be 'clockwise'"):
             write_driver_run(

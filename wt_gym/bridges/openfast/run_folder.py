@@ -137,10 +137,10 @@ def prepare_run(
     if unknown := set(changes) - {"OpenFAST", *MODULES}:
         raise SimulationError(f"changes must name modules {', '.join(('OpenFAST', *MODULES))}; got {sorted(unknown)}")
     primary = InputFile(model)
-    for key, supported in (("CompElast", (1, 2)), ("CompInflow", (1,)), ("CompAero", (2,)), ("CompServo", (1,))):
-        if int(primary.number(key)) not in supported:
-            allowed = " or ".join(map(str, supported))
-            raise SimulationError(f"{model.name}: {key} must be {allowed}, got {primary.text(key)}")
+    for key, supported in (("CompElast", 1), ("CompInflow", 1), ("CompAero", 2), ("CompServo", 1)):
+        if int(primary.number(key)) != supported:
+            beam = "; blades of BeamDyn are not flown here" if key == "CompElast" else ""
+            raise SimulationError(f"{model.name}: {key} must be {supported}{beam}, got {primary.text(key)}")
     files = {name: InputFile(_named(primary, key)) for name, key in MODULES.items()}
     if model.parent.resolve() != folder.resolve():
         for file in (primary, *files.values()):
@@ -233,6 +233,7 @@ def _set_servodyn(file: InputFile, start: RunStart, controller: ServedController
         file.set("DLL_FileName", controller.library)
         file.set("DLL_InFile", controller.input_file)
         file.set("DLL_ProcName", "DISCON")
+        file.set_default("DLL_DT")  # the step of ServoDyn: a longer one holds demands late, another one is fatal
         file.set("DLL_Ramp", False)
         file.set("BPCutoff", _FOREVER)
         file.set("Ptch_Cntrl", 1)  # else the collective pitch alone is read
