@@ -308,3 +308,24 @@ def test_the_command_serves_until_the_last_call(capsys, tmp_path):
     ]
     with pytest.raises(SystemExit, match="port must be from 1 to 65535, got 0"):
         main(["zero", "--port", "0"])
+
+
+@pytest.mark.parametrize(
+    ("words", "idle"),
+    [([], 600.0), (["--stay"], None), (["--stay", "--timeout", "5"], 5.0), (["--timeout", "5"], 5.0)],
+)
+def test_a_server_that_stays_has_no_time_out_unless_one_is_given(words, idle, monkeypatch):
+    made = []
+
+    class Noted(RoscoServer):
+        def __init__(self, address, answers, timeout=None):
+            made.append(timeout)
+            super().__init__("tcp://127.0.0.1:*", answers, timeout)
+
+        def serve(self, stay=False, turbines=1):
+            made.append((stay, turbines))
+            return 0
+
+    monkeypatch.setattr("wt_gym.bridges.rosco.RoscoServer", Noted)
+    main(["zero", "--turbines", "3", *words])
+    assert made == [idle, ("--stay" in words, 3)]
