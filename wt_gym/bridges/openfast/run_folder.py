@@ -31,6 +31,8 @@ _FOREVER = 1e6
 _STATUS = 10.0
 """Time between lines in which the driver says how far it is [s]."""
 _RPM = math.pi / 30.0
+_SAME = 0.01
+"""Share by which numbers of a turbine and of its model may differ."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,7 @@ def prepare_run(
     Raises
     ------
     TurbineDefinitionError
-        If a file or a keyword is missing in the model.
+        If a file or a keyword is missing in the model, or it is a model of another turbine.
     SimulationError
         If the model leaves out a module that is needed, or ``changes`` names none.
     """
@@ -142,6 +144,7 @@ def prepare_run(
             beam = "; blades of BeamDyn are not flown here" if key == "CompElast" else ""
             raise SimulationError(f"{model.name}: {key} must be {supported}{beam}, got {primary.text(key)}")
     files = {name: InputFile(_named(primary, key)) for name, key in MODULES.items()}
+    _require_turbine(model, files["ElastoDyn"], turbine)
     if model.parent.resolve() != folder.resolve():
         for file in (primary, *files.values()):
             file.resolve_paths()
@@ -169,6 +172,21 @@ def prepare_run(
     path = folder / ("run.fst" if driver is None else "model.fst")
     primary.write(path)
     return path
+
+
+def _require_turbine(model: Path, elastodyn: InputFile, turbine: Turbine) -> None:
+    """Refuse a model of another turbine: start, controller and signals would be those of the wrong one."""
+    for key, what, wanted in (
+        ("NumBl", "blades", float(turbine.n_blades)),
+        ("TipRad", "m from the axis to the tips", turbine.hub.radius + turbine.blade.length),
+        ("GBRatio", "of the gearbox", turbine.drivetrain.gear_ratio),
+    ):
+        found = elastodyn.number(key)
+        if abs(found - wanted) > _SAME * wanted:
+            raise TurbineDefinitionError(
+                f"{model.name}: {key} must be that of the turbine {turbine.name}, {wanted:.6g} ({what}) within "
+                f"{100.0 * _SAME:g} %, got {found:.6g}"
+            )
 
 
 def _divides(part: float, step: float) -> bool:
