@@ -2,10 +2,12 @@
 
 import ctypes
 import importlib.util
+import json
 import math
 import re
+import shutil
 import subprocess
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -32,8 +34,10 @@ from wt_gym.bridges.openfast.pitch_path import PitchPath
 from wt_gym.bridges.openfast.relay import relay_library
 from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
 from wt_gym.bridges.openfast.start import BentTurbine
+from wt_gym.bridges.openfast.turbine_file import read_turbine, write_turbine
 from wt_gym.bridges.openfast.wind_file import sampled, write_wind
 from wt_gym.commands import loadcases
+from wt_gym.commands.loads import main as loads_command
 from wt_gym.control.blade_element import BladeElementRotor, BladeElements
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.simulators import simulator_maker
@@ -42,7 +46,7 @@ from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import StuckPitch
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes
-from wt_gym.turbines import PitchSystem, load_turbine
+from wt_gym.turbines import PitchSystem, catalogue, load_turbine
 from wt_gym.turbines.clearance import unloaded_clearance
 from wt_gym.turbines.mirror import mirrored
 from wt_gym.turbines.openfast import read_openfast
@@ -576,6 +580,15 @@ def written(turbine, tmp_path_factory):
     return write_driver_run(turbine, wind, folder, controller, duration=30.0, interval=0.1, azimuth=0.5)
 
 
+def leaves(value):
+    """What stands in records within records, arrays by their bytes."""
+    if is_dataclass(value):
+        return {item.name: leaves(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.shape, value.tobytes()
+    return [leaves(item) for item in value] if isinstance(value, tuple) else value
+
+
 class TestDriverRuns:
     """Folders for OpenFAST's driver, and what it writes."""
 
@@ -631,6 +644,19 @@ class TestDriverRuns:
         assert servo.is_default("DT")
         assert servo.is_default("DLL_DT")
 
+    @pytest.mark.parametrize(
+        ("key", "value", "said"),
+        [
+            ("TipRad", 120.97, r"TipRad must be that of the turbine .*, 63 \(m .*\) within 1 %, got 120.97"),
+            ("NumBl", 2, "NumBl must be that of the turbine .*, 3 .*, got 2"),
+            ("GBRatio", 1.0, "GBRatio must be that of the turbine .*, 97 .*, got 1"),
+        ],
+    )
+    def test_a_model_of_another_turbine_is_refused(self, turbine, tmp_path, key, value, said):
+        model = self.own_model(turbine, tmp_path / "own", **{f"ElastoDyn_{key}": value})
+        with pytest.raises(TurbineDefinitionError, match=said):
+            self.driven(turbine, model, tmp_path / "run")
+
     def test_blades_of_beamdyn_are_refused(self, turbine, tmp_path):
         model = self.own_model(turbine, tmp_path / "own", OpenFAST_CompElast=2)
         with pytest.raises(SimulationError, match="CompElast must be 1; blades of BeamDyn are not flown here, got 2"):
@@ -684,6 +710,38 @@ class TestDriverRuns:
         travel, most = each["pitch_travel_2"].values, each["root_flap_moment_max_1"].values
         assert pairs["pitch_travel_2"].values[1:] == pytest.approx([travel[1:3].sum(), travel[3:5].sum()])
         assert pairs["root_flap_moment_max_1"].values[1:] == pytest.approx([max(most[1:3]), max(most[3:5])])
+
+    @staticmethod
+    def loads(path, capsys, *more):
+        loads_command([str(path), "--skip", "0", "--json", *more])
+        return json.loads(capsys.readouterr().out.splitlines()[-1])[str(path)]
+
+    def test_loads_are_those_of_the_turbine_that_was_flown(self, turbine, written, tmp_path, capsys):
+        """Power has the gear ratio and efficiency of the generator of that turbine."""
+        other = replace(
+            turbine, drivetrain=replace(turbine.drivetrain, generator_efficiency=0.5), notes=("made for a test",)
+        )
+        shutil.copy(written.with_name("turbine.json"), tmp_path)
+        (tmp_path / "other").mkdir()
+        write_turbine(other, tmp_path / "other" / "turbine.json")
+        paths = [tmp_path / "model.out", tmp_path / "other" / "model.out"]
+        for path in paths:
+            path.write_text(self.outputs(turbine)[2], encoding="utf-8")
+        own, half = (self.loads(path, capsys) for path in paths)
+        assert half["mean_power"] == pytest.approx(own["mean_power"] * 0.5 / turbine.drivetrain.generator_efficiency)
+        (tmp_path / "turbine.json").unlink()
+        with pytest.raises(SystemExit, match=r"--turbine must name the turbine of .*: there is no turbine.json beside"):
+            loads_command([str(paths[0])])
+        assert self.loads(paths[0], capsys, "--turbine", "nrel_5mw") == own
+        (tmp_path / "turbine.json").write_text('{"record": "Tower", "fields": {}}', encoding="utf-8")
+        with pytest.raises(SystemExit, match="must be the file of a turbine that was written here"):
+            loads_command([str(paths[0])])
+
+    @pytest.mark.parametrize("name", catalogue())
+    def test_a_turbine_file_gives_the_turbine_back(self, tmp_path, name):
+        wanted = load_turbine(name)
+        write_turbine(wanted, tmp_path / "turbine.json")
+        assert leaves(read_turbine(tmp_path / "turbine.json")) == leaves(wanted)
 
     def test_what_is_not_such_a_file_is_refused(self, turbine, tmp_path):
         (tmp_path / "a.out").write_text("nothing\n", encoding="utf-8")
