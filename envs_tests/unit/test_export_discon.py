@@ -432,6 +432,18 @@ def test_the_command_names_files_and_compiles_for_the_turbine(tmp_path, capsys):
     assert "| 23 | generator torque |" in page
 
 
+def test_the_page_names_the_yaw_mode_where_the_controller_yaws(exported):
+    """ServoDyn reads the yaw rate with YCMode 5 alone, and ElastoDyn turns the nacelle with YawDOF."""
+    yawing, still = (
+        Path(exported(choice)[3]).read_text(encoding="utf-8")
+        for choice in ("tsr_tracking+ipc+yaw:dead_band=0.05", "tuned")
+    )
+    assert "`PCMode`, `VSContrl` and `YCMode` 5" in yawing
+    assert "`YawDOF` True" in yawing
+    assert "`PCMode` and `VSContrl` 5" in still
+    assert "Y" not in still.partition("In OpenFAST's ServoDyn")[2].partition("## Readings")[0]
+
+
 def test_every_parameter_of_a_file_is_one_of_the_table(exported):
     _, _, parameters, _ = exported("tsr_tracking+ipc+yaw:dead_band=0.05")
     lines = Path(parameters).read_text(encoding="utf-8").splitlines()
