@@ -634,6 +634,39 @@ class TestDriverRuns:
             turbine, SteadyInflow(8.0), folder, controller, duration=1.0, interval=interval, model=model
         )
 
+    def test_the_folder_of_a_model_of_the_users_can_be_moved(self, turbine, tmp_path):
+        """With what its files name: beside them, above them, by @ and by a stem; not the wind that it had."""
+        own = tmp_path / "mine" / "turbine"
+        model = self.own_model(turbine, own, OpenFAST_HydroFile="../sea/hydro.dat", ServoDyn_DLL_InFile="law.in")
+        (own / "law.in").write_text("law\n", encoding="utf-8")
+        (tmp_path / "mine" / "sea").mkdir()
+        (tmp_path / "mine" / "sea" / "hydro.dat").write_text('"data/spar"  PotFile\n', encoding="utf-8")
+        (tmp_path / "mine" / "sea" / "data").mkdir()
+        for end in ("1", "3"):
+            (tmp_path / "mine" / "sea" / "data" / f"spar.{end}").write_bytes(b"\0" + end.encode())
+        polar = own / "polars" / "node_01.dat"
+        polar.write_text(polar.read_text(encoding="utf-8") + '@"shape.txt" NumCoords\n', encoding="utf-8")
+        (own / "polars" / "shape.txt").write_text("0 0\n", encoding="utf-8")
+        (own / "polars" / "other.txt").write_text("nobody names it\n", encoding="utf-8")
+        primary = self.driven(turbine, model, tmp_path / "run")
+        there = tmp_path / "there"
+        (tmp_path / "run").rename(there)
+        (tmp_path / "mine").rename(tmp_path / "gone")
+        for path in there.rglob("*.*"):
+            if path.suffix in (".fst", ".dat"):
+                assert str(tmp_path) not in path.read_text(encoding="utf-8")
+        assert (there / InputFile(there / primary.name).text("HydroFile")).name == "hydro.dat"
+        aero = InputFile(there / "aerodyn.dat")
+        assert (there / aero.text("ADBlFile(1)")).read_bytes() == (
+            tmp_path / "gone" / "turbine" / "aerodyn_blade.dat"
+        ).read_bytes()
+        assert (there / InputFile(there / "elastodyn.dat").text("TwrFile")).is_file()
+        hydro = there / InputFile(there / primary.name).text("HydroFile")
+        assert (hydro.parent / "data" / "spar.3").read_bytes() == b"\x003"
+        assert len(list(there.rglob("shape.txt"))) == 1
+        left_out = {"law.in", "inflowwind.dat", "elastodyn.dat", "servodyn.dat", "other.txt"}
+        assert not left_out & {path.name for path in (there / "model").rglob("*")}
+
     @pytest.mark.parametrize("step", [0.008, 0.1])
     def test_the_library_of_a_model_is_called_at_its_step(self, turbine, tmp_path, step):
         """ServoDyn ends with another DLL_DT that its step does not divide, and holds demands over a longer one."""

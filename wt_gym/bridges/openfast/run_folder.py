@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
+from wt_gym.bridges.openfast.model_copy import copy_named_files
 from wt_gym.bridges.openfast.wind_file import write_wind
 from wt_gym.errors import SimulationError, TurbineDefinitionError
 
@@ -28,6 +29,7 @@ MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"
 _STEPS = {"ElastoDyn": "DT", "AeroDyn": "DTAero", "ServoDyn": "DT"}
 """Keywords of the steps of modules."""
 _FOREVER = 1e6
+_REPLACED = "replaced"
 _STATUS = 10.0
 """Time between lines in which the driver says how far it is [s]."""
 _RPM = math.pi / 30.0
@@ -100,9 +102,11 @@ def prepare_run(
     changes: Mapping[str, Mapping[str, Any]],
     driver: DriverRun | None = None,
 ) -> Path:
-    """Write the files of a run beside each other; what they name and the run leaves as it is stays where it is.
+    """Write the files of a run beside each other.
 
-    Files of a model in the folder itself are replaced, and go on naming each other without it: the folder can be moved.
+    What they name and the run leaves as it is stays where it is, and is copied where OpenFAST's driver runs it. Files
+    of a model in the folder itself are replaced, and go on naming each other without it. The folder of a run of the
+    driver can be moved.
 
     Parameters
     ----------
@@ -146,8 +150,15 @@ def prepare_run(
     files = {name: InputFile(_named(primary, key)) for name, key in MODULES.items()}
     _require_turbine(model, files["ElastoDyn"], turbine)
     if model.parent.resolve() != folder.resolve():
-        for file in (primary, *files.values()):
-            file.resolve_paths()
+        if driver is None:
+            for file in (primary, *files.values()):
+                file.resolve_paths()
+        else:
+            for key in (*MODULES.values(), "InflowFile"):  # which the run has of its own
+                primary.set(key, _REPLACED)
+            for key in ("DLL_FileName", "DLL_InFile"):
+                files["ServoDyn"].set(key, _REPLACED)
+            copy_named_files((primary, *files.values()), folder)
     _set_primary(primary, step, driver)
     _set_elastodyn(files["ElastoDyn"], turbine.n_blades, start)
     _set_servodyn(files["ServoDyn"], start, controller)
