@@ -20,7 +20,6 @@ from wt_gym.control.controllers.names import (
 )
 from wt_gym.control.controllers.own_class import load_class, source_digest
 from wt_gym.deprecated import renamed_names
-from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -75,15 +74,21 @@ _WORD_ALIASES = {"constant": "zero", "Constant action": "zero"}
 _MODEL_PARAMETERS = ("algo", "env", "trust")
 
 
-def read_name(choice: str) -> Name:
+def read_name(choice: str, near: Iterable[str] = ()) -> Name:
     """What the name of an agent means.
+
+    Parameters
+    ----------
+    choice : str
+    near : iterable of str
+        Further names that may have been meant, for the message.
 
     Raises
     ------
     ValueError
         If it is none, or has parameters that it cannot have.
     """
-    name = parse_name(choice, WORDS, _WORD_ALIASES)
+    name = parse_name(choice, WORDS, _WORD_ALIASES, near)
     allowed = _MODEL_PARAMETERS if name.kind == "trained" else ()
     if name.kind == "trained" or (name.kind == "word" and name.target != "planner"):
         for key in name.parameters:
@@ -290,10 +295,7 @@ def each_named(
     known = groups or {}
     for given in (single for word in choices for single in (available(known[word]) if word in known else (word,))):
         label, choice = split_name(given)
-        try:
-            name = read_name(own if choice in ALIASES else choice)
-        except ValueError as error:
-            raise ValueError(f"{error}{did_you_mean(choice, groups or ())}") from error
+        name = read_name(own if choice in ALIASES else choice, known)
         for suffix, single in each_seed(name):
             yield (label or (default or default_name)(name)) + suffix, single
 

@@ -1,7 +1,7 @@
 """What controllers and shipped agents score in the tasks: runs in held-back winds, kept in a record, and tables of it.
 
-A study is what a page about a task shows in one table: agents in the same winds, the first of them the controller
-beneath with actions that rest. `measure` runs it and gives plain data; `score_table` makes the table of them.
+A study is what a page about a task shows in one table: agents in the same winds, the first of them the base
+controller with actions that rest. `measure` runs it and gives plain data; `score_table` makes the table of them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
-from wt_gym.deprecated import renamed_attribute, renamed_names
+from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_names
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
@@ -67,6 +67,7 @@ class Part:
     arguments: dict[str, Any] = field(default_factory=dict)
 
 
+@renamed_arguments(contenders="agents")  # rename: keep
 @dataclass(frozen=True)
 class Study:
     """Agents in the winds of a task.
@@ -189,10 +190,11 @@ STUDIES: dict[str, Study] = {
 """What the pages of the tasks show, by the name of the table."""
 
 
-def agent_label(agent: str, beneath: bool = False) -> str:
+@renamed_arguments(contender="agent", beneath="resting")  # rename: keep
+def agent_label(agent: str, resting: bool = False) -> str:
     """How an agent is called in a table."""
-    if beneath:
-        return f"`{agent}`, beneath: actions that rest"
+    if resting:
+        return f"`{agent}` as base controller: actions that rest"
     if agent == RANDOM:
         return "random actions"
     return f"`{agent.removeprefix(_TRAINED)}`" + (", trained" if agent.startswith(_TRAINED) else "")
@@ -213,9 +215,9 @@ def measure(
         Gets a line after each agent.
     folder : str or path, optional
         Keeps each run as soon as it is done, a folder an agent as of `wt_gym.agents.evaluation.evaluate`; what was
-        stopped goes on with the runs that are there.
+        stopped resumes with the runs that are there.
     overwrite : bool
-        Make runs anew that are there.
+        Repeat runs that are there.
 
     Returns
     -------

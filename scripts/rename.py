@@ -211,6 +211,8 @@ class Renamer:
     def text(self, relative: str, text: str) -> str:
         """Text of a file with the new names."""
         kept = [line for line in text.splitlines() if KEEP in line]
+        for module, moved in deprecated.MOVED.items():
+            text = _moved(text, module, moved)
         for old, new in MODULES.items():
             text = _module(text, old, new)
         names = [
@@ -268,6 +270,29 @@ def _module(text: str, old: str, new: str) -> str:
     path, new_path = (name.removeprefix("wt_gym.").replace(".", "/") + ".py" for name in (old, new))
     text = text.replace(path, new_path)
     return re.sub(rf"(?<![\w/]){last}\.py\b", f"{new_last}.py", text)
+
+
+def _moved(text: str, module: str, moved: dict[str, str]) -> str:
+    """Text in which names that left a module are imported from where they are, under the names that the text uses."""
+
+    def split(match: re.Match[str]) -> str:
+        indent, body = match.groups()
+        names = [name.strip() for name in re.sub(r"#[^\n]*", "", body).strip("()").split(",") if name.strip()]
+        lines = []
+        if others := [name for name in names if name.split()[0] not in moved]:
+            lines.append(f"from {module} import {', '.join(others)}")
+        for name in names:
+            old, *alias = name.split()
+            if old in moved:
+                place, _, new = moved[old].rpartition(".")
+                used = alias[-1] if alias else old
+                lines.append(f"from {place} import {new}" + ("" if new == used else f" as {used}"))
+        return "\n".join(indent + line for line in lines)
+
+    text = re.sub(rf"^([ \t]*)from {re.escape(module)} import (\([^)]*\)|[^\n(]+)$", split, text, flags=re.MULTILINE)
+    for old, new in moved.items():
+        text = word(f"{module}.{old}").sub(new, text)
+    return text
 
 
 def _in_prose(text: str, names: list[Name]) -> str:

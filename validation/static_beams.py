@@ -110,7 +110,7 @@ def beam_free_vibration() -> CaseResult:
         history.append(float(integrator.state[0]))
     deflection = np.array(history)
     up = np.flatnonzero((deflection[:-1] < 0.0) & (deflection[1:] >= 0.0))
-    crossing = (up + history[up] / (history[up] - history[up + 1])) * step
+    crossing = (up + deflection[up] / (deflection[up] - deflection[up + 1])) * step
     checks += [
         Check("period of the free vibration", period, np.diff(crossing).mean(), 1e-3, "s", source="β₁L"),
         Check("amplitude after ten periods per start", 1.0, deflection[-400:].max() / y[0], 1e-4),

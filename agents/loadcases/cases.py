@@ -21,7 +21,7 @@ import numpy as np
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs.options import WindOptions
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
-from wt_gym.files import json_values
+from wt_gym.runs.definition import described
 from wt_gym.simulation.drivetrain.faults import DriveFault, GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow
 from wt_gym.wind.iec import OPERATING_GUST_DURATION
@@ -125,7 +125,8 @@ class Condition:
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values."""
         faults = [{"kind": type(fault).__name__, **asdict(fault)} for fault in self.faults]
-        return json_values(asdict(self) | {"faults": faults})
+        values: dict[str, Any] = described(asdict(self) | {"faults": faults}, "condition")
+        return values
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def answers_of(
     Parameters
     ----------
     choice : str
-        A trained agent, a class of one's own with ``predict`` or with ``update_setpoints``, ``"zero"`` or ``"random"``.
+        A trained agent, a class of yours with ``predict`` or with ``update_setpoints``, ``"zero"`` or ``"random"``.
     env_id : str, optional
         Environment of a class or word, by default `DEFAULT_ENV`; that of a trained agent is the one of its training.
     turbine : str, optional

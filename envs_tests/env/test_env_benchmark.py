@@ -137,7 +137,7 @@ def test_transients_come_when_the_task_says():
 
 def test_agents_cannot_change_the_task():
     task = short()
-    with pytest.raises(BenchmarkError, match=r"may choose action_mode, .* not wind_speed, fidelity"):
+    with pytest.raises(BenchmarkError, match=r"must be among action_mode, .*, got wind_speed, fidelity"):
         make_env(task, task.winds[0], {"wind_speed": 5.0, "fidelity": "engineering"})
 
 

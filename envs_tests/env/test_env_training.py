@@ -105,7 +105,7 @@ def test_off_policy_training_keeps_its_replay_buffer(algorithm, tmp_path):
     with buffer.open("rb") as file:
         assert pickle.load(file).pos == 96
     buffer.unlink()
-    with pytest.raises(FileNotFoundError, match="without its replay buffer"):
+    with pytest.raises(FileNotFoundError, match="requires its replay buffer"):
         resume(tmp_path, total_steps=128, progress=False)
 
 
@@ -357,8 +357,8 @@ def test_a_model_that_lacks_parts_is_refused(copied, kept):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"config": None}, "has the fields"),
-        ({"config": {"n_steps": 64}}, "has the fields"),
+        ({"config": None}, "must have the fields"),
+        ({"config": {"n_steps": 64}}, "must have the fields"),
         ({"curve": {"steps": [1, 2]}}, "its curve must have the columns"),
         ({"curve": [1]}, "curve is"),
         ({"sessions": 5}, "sessions is 5"),

@@ -134,10 +134,10 @@ class TestSubstructure:
             sub_body_at(sub_bodies, 13.0)
         with pytest.raises(ValueError, match="outside"):
             sub_body_at(sub_bodies, -0.1)
-        with pytest.raises(ValueError, match="outside the piece"):
+        with pytest.raises(ValueError, match="outside the sub-body"):
             sub_bodies[1].marker(5.9)
         assert sub_body_at(sub_bodies, 6.0 - 5e-10) == 1  # rounding of the cut belongs to the outer piece
-        with pytest.raises(ValueError, match="outside the piece"):
+        with pytest.raises(ValueError, match="outside the sub-body"):
             sub_bodies[0].marker(9.0)
 
 

@@ -74,7 +74,7 @@ def test_readings_come_in_si_units():
     assert (found.turbine_id, found.status, found.time) == (3, 1, 12.5)
     assert found.yaw == pytest.approx(math.radians(-10.0), rel=1e-6)
     assert found.yaw_error == pytest.approx(math.radians(4.0), rel=1e-6)
-    assert found.shaft_power, found.generator_power == (5.3e6, 5.0e6)
+    assert (found.shaft_power, found.generator_power) == (5.3e6, 5.0e6)
     assert (found.generator_speed, found.rotor_speed, found.generator_torque) == (122.9, 1.267, 43093.55)
     assert (found.wind_speed, found.out_of_plane_moments) == (16.2, (5.1e6, -5.2e6, 5.3e6))
     assert (found.acceleration_fore_aft, found.angular_acceleration, found.azimuth) == (-0.12, 0.01, 6.1)

@@ -30,7 +30,7 @@ from wt_gym.turbines import load_turbine
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PARTS = (*BASES, *WRAPPERS, *ADDITIONS)
 EVERY = [(name, parameter) for name in PARTS if name not in COMPILED for parameter in declared_parameters(name)]
-NUMBERS = [(name, parameter) for name, parameter in EVERY if not parameter.only_object]
+NUMBERS = [(name, parameter) for name, parameter in EVERY if not (parameter.only_object or parameter.word)]
 SHOWN = [(name, parameter) for name, parameter in NUMBERS if parameter.default is not None or parameter.in_use]
 DT = 0.4
 """Interval of the controllers [s]."""

@@ -1,5 +1,6 @@
 """The script that renames: in a small tree, once and for all, and nothing that only looks alike."""
 
+import importlib
 import importlib.util
 from pathlib import Path
 
@@ -74,6 +75,27 @@ def test_what_is_deprecated_is_in_the_table(script):
             assert renamer.text("mine.py", f"x = {old}\n") == f"x = {new}\n"
     for old, new in deprecated.MODULES.items():
         assert renamer.text("mine.py", f"import {old}\n") == f"import {new}\n"
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_names_that_left_a_module_are_imported_from_where_they_are(script):
+    renamer = script.Renamer()
+    for module, moved in deprecated.MOVED.items():
+        for old, place in moved.items():
+            scope = {}
+            exec(renamer.text("mine.py", f"from {module} import {old} as mine\n"), scope)
+            where, _, new = place.rpartition(".")
+            assert scope["mine"] is getattr(importlib.import_module(where), new)
+    text = """if x:
+    from wt_gym.agents.workers import (
+        ProcessExecutor,  # one
+        in_processes,
+    )
+"""
+    assert renamer.text("mine.py", text) == (
+        "if x:\n    from wt_gym.runs.executors import ProcessExecutor\n"
+        "    from wt_gym.agents.former import in_processes\n"
+    )
 
 
 def test_this_repository_has_no_former_names_left(script, capsys):

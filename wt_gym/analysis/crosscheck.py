@@ -35,6 +35,18 @@ _SHARED = 0.5
 """Part of a time step by which the instants of two samples that are taken as one may differ."""
 
 
+def _finite(value: float) -> float | None:
+    """A number as JSON has it, which has no NaN."""
+    return value if math.isfinite(value) else None
+
+
+def _plain(change: Estimate | None) -> dict[str, Any] | None:
+    """A change as JSON has it."""
+    if change is None:
+        return None
+    return {key: _finite(value) if isinstance(value, float) else value for key, value in asdict(change).items()}
+
+
 @dataclass(frozen=True)
 class Crosscheck:
     """Two evaluations of the same agents in the same winds.
@@ -148,15 +160,14 @@ class Crosscheck:
         rows = []
         for speed in (*self.speeds, None):
             for key in COMPARED:
-                row: dict[str, Any] = {"wind_speed": speed, "metric": key, "level": self.level(key, speed)}
-                row["rank_correlation"] = self.rank_correlation(key, speed)
+                row: dict[str, Any] = {"wind_speed": speed, "metric": key, "level": _finite(self.level(key, speed))}
+                row["rank_correlation"] = _finite(self.rank_correlation(key, speed))
                 row["changes"] = {
-                    agent: [None if change is None else asdict(change) for change in self.changes(agent, key, speed)]
-                    for agent in self.agents
+                    agent: [_plain(change) for change in self.changes(agent, key, speed)] for agent in self.agents
                 }
                 rows.append(row)
         samples = {
-            agent: {name: self.sample_correlation(agent, name) for name in SERIES}
+            agent: {name: _finite(self.sample_correlation(agent, name)) for name in SERIES}
             for agent in (self.baseline, *self.agents)
         }
         return {

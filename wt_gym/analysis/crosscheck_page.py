@@ -181,10 +181,11 @@ def _changes_figure(check: Crosscheck) -> Figure:
 
 
 def _signals_figure(check: Crosscheck, agent: str) -> Figure:
-    """Signals of both simulators in the first wind, on top of each other."""
+    """Signals of both simulators in the wind in the middle of the list, on top of each other."""
     from matplotlib.figure import Figure
 
-    wind = check.evaluations[0].winds[0]
+    winds = check.evaluations[0].winds
+    wind = winds[len(winds) // 2]
     pair = check.common(agent, wind)
     figure = Figure(figsize=(10.0, 1.5 * len(SERIES)), layout="constrained")
     axes = figure.subplots(len(SERIES), 1, sharex=True)
@@ -233,9 +234,13 @@ def _scale(unit: str) -> tuple[float, str]:
 
 def _pair(key: str, changes: list[dict[str, Any] | None]) -> str:
     """Changes of both simulators in one cell; their intervals are in ``crosscheck.json``."""
-    shown = [
-        "–" if change is None else format_estimate(key, Estimate(**change)).partition(" [")[0] for change in changes
-    ]
+    shown = []
+    for change in changes:
+        if change is None:
+            shown.append("–")
+        else:
+            known = {name: math.nan if value is None else value for name, value in change.items()}
+            shown.append(format_estimate(key, Estimate(**known)).partition(" [")[0])
     return " / ".join(shown)
 
 
@@ -247,12 +252,12 @@ def _labeled(key: str) -> str:
     return f"{_COLUMNS[key]} [{METRICS[key].unit}]"
 
 
-def _percent(value: float) -> str:
-    return "–" if math.isnan(value) else f"{100.0 * value:+.1f} %".replace("-", "−")
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{100.0 * value:+.1f} %".replace("-", "−")
 
 
-def _number(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.2f}".replace("-", "−")
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}".replace("-", "−")
 
 
 def _heading(cells: list[str]) -> list[str]:

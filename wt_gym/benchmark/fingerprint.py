@@ -69,7 +69,11 @@ def _sources() -> dict[str, str]:
     rooms = {
         "model": _modules("aerodynamics", "multibody", "simulation", "structure"),
         "wind": {*_modules("wind"), _ROOT / "envs" / "wind_sampler.py"},
-        "control": {*_modules("control"), *(_ROOT / "control").rglob("tuned*.json")},
+        "control": {
+            *_modules("control"),
+            *(_ROOT / "control").rglob("tuned*.json"),
+            *(_ROOT / "control").rglob("*.npz"),
+        },
         "environment": {_ROOT / "tasks.py", *(_ROOT / "envs" / name for name in _ENVIRONMENT)},
         "metrics": {_ROOT / "analysis" / "metrics.py", _ROOT / "benchmark" / "run.py", _ROOT / "runs" / "playing.py"},
     }
@@ -78,11 +82,14 @@ def _sources() -> dict[str, str]:
 
 
 def sources_digest(files: Iterable[Path], root: Path) -> str:
-    """Digest of sources by their paths below a folder; neither comments nor docstrings count."""
+    """Digest of sources and arrays by their paths below a folder; neither comments nor docstrings count."""
     total = hashlib.sha256()
     for file in sorted(files):
         total.update(file.relative_to(root).as_posix().encode() + b"\0")
-        total.update(code_of(file.read_text(encoding="utf-8")).encode() + b"\0")
+        if file.suffix == ".npz":
+            total.update(file.read_bytes() + b"\0")
+        else:
+            total.update(code_of(file.read_text(encoding="utf-8")).encode() + b"\0")
     return total.hexdigest()[:16]
 
 

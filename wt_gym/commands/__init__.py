@@ -22,6 +22,7 @@ COMMANDS = {
     "dataset": "record an agent at work as a Minari data set",
     "compare-controllers": "controllers side by side in the same winds, without environments",
     "tune": "tune the parameters of a controller",
+    "design": "design the linear optimal controller of a turbine",
     "export": "write an agent or a controller as a Bladed library, a model that OpenFAST runs, or an ONNX file",
     "fly": "an exported agent and the original in the same wind, here and in OpenFAST",
     "loads": "loads of runs of OpenFAST, side by side",

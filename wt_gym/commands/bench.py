@@ -30,6 +30,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser, stoppable, user_errors
+from wt_gym.errors import did_you_mean
 from wt_gym.process_memory import peak_memory
 
 if TYPE_CHECKING:
@@ -73,7 +74,10 @@ def check(parser: ArgumentParser, arguments: Namespace) -> None:
 
     unknown = [name for name in arguments.fidelity if name not in FIDELITIES]
     if unknown:
-        parser.error(f"fidelity must be one of {', '.join(FIDELITIES)}, got {', '.join(unknown)}")
+        parser.error(
+            f"fidelity must be one of {', '.join(FIDELITIES)}, got {', '.join(unknown)}"
+            + did_you_mean(unknown[0], FIDELITIES)
+        )
     if arguments.pterasoftware and not IN_CLONE:
         parser.error("--pterasoftware: the comparison is in a clone of the project only")
     if arguments.learning is not None and arguments.learning < 1:

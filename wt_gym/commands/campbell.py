@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
+from wt_gym.errors import did_you_mean
 from wt_gym.files import require_writable, whole_file
 
 if TYPE_CHECKING:
@@ -75,7 +76,10 @@ def check(parser: ArgumentParser, arguments: Namespace) -> None:
     from wt_gym.simulation import FIDELITIES
 
     if arguments.fidelity not in FIDELITIES:
-        parser.error(f"--fidelity must be one of {', '.join(FIDELITIES)}, got {arguments.fidelity}")
+        parser.error(
+            f"--fidelity must be one of {', '.join(FIDELITIES)}, got {arguments.fidelity}"
+            + did_you_mean(arguments.fidelity, FIDELITIES)
+        )
     if FIDELITIES[arguments.fidelity].formulation != "embedded":
         parser.error(
             f"--fidelity {arguments.fidelity}: linear models need the embedded formulation, not the constrained"

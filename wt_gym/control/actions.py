@@ -96,7 +96,7 @@ class ActionMap:
     - ``"rate"``: rates of the demand, held over a control step: it moves by ``action * rate * control_dt``.
     - ``"absolute"``: the demand itself; pitch from the operating points of the winds and 5 degrees beyond them on both
       sides, within the limits, torque from 0 to the largest. Tilt and yaw are the demands themselves about nothing.
-    - ``"residual"``: rates of an offset from the demand of a controller that runs beneath; offsets end at their limits.
+    - ``"residual"``: rates of an offset from the demand of a base controller; offsets end at their limits.
 
     The yaw component is a rate in all modes, because a yaw drive turns at a rate and holds otherwise. Demands end at
     the limits of the turbine. What an action has no component for is left to the controller.
@@ -196,7 +196,7 @@ class ActionMap:
 
     @property
     def needs_controller(self) -> bool:
-        """Whether a controller runs beneath the action."""
+        """Whether the action is added to a base controller."""
         torque = self.takes_torque and "torque" not in self.components
         return self.mode == "residual" or "pitch" not in self.components or torque
 
@@ -405,19 +405,19 @@ class ActionMap:
             cosine, sine = pitch
             pitch = harmonic_of_blades(cosine, sine, azimuth + rotor_speed * self.delay, self.n_blades)
         residual = self.mode == "residual"
-        beneath: Any = base  # which is not asked where no controller runs; a cast would take time
+        demand: Any = base  # which is not asked where no controller runs; a cast would take time
         if len(pitch) != self.n_blades:
             pitch *= self.n_blades
         if "pitch" not in self.components:
-            pitch = beneath.pitch.tolist()
+            pitch = demand.pitch.tolist()
         elif residual:
-            pitch = [of_controller + own for of_controller, own in zip(beneath.pitch.tolist(), pitch, strict=True)]
+            pitch = [of_controller + own for of_controller, own in zip(demand.pitch.tolist(), pitch, strict=True)]
         if not self.takes_torque:
             torque = 0.0
         elif "torque" not in self.components:
-            torque = beneath.generator_torque
+            torque = demand.generator_torque
         elif residual:
-            torque = self._residual_torque(beneath.generator_torque, torque, rotor_speed)
+            torque = self._residual_torque(demand.generator_torque, torque, rotor_speed)
         if base is not None and (residual or not self.has_yaw):
             yaw_rate += base.yaw_rate
         low, high = self.pitch_limits
@@ -449,7 +449,7 @@ class ActionMap:
         Raises
         ------
         ValueError
-            For residual actions and pitch in the fixed frame: controllers run beneath those.
+            For residual actions and pitch in the fixed frame, which base controllers may be part of.
         """
         if self.mode == "residual" or self.turns_with_rotor:
             raise ValueError(

@@ -18,7 +18,7 @@ from wt_gym.errors import did_you_mean
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from wt_gym.control import ActionMap, Lidar
     from wt_gym.control.residual import ResidualPitch
@@ -39,6 +39,15 @@ def blade_static_moment(turbine: Turbine) -> float:
     """Root moment of a horizontal blade under its own weight [N m]."""
     structure = turbine.blade.structure
     return float(GRAVITY * np.trapezoid(structure.inertia[:, 0, 0] * structure.station, structure.station))
+
+
+def _families(names: Iterable[str]) -> str:
+    """Names in a line, those that differ by their number alone as one: ``pitch_1 … 3``."""
+    last: dict[str, str] = {}
+    for name in names:
+        stem, _, number = name.rpartition("_")
+        last[f"{stem}_1 …" if number.isdecimal() else name] = f" {number}" if number.isdecimal() else ""
+    return ", ".join((head + number).replace("_1 … 1", "_1") for head, number in last.items())
 
 
 class Observable:
@@ -87,7 +96,7 @@ class Observable:
         if unknown:
             raise ValueError(
                 f"observation has {unknown}; must be among the groups {OBSERVATION_GROUPS} and the channels "
-                f"{tuple(singles)}{did_you_mean(unknown[0], (*OBSERVATION_GROUPS, *singles))}"
+                f"{_families(singles)}{did_you_mean(unknown[0], (*OBSERVATION_GROUPS, *singles))}"
             )
         empty = [group for group in groups if not builders[group]()]
         if empty:

@@ -17,6 +17,7 @@ from gymnasium.vector.utils import batch_space
 from wt_gym.envs.arguments import shown
 from wt_gym.envs.options.environment import options_of, plain_spec
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -368,7 +369,10 @@ def _autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
         if given in (mode.value, mode.name):
             return mode
     allowed = ", ".join(f"{mode.value!r} ({mode.name!r})" for mode in AutoresetMode)
-    raise ValueError(f"autoreset_mode must be one of {allowed}, got {shown(given)}")
+    raise ValueError(
+        f"autoreset_mode must be one of {allowed}, got {shown(given)}"
+        f"{did_you_mean(given, [mode.value for mode in AutoresetMode])}"
+    )
 
 
 def _processors() -> int:

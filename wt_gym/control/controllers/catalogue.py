@@ -17,6 +17,7 @@ from wt_gym.control.bladed.rosco import RoscoController, rosco_library
 from wt_gym.control.controllers import (
     individual_pitch,
     lidar_feedforward,
+    linear_optimal,
     own,
     retuned,
     tower_dampers,
@@ -26,6 +27,7 @@ from wt_gym.control.controllers import (
 from wt_gym.control.controllers.controller import Addition, Combined, Controller
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
+from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
 from wt_gym.control.controllers.own import own_controller, own_parameters
 from wt_gym.control.controllers.parameters import PATH, Parameter, with_defaults
 from wt_gym.control.controllers.retuned import retuned_controller
@@ -82,6 +84,11 @@ def _constrained_ipc(turbine: Turbine, level: float = 0.1, **parameters: Any) ->
     return IndividualPitch.of_turbine(turbine, level=level, **parameters)
 
 
+def _linear_pitch(turbine: Turbine, **parameters: Any) -> Addition:
+    """Mean, tilt and yaw pitch that a least-squares design made, beside a side-side damper (`linear_optimal`)."""
+    return LinearOptimalPitch.of_turbine(turbine, **parameters)
+
+
 def _fore_aft_damper(turbine: Turbine, **parameters: Any) -> Addition:
     """Damper of the tower's fore-aft motion by collective pitch (`tower_dampers`)."""
     return ForeAftDamper.of_turbine(turbine, **parameters)
@@ -126,6 +133,7 @@ ADDITIONS: dict[str, Callable[..., Addition]] = {
     "ipc": _ipc,
     "ipc_2p": _ipc_2p,
     "constrained_ipc": _constrained_ipc,
+    "linear_pitch": _linear_pitch,
     "fore_aft_damper": _fore_aft_damper,
     "side_side_damper": _side_side_damper,
     "yaw": _yaw,
@@ -133,7 +141,11 @@ ADDITIONS: dict[str, Callable[..., Addition]] = {
 """What changes the demand of a controller."""
 WRAPPERS: dict[str, Callable[..., Controller]] = {"lidar": _lidar}
 """What works on the inside of a base, before all additions."""
-SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper"), **TUNED}
+SHORT_FOR = {
+    "tower_dampers": ("fore_aft_damper", "side_side_damper"),
+    "linear_optimal": ("side_side_damper", "linear_pitch"),
+    **TUNED,
+}
 """Names that stand for several parts; those of `TUNED` bring parameters with them."""
 CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
 """Every name; what is no base stands on "discon" where there is none."""
@@ -150,6 +162,7 @@ _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]
     "ipc": (individual_pitch.PARAMETERS, (IndividualPitch.of_turbine,)),
     "ipc_2p": (individual_pitch.PARAMETERS, (_ipc_2p, IndividualPitch.of_turbine)),
     "constrained_ipc": (individual_pitch.PARAMETERS, (_constrained_ipc, IndividualPitch.of_turbine)),
+    "linear_pitch": (linear_optimal.PARAMETERS, (LinearOptimalPitch.of_turbine,)),
     "fore_aft_damper": (tower_dampers.FORE_AFT_PARAMETERS, (ForeAftDamper.of_turbine,)),
     "side_side_damper": (tower_dampers.SIDE_SIDE_PARAMETERS, (SideSideDamper.of_turbine,)),
     "yaw": (yaw.PARAMETERS, (YawByDeadBand,)),

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from wt_gym.control.optimal.design_file import LinearDesign
 from wt_gym.control.sensors import Lidar
 from wt_gym.turbines import Turbine
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Memory", "changing_parts", "memory_of", "remember"]
 
-_CONSTANT = (str, bytes, Turbine, Lidar, type(None), np.random.Generator)
+_CONSTANT = (str, bytes, Turbine, Lidar, LinearDesign, type(None), np.random.Generator)
 _LISTS = (list, deque)
 _NUMBER = (bool, int, float, np.number)
 

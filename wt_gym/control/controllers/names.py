@@ -15,7 +15,7 @@ from __future__ import annotations
 import ast
 import inspect
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -84,7 +84,9 @@ class Name:
         return f"{shown}:{pairs}" if pairs else shown
 
 
-def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str] | None = None) -> Name:
+def parse_name(
+    text: str, words: Collection[str] = (), aliases: Mapping[str, str] | None = None, near: Iterable[str] = ()
+) -> Name:
     """Read a name: a word before a controller before a class in a file before a path before a class in a module.
 
     Nothing is loaded or executed.
@@ -96,6 +98,8 @@ def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str
         That mean something here besides.
     aliases : mapping, optional
         Of those words.
+    near : iterable of str
+        Further names that may have been meant, for the message.
 
     Raises
     ------
@@ -141,7 +145,7 @@ def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str
     raise ValueError(
         f"an agent must be {allowed} ({', '.join(CONTROLLERS)}, joined with '+', parameters behind ':'), "
         f"a class of your own (path/file.py:Class or module:Class), or the path of a trained model; got {text!r}"
-        + did_you_mean(head.rpartition("+")[2], (*words, *CONTROLLERS, *ALIASES))
+        + did_you_mean(head.rpartition("+")[2], (*words, *CONTROLLERS, *ALIASES, *near))
     )
 
 
@@ -219,11 +223,11 @@ def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
     name, _, rest = choice.partition(":")
     name = _canonical(name)
     declared = [
-        (f"{prefix}{parameter.name}", parameter)
+        (key, parameter)
         for part in name.split("+")
         if part in CONTROLLERS
-        for parameter in declared_parameters(part)
-        for prefix in ("", f"{part}__")
+        for parameter in declared_parameters(part)  # those of a name that stands for several are part__parameter
+        for key in (parameter.name, f"{part}__{parameter.name}", parameter.name.rpartition("__")[2])
     ]
     words = {key for key, parameter in declared if parameter.word}
     library, rest = _library(rest, {key for key, _ in declared}) if _LIBRARY in name.split("+") else ("", rest)

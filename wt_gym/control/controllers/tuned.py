@@ -1,4 +1,4 @@
-"""Parameters that a search found: the yardstick for whoever claims to beat industrial control.
+"""Parameters that a search found: the reference that learned control is compared with.
 
 The records of `wt_gym.agents.tuning` lie in ``data/tuned*.json`` with the cost, the winds, the seeds and every trial;
 docs/baselines.md says what they are worth. They were found on the NREL 5-MW. On another turbine the numbers without a

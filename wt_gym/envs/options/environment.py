@@ -120,14 +120,22 @@ class EnvOptions(OptionGroup):
     def check(self) -> None:
         """Refuse unknown names and numbers of the wrong type."""
         if self.render_mode is not None and self.render_mode not in RENDER_MODES:
-            raise ValueError(f"render_mode must be one of {list(RENDER_MODES)} or None, got {self.render_mode!r}")
+            raise ValueError(
+                f"render_mode must be one of {list(RENDER_MODES)} or None, got {self.render_mode!r}"
+                f"{did_you_mean(self.render_mode, RENDER_MODES)}"
+            )
         if self.start not in STARTS:
-            raise ValueError(f"start must be one of {STARTS}, got {shown(self.start)}")
+            raise ValueError(
+                f"start must be one of {STARTS}, got {shown(self.start)}{did_you_mean(self.start, STARTS)}"
+            )
         self._set_all(check_number, "control_dt", unit="s")
         if self.control_dt <= 0.0:
             raise ValueError(f"control_dt must be positive, got {self.control_dt!r} s")
         if self.generator is not None and self.generator not in GENERATORS:
-            raise ValueError(f"generator must be one of {GENERATORS} or None, got {self.generator!r}")
+            raise ValueError(
+                f"generator must be one of {GENERATORS} or None, got {self.generator!r}"
+                f"{did_you_mean(self.generator, GENERATORS)}"
+            )
         fidelity_of(self.fidelity)
 
     @property

@@ -10,7 +10,7 @@ import numpy as np
 
 from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
 from wt_gym.envs.options.group import OptionGroup, option, option_group
-from wt_gym.errors import InflowError
+from wt_gym.errors import InflowError, did_you_mean
 from wt_gym.wind import Inflow
 from wt_gym.wind.described import SUFFIXES, is_wind_path
 from wt_gym.wind.iec import reference_intensity
@@ -101,7 +101,7 @@ def own_winds(given: Any) -> tuple[Any, ...]:
     wrong = [one for one in several if not (isinstance(one, Inflow | Mapping) or is_wind_file(one))]
     if wrong or not several:
         refused = wrong[0] if len(wrong) == 1 else wrong or given
-        raise InflowError(f"inflow must be one of {_ALLOWED}, got {shown(refused)}")
+        raise InflowError(f"inflow must be one of {_ALLOWED}, got {shown(refused)}{did_you_mean(refused, KINDS)}")
     return several
 
 
@@ -285,13 +285,19 @@ class WindOptions(OptionGroup):
 
     def _check_turbulence(self) -> None:
         if self.turbulence_model not in TURBULENCE_MODELS:
-            raise InflowError(f"turbulence_model must be one of {TURBULENCE_MODELS}, got {self.turbulence_model!r}")
+            raise InflowError(
+                f"turbulence_model must be one of {TURBULENCE_MODELS}, got {self.turbulence_model!r}"
+                f"{did_you_mean(self.turbulence_model, TURBULENCE_MODELS)}"
+            )
         if self.turbulence_model != "NTM" and not (isinstance(self.inflow, str) and self.inflow == "turbulent"):
             raise InflowError(f"turbulence_model={self.turbulence_model!r} belongs to inflow='turbulent'")
         if isinstance(self.return_period, bool):
             raise InflowError(f"return_period must be 1 or 50 years, got {self.return_period!r}")
         if self.turbulence not in TURBULENCE:
-            raise InflowError(f"turbulence must be one of {TURBULENCE}, got {self.turbulence!r}")
+            raise InflowError(
+                f"turbulence must be one of {TURBULENCE}, got {self.turbulence!r}"
+                f"{did_you_mean(self.turbulence, TURBULENCE)}"
+            )
         if self.turbulence != "kaimal" and not self.turbulent:
             raise InflowError(
                 f"turbulence={self.turbulence!r} belongs to the inflows 'turbulent' and 'extreme-turbulent', and to "

@@ -1,0 +1,675 @@
+"""Linear optimal pitch: identification, least squares, offsets, files and the controller, against what is exact."""
+
+import copy
+import json
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from wt_gym.agents.comparison import Case, inflow_of
+from wt_gym.agents.linear_design import design as designing
+from wt_gym.agents.linear_design.design import LinearDesignTask, change_of_power, default_speeds, design
+from wt_gym.agents.linear_design.feedback import (
+    FeedbackOptions,
+    Plant,
+    fit_feedback,
+    forecast,
+    forecast_change,
+    minimize_quadratic,
+)
+from wt_gym.agents.linear_design.identification import explained_share, identify, respond
+from wt_gym.agents.linear_design.recording import Excitation, Recording, RecordingStore
+from wt_gym.benchmark import load_task
+from wt_gym.benchmark.run import benchmark_metrics
+from wt_gym.commands import design as design_command
+from wt_gym.control import Demand
+from wt_gym.control.coleman import to_fixed_frame
+from wt_gym.control.controllers import Combined, make_controller
+from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
+from wt_gym.control.controllers.memory import memory_of, remember
+from wt_gym.control.optimal.design_file import LinearDesign, load_design, save_design
+from wt_gym.control.optimal.measured import channels_read, measured_outputs, recorded_outputs
+from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.optimal.past import bin_means, delay_bins, spread_over_bins, without_lasting
+from wt_gym.errors import ControllerError
+from wt_gym.runs.playing import run_controller
+from wt_gym.simulation import Simulator
+from wt_gym.simulation.drivetrain.drives import pitch_delay
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines.mirror import mirrored
+
+DT = 0.1
+SPEED = 12.1 * math.pi / 30
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel_5mw")
+
+
+# ---------------------------------------------------------------- identification
+
+
+def test_identification_finds_an_impulse_response_exactly():
+    rng = np.random.default_rng(0)
+    truth = rng.normal(size=(2, 3, 8)) * np.exp(-np.arange(8) / 3.0)
+    inputs = [rng.normal(size=(3, 60)), rng.normal(size=(3, 45))]
+    changes = [respond(truth, given) for given in inputs]
+    found = identify(inputs, changes, taps=8)
+    np.testing.assert_allclose(found, truth, atol=1e-10)
+    unseen = [rng.normal(size=(3, 50))]
+    np.testing.assert_allclose(explained_share(found, unseen, [respond(truth, unseen[0])]), 1.0)
+
+
+def test_response_is_the_sum_of_delayed_inputs():
+    responses, inputs = np.array([[[2.0, 3.0]]]), np.array([[1.0, 10.0, 100.0]])
+    np.testing.assert_allclose(respond(responses, inputs), [[0.0, 2.0, 23.0, 230.0]], atol=1e-12)
+
+
+def test_share_explained_falls_with_noise():
+    rng = np.random.default_rng(1)
+    truth, given = np.array([[[1.0, 0.5]]]), rng.normal(size=(1, 4000))
+    clean = respond(truth, given)
+    noisy = clean + rng.normal(size=clean.shape) * clean.std()
+    assert explained_share(truth, [given], [noisy])[0] == pytest.approx(0.5, abs=0.05)
+
+
+def test_ridge_shrinks_late_taps_more():
+    rng = np.random.default_rng(2)
+    given = [rng.normal(size=(1, 400))]
+    changes = [respond(np.ones((1, 1, 20)), given[0])]
+    found = identify(given, changes, 20, ridge=1.0, decay=4.0)[0, 0]
+    assert found[:5].mean() > found[-5:].mean() + 0.1
+
+
+@pytest.mark.parametrize(
+    ("inputs", "changes", "taps", "message"),
+    [
+        (np.ones((1, 5)), np.ones((1, 6)), 9, "samples"),
+        (np.ones((1, 5)), np.ones((1, 5)), 2, "changes"),
+        (np.zeros((1, 5)), np.ones((1, 6)), 2, "move"),
+        (np.full((1, 5), np.nan), np.ones((1, 6)), 2, "finite"),
+    ],
+)
+def test_identification_refuses(inputs, changes, taps, message):
+    with pytest.raises(ValueError, match=message):
+        identify([inputs], [changes], taps)
+
+
+# ---------------------------------------------------------------- least squares
+
+
+def test_least_squares_are_the_finite_horizon_optimum():
+    """X' = a x + b u + w from rest, cost sum q x^2 + r u^2, w known: Riccati's recursion with its affine part."""
+    a, b, q, r, n = 0.9, 0.4, 2.0, 0.3, 40
+    wind = np.random.default_rng(3).normal(size=n)
+    undisturbed = np.zeros(n + 1)
+    for k in range(n):
+        undisturbed[k + 1] = a * undisturbed[k] + wind[k]
+    response = (b * a ** np.arange(n))[None, None]
+    columns = np.stack([respond(response, np.eye(n)[k : k + 1])[0] for k in range(n)])
+    rows = [(math.sqrt(q) * columns, math.sqrt(q) * undisturbed), (math.sqrt(r) * np.eye(n), np.zeros(n))]
+    found = minimize_quadratic(rows)
+
+    curvature, slope, gains = q, 0.0, []
+    for k in reversed(range(n)):  # value x^2 curvature + 2 x slope
+        weight = r + b * b * curvature
+        gains.append((b * curvature * a / weight, b * (curvature * wind[k] + slope) / weight))
+        closed = a - b * gains[-1][0]
+        slope = closed * (curvature * wind[k] + slope)
+        curvature = q + a * curvature * closed
+    state, expected = 0.0, []
+    for k, (of_state, constant) in enumerate(reversed(gains)):
+        expected.append(-of_state * state - constant)
+        state = a * state + b * expected[-1] + wind[k]
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-8)
+
+
+def test_linear_part_of_the_cost_counts():
+    found = minimize_quadratic([(np.eye(2), np.zeros(2))], linear=np.array([2.0, -4.0]))
+    np.testing.assert_allclose(found, [-1.0, 2.0], rtol=1e-9)
+
+
+def toy_recording(seed, offsets=None, n=900):
+    """A run of a linear plant with slow and once-per-revolution disturbances, as the simulator would record it."""
+    rng = np.random.default_rng(seed)
+    smooth = np.exp(-np.arange(200) * DT / 1.0)
+    rough = rng.normal(size=(6, n + 200))
+    found = np.stack([np.convolve(row, smooth, "valid") for row in rough])[:, : n + 1]
+    outputs = found * np.array([3e5, 3e5, 3e5, 0.02, 0.02, 0.003])[:, None] + np.array([[6e6, 1e6, 0, 0, 0, SPEED]]).T
+    loads = np.stack([1e7 + 8e6 * found[0], 2e6 * found[4], np.full(n + 1, 5e6)])
+    given = np.zeros((3, n)) if offsets is None else offsets
+    both = np.concatenate([outputs, loads]) + respond(TOY, given)
+    azimuth = np.arange(n + 1) * DT * SPEED
+    angles = azimuth + 2.0 * np.pi / 3.0 * np.arange(3)[:, None]
+    flap = both[0] + both[1] * np.cos(angles) + both[2] * np.sin(angles)
+    pitch = 0.1 + 0.02 * np.sin(0.1 * azimuth) * np.ones((3, 1))
+    return Recording(DT, both[:6], both[6:], flap, 0.0 * flap, pitch, azimuth, given, np.ones(n))
+
+
+TOY = np.array([3e3, 3e3, 3e3, 1e-4, 1e-4, 1e-5, 1e4, 1e4, 1e3])[:, None, None] * np.ones((1, 3, 30))
+TOY[0, 0] = TOY[1, 1] = TOY[2, 2] = -2e7 * np.exp(-np.arange(30) / 3.0)
+TOY[6, 0] = -8e7 * np.exp(-np.arange(30) / 5.0)
+TOY[5, 0] = -0.01
+
+
+def test_feedback_lowers_the_cost_of_runs_that_it_has_not_seen(turbine):
+    options = FeedbackOptions(skip=5.0, longest=5.0)
+    runs = [toy_recording(seed) for seed in (1, 2, 3)]
+    scale = np.mean([run.outputs.std(1) for run in runs], axis=0)
+    plant = Plant(TOY, scale, 0.0, pitch_delay(turbine.pitch, DT), DT)
+    gains, _ = fit_feedback(runs[:2], plant, turbine, options)
+    assert gains.shape == (3, 6, 50)
+    run, bins_total = runs[2], gains.shape[-1]
+    past = np.stack([
+        row if k in (1, 2) else without_lasting(row, options.washout, DT)
+        for k, row in enumerate(run.outputs[:, :-1] / scale[:, None])
+    ])  # fmt: skip
+    padded = np.concatenate([np.repeat(past[:, :1], bins_total - 1, axis=1), past], axis=1)
+    offsets = np.stack([
+        sum(np.convolve(padded[k], gains[j, k], "valid") for k in range(6)) for j in range(3)
+    ])  # fmt: skip
+    before, now = (
+        forecast(run, plant, given).metrics(DT, turbine.pitch.max_rate, 5.0) for given in (0.0 * offsets, offsets)
+    )
+    assert now["blade_flap_del"] < 0.9 * before["blade_flap_del"]
+    assert forecast_change(now, before, options.weights) < -0.02
+
+
+def test_heavier_travel_travels_less(turbine):
+    runs = [toy_recording(1)]
+    plant = Plant(TOY, runs[0].outputs.std(1), 0.0, pitch_delay(turbine.pitch, DT), DT)
+    duty = []
+    for weight in (1.0, 5.0):
+        _, (offsets,) = fit_feedback(runs, plant, turbine, FeedbackOptions(travel_weight=weight, skip=5.0, longest=5.0))
+        duty.append(forecast(runs[0], plant, offsets).metrics(DT, 0.14, 5.0)["pitch_duty_cycle"])
+    assert duty[1] < 0.9 * duty[0]
+
+
+def test_power_that_offsets_take_holds_them_back(turbine):
+    runs = [toy_recording(1)]
+    size = []
+    for curvature in (0.0, 300.0):
+        plant = Plant(TOY, runs[0].outputs.std(1), curvature, pitch_delay(turbine.pitch, DT), DT)
+        _, (offsets,) = fit_feedback(runs, plant, turbine, FeedbackOptions(skip=5.0, longest=5.0))
+        size.append(offsets.std())
+    assert size[1] < 0.8 * size[0]
+
+
+def test_change_of_power_is_what_the_linear_model_leaves():
+    offsets = [np.full((3, 100), 0.02)]
+    model = [np.full(101, 1000.0)]
+    change = [model[0] - 5e6 * 7.0 * 3 * 0.02**2]
+    assert change_of_power(change, model, offsets, 5e6) == pytest.approx(7.0)
+    assert change_of_power([model[0] + 1.0], model, offsets, 5e6) == 0.0
+
+
+@pytest.mark.parametrize("wrong", [{"ridge": -1.0}, {"passes": 0}, {"washout": 0.0}, {"weights": {"flap": 1.0}}])
+def test_options_refuse(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        FeedbackOptions(**wrong)
+
+
+# ---------------------------------------------------------------- the past
+
+
+def test_bins_cover_every_delay_once_and_widen():
+    bins = delay_bins(15.0, DT)
+    assert [bins[0][0], bins[-1][1]] == [0, 150]
+    assert all(a[1] == b[0] for a, b in pairwise(bins))
+    widths = [last - first for first, last in bins]
+    assert widths[:6] == [1] * 6
+    assert max(widths) > 10
+
+
+def test_bin_means_and_spread_coefficients_are_the_same_filter():
+    series, bins = np.random.default_rng(4).normal(size=80), delay_bins(2.0, DT)
+    coefficients = np.random.default_rng(5).normal(size=len(bins))
+    padded = np.concatenate([np.full(19, series[0]), series])
+    expected = np.convolve(padded, spread_over_bins(coefficients, bins), "valid")
+    np.testing.assert_allclose(coefficients @ bin_means(series, bins), expected, atol=1e-12)
+
+
+def test_what_lasts_is_taken_off():
+    steady = without_lasting(np.full(50, 3.0), 10.0, DT)
+    np.testing.assert_allclose(steady, 0.0, atol=1e-12)
+    step = without_lasting(np.concatenate([[0.0], np.ones(2000)]), 10.0, DT)
+    assert step[1] == pytest.approx(math.exp(-0.01))
+    assert abs(step[-1]) < 1e-6
+
+
+# ---------------------------------------------------------------- offsets and readings
+
+
+def above_rated(pitch=0.2):
+    return Demand(np.full(3, pitch), 0.0, 43_093.5)
+
+
+def test_offsets_that_reach_the_drives_are_given_back(turbine):
+    offsets = PitchOffsets(turbine, math.radians(4.0), math.radians(3.0), False)
+    demand = above_rated()
+    for _ in range(20):
+        changed = offsets.added((0.01, -0.02, 0.03), demand, 0.7, SPEED, DT)
+    ahead = 0.7 + SPEED * pitch_delay(turbine.pitch, DT)
+    np.testing.assert_allclose(to_fixed_frame(changed.pitch - demand.pitch, ahead), (0.01, -0.02, 0.03), atol=1e-12)
+    np.testing.assert_allclose(offsets.acting, (0.01, -0.02, 0.03), atol=1e-12)
+    assert demand.pitch.tolist() == [0.2, 0.2, 0.2]
+
+
+def test_offsets_keep_size_and_rate(turbine):
+    limit, rate = math.radians(4.0), math.radians(3.0)
+    offsets = PitchOffsets(turbine, limit, rate, False)
+    last = np.zeros(3)
+    for _ in range(40):
+        offsets.added((1.0, 1.0, -1.0), above_rated(), 0.0, SPEED, DT)
+        move = np.array(offsets.acting) - last
+        assert abs(move[0]) < rate * DT * 1.000001
+        assert np.hypot(*move[1:]) < rate * DT * 1.000001
+        last = np.array(offsets.acting)
+    assert last[0] == pytest.approx(limit)
+    assert np.hypot(*last[1:]) == pytest.approx(limit)
+
+
+def test_no_blade_is_pitched_below_its_range(turbine):
+    offsets = PitchOffsets(turbine, 0.05, 10.0, False)
+    changed = offsets.added((0.0, 0.05, 0.0), above_rated(turbine.pitch.min_pitch), 0.0, SPEED, DT)
+    assert changed.pitch.min() == turbine.pitch.min_pitch
+    assert offsets.acting[0] > 0.005  # the mean that is left is known
+    assert offsets.acting[1] < 0.05
+
+
+@pytest.mark.parametrize(("limit", "rate"), [(-1.0, 1.0), (1.0, 0.0), (math.nan, 1.0)])
+def test_offsets_refuse_limits(turbine, limit, rate):
+    with pytest.raises(ValueError, match="limit"):
+        PitchOffsets(turbine, limit, rate)
+
+
+def test_outputs_of_records_and_of_signals_agree():
+    rng = np.random.default_rng(6)
+    channels = {name: rng.normal(size=7) for name in channels_read(3)}
+    recorded = recorded_outputs(channels, 3, -1.0)
+    for k in range(7):
+        out = np.zeros(6)
+        measured_outputs({name: float(values[k]) for name, values in channels.items()}, 3, -1.0, out)
+        np.testing.assert_allclose(recorded[:, k], out, atol=1e-14)
+    np.testing.assert_array_equal(recorded[4], -channels["nacelle_acceleration_side_side"])
+
+
+def test_drawn_offsets_are_held_and_reproducible():
+    excitation = Excitation()
+    levels = excitation.draw(3000, DT, 5)
+    np.testing.assert_array_equal(levels, excitation.draw(3000, DT, 5))
+    assert 0.9 * excitation.mean < abs(levels[0]).max() <= excitation.mean
+    changes = np.flatnonzero(np.diff(levels[1])) + 1
+    assert np.diff(changes).min() >= 2
+    assert np.diff(changes).max() <= 50
+    with pytest.raises(ValueError, match="rising"):
+        Excitation(shortest=2.0, longest=1.0)
+
+
+# ---------------------------------------------------------------- file
+
+
+def made_design(seed=7, knots=(0.1, 0.2), **changes):
+    rng = np.random.default_rng(seed)
+    n = len(knots)
+    given = {
+        "pitch": np.array(knots),
+        "responses": rng.normal(size=(n, 6, 3, 12)).astype(np.float32),
+        "gains": 1e-3 * rng.normal(size=(n, 3, 6, 9)).astype(np.float32),
+        "scale": np.array([1e6, 1e6, 1e6, 0.1, 0.1, 0.03]),
+        "washout": np.array([30.0, 0.0, 0.0, 30.0, 30.0, 30.0]),
+        "interval": DT,
+        "limit": 0.07,
+        "rate_limit": 0.05,
+        "fade": 0.05,
+        "record": {"turbine": "NREL", "speeds": [1, 2]},
+    }
+    return LinearDesign(**given | changes)
+
+
+def test_a_design_comes_back_from_its_file(tmp_path):
+    design, path = made_design(), tmp_path / "design.npz"
+    save_design(design, path)
+    found = load_design(path)
+    for name in ("pitch", "responses", "gains", "scale", "washout"):
+        np.testing.assert_allclose(getattr(found, name), getattr(design, name), rtol=1e-7)
+    assert (found.interval, found.limit, found.rate_limit, found.fade) == (DT, 0.07, 0.05, 0.05)
+    assert found.record == design.record
+    assert copy.deepcopy(found) is found
+    with pytest.raises(ValueError, match="read-only"):
+        found.gains[0] = 0.0
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"gains": np.zeros((2, 3, 5, 9))},
+        {"responses": np.zeros((1, 6, 3, 12))},
+        {"pitch": np.array([0.2, 0.1])},
+        {"scale": np.zeros(6)},
+        {"interval": 0.0},
+        {"limit": math.nan},
+        {"washout": np.full(6, np.inf)},
+    ],
+)
+def test_a_design_refuses(wrong):
+    with pytest.raises(ControllerError, match=next(iter(wrong))):
+        made_design(**wrong)
+
+
+def test_files_that_are_no_designs(tmp_path):
+    with pytest.raises(FileNotFoundError, match="wt-gym design"):
+        load_design(tmp_path / "none.npz")
+    text = tmp_path / "text.npz"
+    text.write_text("no archive")
+    with pytest.raises(ControllerError, match="must be a design"):
+        load_design(text)
+    pickled = tmp_path / "pickled.npz"
+    np.savez(pickled, head=np.array({"format": 1}, dtype=object))
+    with pytest.raises(ControllerError, match="must be a design"):
+        load_design(pickled)
+    newer = tmp_path / "newer.npz"
+    save_design(made_design(), newer)
+    with np.load(newer) as found:
+        arrays = dict(found)
+    arrays["head"] = np.array(str(arrays["head"]).replace('"format": 1', '"format": 99'))
+    np.savez(newer, **arrays)
+    with pytest.raises(ControllerError, match="format 1, got 99"):
+        load_design(newer)
+
+
+# ---------------------------------------------------------------- controller
+
+
+def signals_of(outputs, azimuth, sign=1.0):
+    """Readings whose fixed-frame outputs are these."""
+    angles = azimuth + 2.0 * np.pi / 3.0 * np.arange(3)
+    flap = outputs[0] + outputs[1] * np.cos(angles) + outputs[2] * np.sin(angles)
+    return {
+        "azimuth": azimuth,
+        "rotor_speed": float(outputs[5]),
+        "nacelle_acceleration_fore_aft": float(outputs[3]),
+        "nacelle_acceleration_side_side": sign * float(outputs[4]),
+        **{f"root_flap_moment_{b + 1}": float(flap[b]) for b in range(3)},
+    }
+
+
+def driven(controller, disturbances, responses, dt=DT, every=1, sign=1.0):
+    """Offsets (3, n) of a controller whose outputs are disturbances (6, n) and what its offsets do."""
+    n = disturbances.shape[1]
+    acting, seen = np.zeros((3, n)), []
+    controller.start(signals_of(disturbances[:, 0], 0.0, sign))
+    for k in range(n):
+        y = disturbances[:, k] + respond(responses, acting)[:, k]
+        total = np.zeros(3)
+        for part in range(every):
+            azimuth = (k + part / every) * DT * SPEED
+            controller.step(signals_of(y, azimuth, sign), dt, above_rated(0.15))
+            total += np.array(controller.offsets.acting) / every
+        acting[:, k] = total
+        seen.append(controller.disturbance.copy())
+    return acting, np.array(seen).T
+
+
+def drawn_disturbances(n=120):
+    mean = np.array([6e6, 1e6, -5e5, 0.05, -0.02, SPEED])
+    size = np.array([3e5, 3e5, 3e5, 0.05, 0.05, 0.003])
+    return mean[:, None] + size[:, None] * np.random.default_rng(8).normal(size=(6, n))
+
+
+def test_what_the_model_does_not_explain_is_the_disturbance(turbine):
+    design = made_design(knots=(0.15,))
+    responses = design.responses[0] * design.scale[:, None, None] * 0.1
+    design = made_design(knots=(0.15,), responses=responses[None] / design.scale[:, None, None])
+    wanted = drawn_disturbances()
+    acting, found = driven(LinearOptimalPitch(turbine, design), wanted, responses)
+    assert np.abs(acting).max() > 1e-3
+    np.testing.assert_allclose(found / design.scale[:, None], wanted / design.scale[:, None], atol=1e-6)
+
+
+def test_offsets_are_the_filtered_past_times_the_gains(turbine):
+    design = made_design(knots=(0.15,), responses=np.zeros((1, 6, 3, 12)), rate_limit=100.0, limit=3.0)
+    wanted = drawn_disturbances()
+    acting, _ = driven(LinearOptimalPitch(turbine, design, gain=0.5), wanted, np.zeros((6, 3, 12)))
+    scaled = wanted / design.scale[:, None]
+    past = np.stack([without_lasting(row, tau, DT) for row, tau in zip(scaled, design.washout, strict=True)])
+    padded = np.concatenate([np.repeat(past[:, :1], 8, axis=1), past], axis=1)
+    for j in range(3):
+        expected = 0.5 * sum(np.convolve(padded[k], design.gains[0, j, k], "valid") for k in range(6))
+        np.testing.assert_allclose(acting[j], expected, atol=1e-10)
+
+
+def test_designs_are_blended_by_the_slow_pitch(turbine):
+    both = made_design(knots=(0.1, 0.2), responses=np.zeros((2, 6, 3, 12)), rate_limit=100.0)
+    alone = [
+        made_design(knots=(0.15,), responses=np.zeros((1, 6, 3, 12)), gains=both.gains[k : k + 1], rate_limit=100.0)
+        for k in range(2)
+    ]
+    first = [
+        driven(LinearOptimalPitch(turbine, d), drawn_disturbances(3), np.zeros((6, 3, 12)))[0][:, 0]
+        for d in (both, *alone)
+    ]
+    np.testing.assert_allclose(first[0], 0.5 * (first[1] + first[2]), atol=1e-12)
+
+
+def test_a_finer_step_decides_as_often(turbine):
+    design = made_design(knots=(0.15,), responses=np.zeros((1, 6, 3, 12)), rate_limit=100.0)
+    coarse, _ = driven(LinearOptimalPitch(turbine, design), drawn_disturbances(), np.zeros((6, 3, 12)))
+    fine, _ = driven(LinearOptimalPitch(turbine, design), drawn_disturbances(), np.zeros((6, 3, 12)), DT / 2, 2)
+    np.testing.assert_allclose(fine, coarse, atol=1e-12)
+
+
+def test_a_coarser_step_keeps_the_time(turbine):
+    """Disturbances that are held as long as the step: what is decided is the same."""
+    design = made_design(knots=(0.15,), responses=np.zeros((1, 6, 3, 12)), rate_limit=100.0)
+    wanted = drawn_disturbances(40)
+    washed = design.washout > 0.0  # the low-pass of a held signal is the same only at the end of a step
+    only = np.where(washed[:, None], wanted[:, :1], wanted)
+    fine, _ = driven(LinearOptimalPitch(turbine, design), np.repeat(only, 2, axis=1), np.zeros((6, 3, 12)))
+    coarse, _ = driven(LinearOptimalPitch(turbine, design), only, np.zeros((6, 3, 12)), 2 * DT)
+    np.testing.assert_allclose(coarse, fine[:, ::2], atol=1e-12)
+
+
+@pytest.mark.parametrize("dt", [0.4, 0.07, 5.0])
+def test_any_step_will_do(turbine, dt):
+    controller = LinearOptimalPitch(turbine, made_design())
+    wanted = drawn_disturbances()
+    controller.start(signals_of(wanted[:, 0], 0.0))
+    pitch = [controller.step(signals_of(wanted[:, k], k * dt), dt, above_rated()).pitch for k in range(60)]
+    assert np.isfinite(pitch).all()
+    assert np.ptp(pitch) > 1e-4
+
+
+def test_a_copy_and_a_memory_go_on_alike(turbine):
+    design, wanted = made_design(), drawn_disturbances()
+    controller = Combined(make_controller("discon", turbine), LinearOptimalPitch(turbine, design))
+    more = {"generator_speed": SPEED * 97, "generator_torque": 43_093.5}
+    controller.start(signals_of(wanted[:, 0], 0.0) | more, above_rated())
+    for k in range(60):
+        controller.step(signals_of(wanted[:, k], 0.1 * k) | more, DT)
+    other = copy.deepcopy(controller)
+    memory = memory_of(controller)
+    after = [controller.step(signals_of(wanted[:, k], 0.1 * k) | more, DT).pitch for k in range(60, 80)]
+    copied = [other.step(signals_of(wanted[:, k], 0.1 * k) | more, DT).pitch for k in range(60, 80)]
+    np.testing.assert_array_equal(after, copied)
+    remember(other, memory, np.ones(len(memory.sizes), dtype=bool))
+    again = [other.step(signals_of(wanted[:, k], 0.1 * k) | more, DT).pitch for k in range(60, 80)]
+    np.testing.assert_array_equal(after, again)
+    assert memory.values.size < design.gains.size + design.responses.size  # what never changes is no memory
+
+
+def test_the_mirror_image_is_pitched_alike(turbine):
+    design = made_design(knots=(0.15,))
+    one, _ = driven(LinearOptimalPitch(turbine, design), drawn_disturbances(), np.zeros((6, 3, 12)))
+    image, _ = driven(
+        LinearOptimalPitch(mirrored(turbine), design), drawn_disturbances(), np.zeros((6, 3, 12)), sign=-1.0
+    )
+    np.testing.assert_allclose(image, one, atol=1e-12)
+
+
+def test_a_start_forgets(turbine):
+    controller = LinearOptimalPitch(turbine, made_design())
+    first, _ = driven(controller, drawn_disturbances(), np.zeros((6, 3, 12)))
+    again, _ = driven(controller, drawn_disturbances(), np.zeros((6, 3, 12)))
+    np.testing.assert_array_equal(first, again)
+
+
+def test_names_and_files_of_the_catalogue(turbine, tmp_path):
+    path = tmp_path / "mine.npz"
+    save_design(made_design(), path)
+    controller = make_controller(f"linear_optimal:file={path},gain=0.5", turbine)
+    assert [type(part).__name__ for part in controller.additions] == ["SideSideDamper", "LinearOptimalPitch"]
+    assert controller.additions[1].gain == 0.5
+    assert "root_flap_moment_1" in controller.channels
+    with pytest.raises(ValueError, match="wt-gym design"):
+        make_controller("linear_optimal", load_turbine("iea_15mw"))
+    make_controller("linear_optimal", mirrored(turbine))
+    with pytest.raises(FileNotFoundError, match="no design"):
+        make_controller("linear_optimal:file=nowhere.npz", turbine)
+
+
+# ---------------------------------------------------------------- the design as a whole
+
+
+def test_seeds_for_evaluation_never_enter_a_design():
+    with pytest.raises(ValueError, match=r"training winds, 1 to 24; got 1001"):
+        LinearDesignTask(speeds=(15.0,), seeds=(1, 2, 1001))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"speeds": (15.0, 12.0)}, "rising"),
+        ({"speeds": ()}, "rising"),
+        ({"seeds": (1, 1)}, "different"),
+        ({"excited": 1}, "excited"),
+        ({"duration": 30.0}, "at least"),
+    ],
+)
+def test_tasks_refuse(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        LinearDesignTask(**{"speeds": (15.0,)} | wrong)
+
+
+def test_default_winds_are_about_rated_and_above(turbine):
+    assert default_speeds(turbine) == (12.0, 15.0, 18.0)
+
+
+@pytest.fixture
+def toy_runs(monkeypatch):
+    """Runs of the toy plant in place of the simulator; those that were made."""
+    made = []
+
+    def make(task, turbine, run):
+        speed, seed, excited = run
+        made.append(run)
+        n = round(task.duration / DT)
+        levels = task.excitation.draw(n, DT, seed) if excited else None
+        found = toy_recording(seed, levels, n)
+        return Recording(**vars(found) | {"pitch": found.pitch + 0.01 * speed})
+
+    monkeypatch.setattr(designing, "_make", make)
+    return made
+
+
+TOY_TASK = {"seeds": (1, 2, 3), "duration": 60.0, "memory": 4.0, "feedback": FeedbackOptions(skip=5.0, longest=3.0)}
+
+
+def test_a_design_goes_on_where_it_was_stopped(turbine, toy_runs, tmp_path):
+    task = LinearDesignTask(speeds=(15.0, 18.0), excited=2, ridge=0.0, **TOY_TASK)
+    store = RecordingStore(tmp_path / "runs")
+
+    def stop(line):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        design(turbine, task, store, progress=stop)
+    assert len(toy_runs) == 1
+    lines = []
+    made = design(turbine, task, store, progress=lines.append)
+    assert len(toy_runs) == len(task.runs) == 10
+    again = design(turbine, task, store)
+    assert len(toy_runs) == 10
+    np.testing.assert_array_equal(made.gains, again.gains)
+    assert sum("explained" in line for line in lines) == 2
+    found = made.record["speeds"][0]
+    assert found["explained"]["flap_mean"] == pytest.approx(1.0, abs=1e-6)
+    assert found["forecast"]["cost"] < -0.02
+    np.testing.assert_allclose(
+        made.responses[0, :, :, :30] * made.scale[:, None, None], TOY[:6], atol=1e-6 * np.abs(TOY[:6]).max()
+    )
+    save_design(made, tmp_path / "made.npz")
+    assert load_design(tmp_path / "made.npz").record["task"]["seeds"] == [1, 2, 3]
+
+
+def test_a_damaged_recording_is_named(turbine, toy_runs, tmp_path):
+    task = LinearDesignTask(speeds=(15.0,), excited=2, **TOY_TASK)
+    store = RecordingStore(tmp_path)
+    design(turbine, task, store)
+    file = next(tmp_path.glob("*.npz"))
+    file.write_bytes(b"half")
+    with pytest.raises(ValueError, match=f"{file.name} is damaged"):
+        design(turbine, task, store)
+
+
+def test_winds_of_the_same_pitch_are_refused(turbine, toy_runs, monkeypatch):
+    task = LinearDesignTask(speeds=(14.0, 15.0), excited=2, **TOY_TASK)
+    toy = designing._make
+    monkeypatch.setattr(designing, "_make", lambda task, turbine, run: toy(task, turbine, (15.0, *run[1:])))
+    with pytest.raises(ValueError, match="pitch must rise"):
+        design(turbine, task)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--out", "mine.txt"], "must be a file *.npz, got mine.txt"),
+        (["--out", "mine.npz", "--seeds", "1", "1001"], "training winds, 1 to 24; got 1001"),
+        (["--out", "mine.npz", "--speeds", "18", "12"], "rising wind speeds"),
+        (["--out", "mine.npz", "--base", "ipd"], "a controller must be among"),
+        (["--out", "mine.npz", "--turbine", "nrel_6mw"], "nrel_6mw"),
+        (["--out", "mine.npz", "--travel-weight", "-1"], "travel_weight must be finite and not negative"),
+    ],
+)
+def test_the_command_refuses(words, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        design_command.main(["linear_optimal", *words])
+    assert message in str(end.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_a_design(toy_runs, tmp_path, capsys):
+    path = tmp_path / "mine.npz"
+    words = ["linear_optimal", "--speeds", "15", "--seeds", "1", "2", "--excited", "2", "--duration", "75"]
+    design_command.main([*words, "--travel-weight", "2", "--out", str(path), "--json"])
+    shown = capsys.readouterr()
+    assert json.loads(shown.out.splitlines()[-1])["task"]["feedback"]["travel_weight"] == 2.0
+    assert "run 4 of 4: 15 m/s, seed 2, with drawn offsets" in shown.err
+    assert load_design(path).record["task"]["speeds"] == [15.0]
+
+
+@pytest.mark.slow
+def test_the_shipped_design_improves_a_wind_that_it_has_not_seen(turbine):
+    task, metrics = load_task("load-reduction-15"), {}
+    for name in ("discon", "tuned", "linear_optimal"):
+        simulator = Simulator(turbine, inflow_of(turbine, Case(15.0, 1013)), "training")
+        run = run_controller(simulator, make_controller(name, turbine), 210.0)
+        metrics[name] = benchmark_metrics(run.to_dataset(), turbine, 30.0)
+    gains = {name: task.improvement(found, metrics["discon"]) for name, found in metrics.items()}
+    assert gains["linear_optimal"] > gains["tuned"] + 0.02
+    assert gains["linear_optimal"] > 0.08
+    assert not task.broken_limits(metrics["linear_optimal"], metrics["discon"])
+
+
+def test_the_shipped_design_was_made_in_training_winds_of_its_turbine(turbine):
+    record = make_controller("linear_optimal", turbine).additions[1].design.record
+    assert record["turbine"] == turbine.name
+    assert LinearDesignTask(speeds=(15.0,), seeds=tuple(record["task"]["seeds"])).seeds
+    explained = {part["speed"]: part["explained"] for part in record["speeds"]}
+    for speed in (15.0, 18.0):
+        assert min(explained[speed][name] for name in ("flap_tilt", "flap_yaw")) > 0.95
+        assert explained[speed]["flap_mean"] > 0.9

@@ -1,0 +1,92 @@
+"""Design a controller for a turbine from recorded simulation.
+
+    wt-gym design linear_optimal --turbine nrel_5mw --out mine.npz
+    wt-gym evaluate linear_optimal:file=mine.npz
+
+Base controller, plant and disturbances are recorded in training winds, with and without drawn offsets of the pitch; the
+feedback follows by least squares. Recordings lie beside the file, in a folder of its name with .runs behind it: a
+design that is stopped goes on there, and other weights need no other recordings.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from wt_gym.commands.engine_options import add_engine_options, executor_of
+from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
+from wt_gym.commands.site_options import add_site_option
+
+DESIGNS = ("linear_optimal",)
+"""Controllers that are designed."""
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("design", description=__doc__)
+    parser.add_argument("controller", choices=DESIGNS)
+    parser.add_argument("--turbine", default="nrel_5mw")
+    add_site_option(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="file of the design")
+    parser.add_argument("--base", help="base controller (default: side_side_damper)")
+    parser.add_argument("--speeds", nargs="+", type=float, help="winds of the designs, m/s (default: 1.05, 1.32, 1.58 "
+                        "rated wind speeds)")  # fmt: skip
+    parser.add_argument("--seeds", nargs="+", type=int, help="of the training winds, 1 to 24 (default: 1 to 6)")
+    parser.add_argument("--excited", type=int, help="seeds that are run with drawn offsets too (default: 3)")
+    parser.add_argument("--duration", type=float, help="of a run, s (default: 300)")
+    parser.add_argument("--limit", type=float, metavar="DEG", help="largest offset, deg (default: 4)")
+    parser.add_argument("--rate-limit", type=float, metavar="DEG/S", help="largest rate of offsets, deg/s (default: 3)")
+    parser.add_argument("--fade", type=float, metavar="DEG", help="collective pitch above fine pitch from which on "
+                        "offsets act in full, deg (default: 3)")  # fmt: skip
+    parser.add_argument("--travel-weight", type=float, help="factor on the cost of pitch travel (default: 1)")
+    parser.add_argument("--power-weight", type=float, help="factor on the cost of power (default: 1)")
+    parser.add_argument("--fidelity", default="training", help=FIDELITIES_HELP)
+    add_engine_options(parser, "runs")
+    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run."""
+    arguments = parse_arguments(words)
+    out: Path = arguments.out
+    with user_errors(), stoppable(f"runs that are done are in {out}.runs and are not made again"):
+        if out.suffix != ".npz":
+            raise ValueError(f"--out must be a file *.npz, got {out}")
+        from wt_gym.agents.linear_design.design import LinearDesignTask, default_speeds, design
+        from wt_gym.agents.linear_design.feedback import FeedbackOptions
+        from wt_gym.agents.linear_design.recording import RecordingStore
+        from wt_gym.control.optimal.design_file import save_design
+        from wt_gym.files import require_writable
+        from wt_gym.turbines import load_turbine
+        from wt_gym.turbines.site import with_site
+
+        turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
+        speeds = arguments.speeds or default_speeds(turbine)
+        given = {
+            "base": arguments.base,
+            "seeds": tuple(arguments.seeds) if arguments.seeds else None,
+            "excited": arguments.excited,
+            "duration": arguments.duration,
+            "limit": None if arguments.limit is None else math.radians(arguments.limit),
+            "rate_limit": None if arguments.rate_limit is None else math.radians(arguments.rate_limit),
+            "fade": None if arguments.fade is None else math.radians(arguments.fade),
+        }
+        weights = {"travel_weight": arguments.travel_weight, "power_weight": arguments.power_weight}
+        task = LinearDesignTask(
+            speeds=tuple(speeds), fidelity=arguments.fidelity,
+            feedback=replace(FeedbackOptions(), **{k: v for k, v in weights.items() if v is not None}),
+            **{key: value for key, value in given.items() if value is not None},
+        )  # fmt: skip
+        require_writable(out.resolve().parent)
+        store = RecordingStore(out.with_name(f"{out.name}.runs"))
+        with executor_of(arguments) as executor:
+            made = design(turbine, task, store, executor, lambda line: print(line, file=sys.stderr, flush=True))
+        save_design(made, out)
+    print(f"{out}: use it as linear_optimal:file={out}")
+    if arguments.json:
+        print(json.dumps(made.record))
