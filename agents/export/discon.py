@@ -126,15 +126,17 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
     source, library, parameters = (file.name for file in files)
     step = parts.values["controller_step"]
     individual = parts.constants["INDIVIDUAL_BLADES"]
+    yaws = "yaw" in parts.groups or bool(parts.constants.get("HAS_YAW"))
     lines = [
         f"# {title}", "",
         f"- `{library}`: library with the Bladed interface, function `DISCON`; one instance a loaded file.",
         f"- `{parameters}`: its parameters, read at the first call.",
         f"- `{source}`: its source, C99: `cc -std=c99 -O2 -shared -fPIC -o {library} {source} -lm`.",
         "", f"It acts every {step:g} s, whatever the step of the caller.", "",
-        "In OpenFAST's ServoDyn: `PCMode` and `VSContrl` 5, "
+        f"In OpenFAST's ServoDyn: {'`PCMode`, `VSContrl` and `YCMode`' if yaws else '`PCMode` and `VSContrl`'} 5, "
         f"`DLL_FileName` \"{library}\", `DLL_InFile` \"{parameters}\"" + (", `Ptch_Cntrl` 1." if individual else ".")
-        + " ServoDyn has no pitch drives: set `drive = 1` in the parameter file.",
+        + " ServoDyn has no pitch drives: set `drive = 1` in the parameter file."
+        + (" The yaw needs `YawDOF` True in ElastoDyn." if yaws else ""),
         "", "## Readings", "", "| record | reading | plausible range | needed by |", "|---|---|---|---|",
     ]  # fmt: skip
     words = {"BASE": "controller", "IPC": "individual pitch", "DAMPER": "dampers", "YAW": "yaw", "AGENT": "agent"}

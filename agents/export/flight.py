@@ -14,6 +14,7 @@ from wt_gym.agents.pool import load_model
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.bridges.openfast import find_driver, find_library, read_outputs, run_driver
 from wt_gym.control.controllers import parse_name
+from wt_gym.envs.options.environment import flat_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
 from wt_gym.runs.playing import play
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["LARGEST_CHANGE", "LARGEST_DIFFERENCE", "LOADS", "Flight", "fly"]
 
 LARGEST_DIFFERENCE = 1e-5
-"""Of the demands of the library from those of Python: pitch [rad], torque over the greatest one [-]."""
+"""Of the demands of the library from those of Python: pitch [rad], torque over the greatest one [-], yaw [rad/s]."""
 LARGEST_CHANGE = 1e-3
 """Of each load in OpenFAST with the library from that with Python [-]."""
 PYTHON, LIBRARY = "wt_gym, Python", "wt_gym, library"
@@ -47,8 +48,9 @@ class Flight:
 
     Attributes
     ----------
-    pitch, torque : float
-        Largest difference of the demands of the library from those of Python in this package's simulator [rad], [-].
+    pitch, torque, yaw_rate : float
+        Largest difference of the demands of the library from those of Python in this package's simulator [rad], [-],
+        [rad/s].
     metrics : dict
         Of each run by its name, see `wt_gym.analysis.metrics.run_metrics`.
     missing : dict
@@ -59,6 +61,7 @@ class Flight:
 
     pitch: float
     torque: float
+    yaw_rate: float
     metrics: dict[str, dict[str, float]]
     missing: dict[str, str]
     primary: Path
@@ -74,7 +77,7 @@ class Flight:
     @property
     def agrees(self) -> bool:
         """Whether everything that was run is within `LARGEST_DIFFERENCE` and `LARGEST_CHANGE`."""
-        near = max(self.pitch, self.torque) <= LARGEST_DIFFERENCE
+        near = max(self.pitch, self.torque, self.yaw_rate) <= LARGEST_DIFFERENCE
         return near and all(abs(change) <= LARGEST_CHANGE for change in self.changes.values())
 
 
@@ -118,6 +121,8 @@ def fly(
 ) -> Flight:
     """Export, then fly in the same wind: Python's and the library's demands, in this package's simulator and OpenFAST.
 
+    Sensors have no noise in any run, whatever that of the training was: the library has none.
+
     Parameters
     ----------
     choice : str
@@ -147,7 +152,10 @@ def fly(
     exported = export_discon(choice, folder / "wt_gym", hold_missing=hold_missing, **where)
     in_openfast = export_openfast(choice, folder / "openfast", scene, duration=duration, hold_missing=hold_missing)
     primary, held = Path(in_openfast["files"][0]), exported["held"]
-    python = scene.arguments if own else scene.arguments | {"controller": choice}
+    arguments = flat_arguments(scene.arguments) | {
+        "sensor_noise": 0.0
+    }  # the library has none, nor would two runs have the same
+    python = arguments if own else arguments | {"controller": choice}
     agent = load_model(name) if own else None
     libraries = f"bladed:{exported['files'][1]}:input_file={exported['files'][2]}"
     alone = {"controller": libraries, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
@@ -155,7 +163,7 @@ def fly(
     metrics: dict[str, dict[str, float]] = {}
     data, expected = _played(python, agent, scene, duration, held)
     metrics[PYTHON] = run_metrics(data, scene.turbine, skip)
-    data, found = _played(scene.arguments | alone, None, scene, duration)
+    data, found = _played(arguments | alone, None, scene, duration)
     metrics[LIBRARY] = run_metrics(data, scene.turbine, skip)
     apart = np.abs(found - expected).max(axis=0)
     missing: dict[str, str] = {}
@@ -167,7 +175,7 @@ def fly(
         simulator = {"simulator": {"name": "openfast", "openfast_library": str(path), "duration": duration}}
         data, _ = _played(python | simulator, agent, scene, duration, held)
         metrics[PYTHON_IN_OPENFAST] = run_metrics(data, scene.turbine, skip)
-    return Flight(float(apart[:-1].max()), float(apart[-1]), metrics, missing, primary)
+    return Flight(float(apart[:-2].max()), float(apart[-2]), float(apart[-1]), metrics, missing, primary)
 
 
 def _there(
@@ -186,7 +194,9 @@ def _there(
 def _played(
     arguments: dict[str, Any], agent: Agent | None, scene: Scene, duration: float, held: Sequence[str] = ()
 ) -> tuple[xr.Dataset, NDArray[np.float64]]:
-    """Signals after the start, and demands at every step of the simulator: pitch [rad], torque over the greatest one.
+    """Signals after the start, and demands at every step of the simulator: pitch, torque over the greatest, yaw.
+
+    In rad, -, rad/s.
 
     Raises
     ------
@@ -204,7 +214,7 @@ def _played(
         advance = simulator.advance
 
         def noted(time: float, pitch: Any, yaw_rate: float, torque: float, **options: Any) -> Any:
-            rows.append(np.append(pitch, torque / most))
+            rows.append(np.append(pitch, (torque / most, yaw_rate)))
             return advance(time, pitch, yaw_rate, torque, **options)
 
         simulator.advance = noted  # type: ignore[method-assign, assignment]

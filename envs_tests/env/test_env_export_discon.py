@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 from pathlib import Path
 
@@ -16,8 +17,10 @@ from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 from wt_gym.agents.trained_environment import trained_arguments
 from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.commands.export import main
+from wt_gym.commands.fly import main as fly_command
 from wt_gym.control.bladed.records import new_swap, write_readings
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.errors import SimulationError
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.turbines import load_turbine
 
@@ -324,3 +327,42 @@ def test_actions_that_are_not_residual_are_refused(tmp_path):
     (tmp_path / "model.json").write_text(json.dumps({"algo": "PPO", "env_kwargs": kwargs}), encoding="utf-8")
     with pytest.raises(ValueError, match=r"must have residual actions .*, got 'rate'"):
         export_discon(str(tmp_path / "model.zip"), tmp_path / "out")
+
+
+@pytest.mark.parametrize("wrong", [False, True], ids=["as exported", "a tenth of the yaw"])
+def test_a_flight_compares_yaw_without_the_noise_of_the_training(wrong, tmp_path, monkeypatch, capsys):
+    path, _, env = untrained(tmp_path, "yaw")
+    env.close()
+    card = path.with_suffix(".json")
+    told = json.loads(card.read_text(encoding="utf-8"))
+    told["env_kwargs"]["sensor_noise"] = 0.1
+    card.write_text(json.dumps(told), encoding="utf-8")
+    for name in ("find_driver", "find_library"):
+        monkeypatch.setattr(f"wt_gym.agents.export.flight.{name}", nothing_there)
+
+    def export(*names, **options):
+        made = export_discon(*names, **options)
+        parameters = Path(made["files"][2])
+        text = parameters.read_text(encoding="utf-8")
+        (found,) = re.findall(r"^offset_yaw_rate = (\S+)", text, re.MULTILINE)
+        slower = text.replace(f"offset_yaw_rate = {found}", f"offset_yaw_rate = {0.1 * float(found)}")
+        parameters.write_text(slower if wrong else text, encoding="utf-8")
+        return made
+
+    monkeypatch.setattr("wt_gym.agents.export.flight.export_discon", export)
+    words = [str(path), "--out", str(tmp_path / "flight"), "--duration", "4", "--skip", "1", "--json", "--env-kwargs",
+             '{"inflow": "steady", "wind_speed": 12.0}']  # fmt: skip
+    if wrong:
+        with pytest.raises(SystemExit):
+            fly_command(words)
+    else:
+        fly_command(words)
+    text = capsys.readouterr().out
+    told = json.loads(text.splitlines()[-1])
+    assert told["agrees"] is not wrong
+    assert (told["yaw_rate_rad_s"] > 2e-5) is wrong
+    assert "without sensor noise" in text
+
+
+def nothing_there(_given=None):
+    raise SimulationError("not here")

@@ -2,7 +2,10 @@
 
 import logging
 import math
+import re
+import shlex
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +19,9 @@ from wt_gym.agents.serving.own_set_points import OwnSetPoints
 from wt_gym.agents.serving.served_agent import ServedAgent
 from wt_gym.bridges.rosco import RoscoServer, SetPoints, read_message
 from wt_gym.commands.serve import main
+from wt_gym.commands.train import parse_arguments as parse_training
+from wt_gym.commands.training_options import config_from
+from wt_gym.envs.options.environment import registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import ControllerError
 
@@ -257,6 +263,20 @@ def test_shipped_agents_are_refused_with_what_they_lack():
         answers_of("agents/trained/load_reduction")
 
 
+def test_the_training_of_the_page_gives_an_agent_that_is_served():
+    """Its printed words, as the command reads them, under the check of the server."""
+    page = Path(__file__).resolve().parents[2] / "docs" / "howto" / "serve.md"
+    (found,) = re.findall(r"^wt-gym train (.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    config = config_from(parse_training(shlex.split(found)))
+    assert config.env_kwargs["controller"] == "rosco"
+    without_rosco = config.env_kwargs | {"controller": "discon"}  # which is not installed everywhere
+    env = WindTurbineEnv(**registered_arguments(config.env_id, without_rosco))
+    check_expressible(env)
+    assert "root_out_of_plane_moment_tilt" in env.layout.observation.names
+    served = ServedAgent(lambda: Steady(np.ones(env.layout.action.size)), env)
+    assert offsets_of(served.answer(message(0.0, status=0))) != [0.0, 0.0, 0.0]
+
+
 OWN = '''
 class Agent:
     env_kwargs = {"observation": ["rotor_speed"], "action_components": ["pitch"], "residual_fade": False}
@@ -344,3 +364,24 @@ def test_the_command_serves_until_the_last_call(capsys, tmp_path):
     ]
     with pytest.raises(SystemExit, match="port must be from 1 to 65535, got 0"):
         main(["zero", "--port", "0"])
+
+
+@pytest.mark.parametrize(
+    ("words", "idle"),
+    [([], 600.0), (["--stay"], None), (["--stay", "--timeout", "5"], 5.0), (["--timeout", "5"], 5.0)],
+)
+def test_a_server_that_stays_has_no_time_out_unless_one_is_given(words, idle, monkeypatch):
+    made = []
+
+    class Noted(RoscoServer):
+        def __init__(self, address, answers, timeout=None):
+            made.append(timeout)
+            super().__init__("tcp://127.0.0.1:*", answers, timeout)
+
+        def serve(self, stay=False, turbines=1):
+            made.append((stay, turbines))
+            return 0
+
+    monkeypatch.setattr("wt_gym.bridges.rosco.RoscoServer", Noted)
+    main(["zero", "--turbines", "3", *words])
+    assert made == [idle, ("--stay" in words, 3)]

@@ -2,10 +2,12 @@
 
 import ctypes
 import importlib.util
+import json
 import math
 import re
+import shutil
 import subprocess
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -32,8 +34,10 @@ from wt_gym.bridges.openfast.pitch_path import PitchPath
 from wt_gym.bridges.openfast.relay import relay_library
 from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
 from wt_gym.bridges.openfast.start import BentTurbine
+from wt_gym.bridges.openfast.turbine_file import read_turbine, write_turbine
 from wt_gym.bridges.openfast.wind_file import sampled, write_wind
 from wt_gym.commands import loadcases
+from wt_gym.commands.loads import main as loads_command
 from wt_gym.control.blade_element import BladeElementRotor, BladeElements
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.simulators import simulator_maker
@@ -42,7 +46,7 @@ from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import StuckPitch
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes
-from wt_gym.turbines import PitchSystem, load_turbine
+from wt_gym.turbines import PitchSystem, catalogue, load_turbine
 from wt_gym.turbines.clearance import unloaded_clearance
 from wt_gym.turbines.mirror import mirrored
 from wt_gym.turbines.openfast import read_openfast
@@ -576,6 +580,15 @@ def written(turbine, tmp_path_factory):
     return write_driver_run(turbine, wind, folder, controller, duration=30.0, interval=0.1, azimuth=0.5)
 
 
+def leaves(value):
+    """What stands in records within records, arrays by their bytes."""
+    if is_dataclass(value):
+        return {item.name: leaves(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.shape, value.tobytes()
+    return [leaves(item) for item in value] if isinstance(value, tuple) else value
+
+
 class TestDriverRuns:
     """Folders for OpenFAST's driver, and what it writes."""
 
@@ -601,6 +614,86 @@ class TestDriverRuns:
         assert elasto.number("RotSpeed") * math.pi / 30.0 == pytest.approx(point.rotor_speed)
         assert math.radians(elasto.number("BlPitch(2)")) == pytest.approx(point.pitch)
         assert math.radians(elasto.number("Azimuth")) == pytest.approx(0.5)
+
+    @staticmethod
+    def own_model(turbine, folder, **values):
+        """Primary file of a model of the user's with values of module and keyword, ``ServoDyn_DT`` for example."""
+        primary = write_model(turbine, folder)
+        names = {"OpenFAST": primary.name, "ServoDyn": "servodyn.dat", "ElastoDyn": "elastodyn.dat"}
+        for place, value in values.items():
+            module, _, key = place.partition("_")
+            file = InputFile(folder / names[module])
+            file.set(key, value)
+            file.write(file.path)
+        return primary
+
+    @staticmethod
+    def driven(turbine, model, folder, interval=0.1):
+        controller = ServedController("mine.so", "mine.in")
+        return write_driver_run(
+            turbine, SteadyInflow(8.0), folder, controller, duration=1.0, interval=interval, model=model
+        )
+
+    def test_the_folder_of_a_model_of_the_users_can_be_moved(self, turbine, tmp_path):
+        """With what its files name: beside them, above them, by @ and by a stem; not the wind that it had."""
+        own = tmp_path / "mine" / "turbine"
+        model = self.own_model(turbine, own, OpenFAST_HydroFile="../sea/hydro.dat", ServoDyn_DLL_InFile="law.in")
+        (own / "law.in").write_text("law\n", encoding="utf-8")
+        (tmp_path / "mine" / "sea").mkdir()
+        (tmp_path / "mine" / "sea" / "hydro.dat").write_text('"data/spar"  PotFile\n', encoding="utf-8")
+        (tmp_path / "mine" / "sea" / "data").mkdir()
+        for end in ("1", "3"):
+            (tmp_path / "mine" / "sea" / "data" / f"spar.{end}").write_bytes(b"\0" + end.encode())
+        polar = own / "polars" / "node_01.dat"
+        polar.write_text(polar.read_text(encoding="utf-8") + '@"shape.txt" NumCoords\n', encoding="utf-8")
+        (own / "polars" / "shape.txt").write_text("0 0\n", encoding="utf-8")
+        (own / "polars" / "other.txt").write_text("nobody names it\n", encoding="utf-8")
+        primary = self.driven(turbine, model, tmp_path / "run")
+        there = tmp_path / "there"
+        (tmp_path / "run").rename(there)
+        (tmp_path / "mine").rename(tmp_path / "gone")
+        for path in there.rglob("*.*"):
+            if path.suffix in (".fst", ".dat"):
+                assert str(tmp_path) not in path.read_text(encoding="utf-8")
+        assert (there / InputFile(there / primary.name).text("HydroFile")).name == "hydro.dat"
+        aero = InputFile(there / "aerodyn.dat")
+        assert (there / aero.text("ADBlFile(1)")).read_bytes() == (
+            tmp_path / "gone" / "turbine" / "aerodyn_blade.dat"
+        ).read_bytes()
+        assert (there / InputFile(there / "elastodyn.dat").text("TwrFile")).is_file()
+        hydro = there / InputFile(there / primary.name).text("HydroFile")
+        assert (hydro.parent / "data" / "spar.3").read_bytes() == b"\x003"
+        assert len(list(there.rglob("shape.txt"))) == 1
+        left_out = {"law.in", "inflowwind.dat", "elastodyn.dat", "servodyn.dat", "other.txt"}
+        assert not left_out & {path.name for path in (there / "model").rglob("*")}
+
+    @pytest.mark.parametrize("step", [0.008, 0.1])
+    def test_the_library_of_a_model_is_called_at_its_step(self, turbine, tmp_path, step):
+        """ServoDyn ends with another DLL_DT that its step does not divide, and holds demands over a longer one."""
+        model = self.own_model(turbine, tmp_path / "own", OpenFAST_DT=0.008, ServoDyn_DT=0.008, ServoDyn_DLL_DT=step)
+        primary = self.driven(turbine, model, tmp_path / "run")
+        servo = InputFile(primary.with_name("servodyn.dat"))
+        assert InputFile(primary).number("DT") == pytest.approx(0.1 / 13)
+        assert servo.is_default("DT")
+        assert servo.is_default("DLL_DT")
+
+    @pytest.mark.parametrize(
+        ("key", "value", "said"),
+        [
+            ("TipRad", 120.97, r"TipRad must be that of the turbine .*, 63 \(m .*\) within 1 %, got 120.97"),
+            ("NumBl", 2, "NumBl must be that of the turbine .*, 3 .*, got 2"),
+            ("GBRatio", 1.0, "GBRatio must be that of the turbine .*, 97 .*, got 1"),
+        ],
+    )
+    def test_a_model_of_another_turbine_is_refused(self, turbine, tmp_path, key, value, said):
+        model = self.own_model(turbine, tmp_path / "own", **{f"ElastoDyn_{key}": value})
+        with pytest.raises(TurbineDefinitionError, match=said):
+            self.driven(turbine, model, tmp_path / "run")
+
+    def test_blades_of_beamdyn_are_refused(self, turbine, tmp_path):
+        model = self.own_model(turbine, tmp_path / "own", OpenFAST_CompElast=2)
+        with pytest.raises(SimulationError, match="CompElast must be 1; blades of BeamDyn are not flown here, got 2"):
+            self.driven(turbine, model, tmp_path / "run")
 
     def test_rotors_that_turn_the_other_way_are_refused(self, turbine, tmp_path):
         with pytest.raises(TurbineDefinitionError, match="rotation must be 'clockwise'"):
@@ -650,6 +743,38 @@ class TestDriverRuns:
         travel, most = each["pitch_travel_2"].values, each["root_flap_moment_max_1"].values
         assert pairs["pitch_travel_2"].values[1:] == pytest.approx([travel[1:3].sum(), travel[3:5].sum()])
         assert pairs["root_flap_moment_max_1"].values[1:] == pytest.approx([max(most[1:3]), max(most[3:5])])
+
+    @staticmethod
+    def loads(path, capsys, *more):
+        loads_command([str(path), "--skip", "0", "--json", *more])
+        return json.loads(capsys.readouterr().out.splitlines()[-1])[str(path)]
+
+    def test_loads_are_those_of_the_turbine_that_was_flown(self, turbine, written, tmp_path, capsys):
+        """Power has the gear ratio and efficiency of the generator of that turbine."""
+        other = replace(
+            turbine, drivetrain=replace(turbine.drivetrain, generator_efficiency=0.5), notes=("made for a test",)
+        )
+        shutil.copy(written.with_name("turbine.json"), tmp_path)
+        (tmp_path / "other").mkdir()
+        write_turbine(other, tmp_path / "other" / "turbine.json")
+        paths = [tmp_path / "model.out", tmp_path / "other" / "model.out"]
+        for path in paths:
+            path.write_text(self.outputs(turbine)[2], encoding="utf-8")
+        own, half = (self.loads(path, capsys) for path in paths)
+        assert half["mean_power"] == pytest.approx(own["mean_power"] * 0.5 / turbine.drivetrain.generator_efficiency)
+        (tmp_path / "turbine.json").unlink()
+        with pytest.raises(SystemExit, match=r"--turbine must name the turbine of .*: there is no turbine.json beside"):
+            loads_command([str(paths[0])])
+        assert self.loads(paths[0], capsys, "--turbine", "nrel_5mw") == own
+        (tmp_path / "turbine.json").write_text('{"record": "Tower", "fields": {}}', encoding="utf-8")
+        with pytest.raises(SystemExit, match="must be the file of a turbine that was written here"):
+            loads_command([str(paths[0])])
+
+    @pytest.mark.parametrize("name", catalogue())
+    def test_a_turbine_file_gives_the_turbine_back(self, tmp_path, name):
+        wanted = load_turbine(name)
+        write_turbine(wanted, tmp_path / "turbine.json")
+        assert leaves(read_turbine(tmp_path / "turbine.json")) == leaves(wanted)
 
     def test_what_is_not_such_a_file_is_refused(self, turbine, tmp_path):
         (tmp_path / "a.out").write_text("nothing\n", encoding="utf-8")

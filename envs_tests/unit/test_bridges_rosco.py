@@ -178,12 +178,38 @@ def test_what_is_not_understood_is_answered_and_said(caplog):
         client.close()
 
 
-def test_a_client_gets_its_answer_even_where_the_answer_fails():
-    with serving(Counting()) as (address, ended):
-        client = Client(address)
-        assert client.ask([0, 0, 0.0, 0.0, -1.0, *VALUES[5:]]) == NEUTRAL
-        client.close()
-    assert isinstance(ended[0], ArithmeticError)
+def test_a_turbine_whose_answer_fails_has_rosco_alone_and_the_others_go_on(caplog):
+    answers = Counting()
+    with serving(answers, turbines=2) as (address, ended):
+        one, two = Client(address), Client(address, 7)
+        assert one.ask(first(0))[0] == 1.0
+        assert two.ask(first(7))[0] == 1.0
+        assert one.ask([0, 1, 0.1, 0.0, -1.0, *VALUES[5:]]) == NEUTRAL
+        assert one.ask([0, 1, 0.2, *VALUES[3:]]) == NEUTRAL
+        assert two.ask([7, 1, 0.2, *VALUES[3:]])[0] == 2.0
+        one.ask(last(0))
+        assert one.ask(first(0))[0] == 3.0  # the next simulation is another one
+        one.ask(last(0))
+        two.ask(last(7))
+        one.close()
+        two.close()
+    assert ended == [9]
+    assert caplog.text.count("turbine 0: no answer at 0.1 s, ROSCO acts alone from now on") == 1
+    assert "ArithmeticError: broken" in caplog.text
+
+
+def test_the_server_waits_for_turbines_that_have_not_reported_yet():
+    with serving(Counting(), turbines=2) as (address, ended):
+        one, two = Client(address), Client(address, 7)
+        one.ask(first(0))
+        one.ask(last(0))
+        assert two.ask(first(7))[0] == 1.0
+        two.ask(last(7))
+        one.close()
+        two.close()
+    assert ended == [4]
+    with RoscoServer("tcp://127.0.0.1:*", Counting()) as server, pytest.raises(ValueError, match="must be 1 or more"):
+        server.serve(turbines=0)
 
 
 def test_a_client_that_is_gone_before_its_answer_holds_nobody_up():

@@ -114,6 +114,16 @@ def test_an_unknown_turbine_gets_a_curve_through_its_rated_point(turbine):
     assert curve.torque(curve.rated_generator_speed) * curve.rated_generator_speed == pytest.approx(4.0e6 / 0.944)
 
 
+def test_region_2_that_begins_at_the_least_speed_has_a_region_1_below(turbine):
+    """ROSCO's files give both by one number."""
+    least = 35.0
+    own = replace(turbine.control, region_2_speed=least, cut_in_generator_speed=None)
+    slow = replace(turbine.drivetrain, min_rotor_speed=least / turbine.drivetrain.gear_ratio)
+    curve = torque_curve(replace(turbine, control=own, drivetrain=slow))
+    assert curve.region_2_speed == least
+    assert curve.cut_in_speed == pytest.approx(least / 1.3)
+
+
 def test_bad_input_is_refused(turbine):
     with pytest.raises(ValueError, match="positive wind speed"):
         operating_point(turbine, 0.0)

@@ -15,6 +15,8 @@ from envs_tests.unit.exported_library import Exported, numbers_read, random_read
 from wt_gym.agents.export.discon import export_discon
 from wt_gym.agents.export.parameters import PARAMETERS
 from wt_gym.bridges.compiler import CompilerError, find_compiler
+from wt_gym.bridges.openfast import write_model
+from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.export import main
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
@@ -666,6 +668,18 @@ def test_the_command_names_files_and_compiles_for_the_turbine(tmp_path, capsys):
     assert "| 23 | generator torque |" in page
 
 
+def test_the_page_names_the_yaw_mode_where_the_controller_yaws(exported):
+    """ServoDyn reads the yaw rate with YCMode 5 alone, and ElastoDyn turns the nacelle with YawDOF."""
+    yawing, still = (
+        Path(exported(choice)[3]).read_text(encoding="utf-8")
+        for choice in ("tsr_tracking+ipc+yaw:dead_band=0.05", "tuned")
+    )
+    assert "`PCMode`, `VSContrl` and `YCMode` 5" in yawing
+    assert "`YawDOF` True" in yawing
+    assert "`PCMode` and `VSContrl` 5" in still
+    assert "Y" not in still.partition("In OpenFAST's ServoDyn")[2].partition("## Readings")[0]
+
+
 def test_every_parameter_of_a_file_is_one_of_the_table(exported):
     _, _, parameters, _ = exported("tsr_tracking+ipc+yaw:dead_band=0.05")
     lines = Path(parameters).read_text(encoding="utf-8").splitlines()
@@ -680,3 +694,34 @@ def test_every_parameter_of_a_file_is_one_of_the_table(exported):
 def test_sanitizers_find_nothing(choice, exported, tmp_path):
     source, _, parameters, _ = exported(choice)
     sanitized(source, parameters, tmp_path)
+
+
+@pytest.fixture
+def own_model(tmp_path):
+    """Primary file of a model of the IEA 15-MW that says its rating."""
+    primary = write_model(load_turbine("iea_15mw"), tmp_path / "own")
+    servo = InputFile(primary.with_name("servodyn.dat"))
+    for key, value in {"VSContrl": 1, "VS_RtGnSp": 7.56, "VS_RtTq": 19.8e6, "VS_Rgn2K": 0.0, "VS_SlPc": 10.0}.items():
+        servo.set(key, value)
+    servo.write(servo.path)
+    return primary
+
+
+def openfast_words(folder, model, *more):
+    wind = '{"inflow": "steady", "wind_speed": 15.0}'
+    return ["discon", "--to", "openfast", "--out", str(folder), "--duration", "1", "--env-kwargs", wind,
+            "--model", str(model), *more]  # fmt: skip
+
+
+def test_a_model_of_the_users_gets_the_controller_of_its_turbine(tmp_path, own_model):
+    main(openfast_words(tmp_path / "flight", own_model))
+    start = InputFile(tmp_path / "flight" / "elastodyn.dat")
+    assert start.number("RotSpeed") == pytest.approx(7.56, rel=0.01)  # rated, IEA-15-240-RWT
+    parameters = (tmp_path / "flight" / "discon.in").read_text(encoding="utf-8")
+    (torque,) = re.findall(r"^max_torque = ([\d.e+]+)", parameters, re.MULTILINE)
+    assert float(torque) > 1e7  # without a gearbox
+
+
+def test_a_model_of_another_turbine_than_the_one_named_is_refused(tmp_path, own_model):
+    with pytest.raises(SystemExit, match=r"TipRad must be that of the turbine .*, 63 .*, got 12"):
+        main(openfast_words(tmp_path / "flight", own_model, "--turbine", "nrel_5mw"))

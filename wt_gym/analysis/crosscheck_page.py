@@ -239,7 +239,7 @@ def _pair(key: str, changes: list[dict[str, Any] | None]) -> str:
         if change is None:
             shown.append("–")
         else:
-            known = {name: math.nan if value is None else value for name, value in change.items()}
+            known: dict[str, Any] = {name: math.nan if value is None else value for name, value in change.items()}
             shown.append(format_estimate(key, Estimate(**known)).partition(" [")[0])
     return " / ".join(shown)
 

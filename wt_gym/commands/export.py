@@ -34,7 +34,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--to", choices=FORMS, default="onnx", help="form (default: %(default)s)")
     parser.add_argument("--out", required=True, help="folder for the files")
     discon = parser.add_argument_group("discon and openfast")
-    discon.add_argument("--turbine", help="of a controller (default: nrel_5mw)")
+    discon.add_argument("--turbine", help="of a controller (default: that of --model, else nrel_5mw)")
     discon.add_argument("--interval", type=float, help="step of a controller in s (default: that of the simulator)")
     discon.add_argument("--target", help="machine: linux, linux-arm, windows, macos, macos-arm (default: this one)")
     discon.add_argument(
@@ -91,9 +91,12 @@ def _discon(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def _openfast(arguments: argparse.Namespace) -> dict[str, Any]:
     from wt_gym.agents.export.openfast_folder import export_openfast
+    from wt_gym.control.controllers import parse_name
 
     if arguments.interval is not None or arguments.target is not None or arguments.drive:
         raise ValueError("--interval, --target and --drive must be left out with --to openfast, which sets them")
+    if arguments.model is not None and arguments.turbine is None and parse_name(arguments.agent).kind != "trained":
+        arguments.turbine = arguments.model  # an agent has the turbine of its training
     return export_openfast(
         arguments.agent, arguments.out, chosen_scene(arguments), duration=arguments.duration,
         hold_missing=arguments.hold_missing, model=arguments.model,

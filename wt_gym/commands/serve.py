@@ -6,7 +6,7 @@
 An agent is a trained one with residual actions on the pitch, or a class of your own (file.py:Class) with predict, or
 with update_setpoints(id, time, measurements) as users of ROSCO write it; zero leaves ROSCO alone. ROSCO needs ZMQ_Mode
 1 in its DISCON.IN, and a library built with ZeroMQ. Any number of turbines may report, each with its ZMQ_ID. The
-server ends with the last of them. Needs the extra "serve" (pyzmq).
+server ends with the last of them, --turbines says how many there are. Needs the extra "serve" (pyzmq).
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ import logging
 
 from wt_gym.commands.engine_options import add_model_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, stoppable, user_errors
+
+IDLE = 600.0
+"""Time without a message after which the server ends [s], unless it stays."""
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -32,8 +35,12 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "the delay of the pitch drive at the interval of the messages)",
     )  # fmt: skip
     parser.add_argument(
-        "--timeout", type=float, default=600.0, metavar="S",
-        help="end where no message comes for so long (default: %(default)g)",
+        "--timeout", type=float, metavar="S",
+        help=f"end where no message comes for so long (default: {IDLE:g}; with --stay none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--turbines", type=int, default=1, metavar="N",
+        help="end with the last call of all turbines when so many have reported (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--stay", action="store_true", help="wait for the next simulation, until Ctrl-C")
     parser.add_argument("--log", metavar="FILE", help="write the log into a file too")
@@ -60,7 +67,8 @@ def main(words: list[str] | None = None) -> None:
         (choice,) = with_model_options([arguments.agent], arguments.algo, arguments.trust)
         answers = answers_of(choice, arguments.env, arguments.turbine, arguments.lead)
         address = arguments.address or f"tcp://127.0.0.1:{arguments.port}"
-        with RoscoServer(address, answers, arguments.timeout) as server:
+        idle = None if arguments.stay else IDLE
+        with RoscoServer(address, answers, idle if arguments.timeout is None else arguments.timeout) as server:
             print(f"listening at {server.address}; Ctrl-C ends", flush=True)
-            count = server.serve(arguments.stay)
+            count = server.serve(arguments.stay, arguments.turbines)
     print(f"{count} messages answered")

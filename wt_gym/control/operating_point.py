@@ -157,6 +157,8 @@ class TorqueCurve:
         cut_in = cut_in or 0.1 * rated
         # A rotor with a narrow speed range has no room for 30 %: region 2 then begins 10 % below the synchronous speed.
         region_2 = published("region_2_speed") or min(1.3 * cut_in, 0.9 * rated / 1.1)
+        if published("region_2_speed") is not None and published("cut_in_generator_speed") is None:
+            cut_in = min(cut_in, region_2 / 1.3)  # ROSCO's VS_MinOMSpd is the least speed of the rotor and of region 2
         power = published("rated_mechanical_power") or rated_mechanical_power(turbine)
         gain = published("region_2_gain") if design is None else None
         if gain is not None:

@@ -24,6 +24,7 @@ from wt_gym.bridges.openfast.measurement import (
 from wt_gym.bridges.openfast.model_files import PRIMARY, steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.run_folder import DriverRun, ServedController, prepare_run
 from wt_gym.bridges.openfast.start import BentTurbine
+from wt_gym.bridges.openfast.turbine_file import TURBINE_FILE, write_turbine
 from wt_gym.control.starting_point import starting_point
 from wt_gym.errors import SimulationError, TurbineDefinitionError
 from wt_gym.simulation.channels import Signals, channel_table
@@ -60,7 +61,7 @@ def write_driver_run(
     """Write a turbine in a wind under a Bladed library as a folder that OpenFAST's driver runs: ``openfast model.fst``.
 
     The run begins at the operating point of the wind, as an environment with ``start="steady"`` does. The driver writes
-    what `read_outputs` needs into ``model.out``.
+    what `read_outputs` needs into ``model.out``; the turbine that this is of stands in `TURBINE_FILE` beside it.
 
     Parameters
     ----------
@@ -112,6 +113,7 @@ def write_driver_run(
     )  # fmt: skip
     if own is None:
         (folder / PRIMARY).unlink()  # model.fst takes its place
+    write_turbine(turbine, folder / TURBINE_FILE)
     return primary
 
 

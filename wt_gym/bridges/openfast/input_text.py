@@ -118,6 +118,10 @@ class InputFile:
 
         self.lines = [_QUOTED.sub(whole, line) for line in self.lines]
 
+    def rename(self, name: str, other: str) -> None:
+        """Replace a name in quotes wherever it stands."""
+        self.lines = [line.replace(f'"{name}"', f'"{other}"') for line in self.lines]
+
     def write(self, path: Path) -> None:
         """Write the file."""
         path.write_text("\n".join(self.lines) + "\n", encoding="utf-8")

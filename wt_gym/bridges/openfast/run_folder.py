@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
+from wt_gym.bridges.openfast.model_copy import copy_named_files
 from wt_gym.bridges.openfast.wind_file import write_wind
 from wt_gym.errors import SimulationError, TurbineDefinitionError
 
@@ -28,9 +29,12 @@ MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"
 _STEPS = {"ElastoDyn": "DT", "AeroDyn": "DTAero", "ServoDyn": "DT"}
 """Keywords of the steps of modules."""
 _FOREVER = 1e6
+_REPLACED = "replaced"
 _STATUS = 10.0
 """Time between lines in which the driver says how far it is [s]."""
 _RPM = math.pi / 30.0
+_SAME = 0.01
+"""Share by which numbers of a turbine and of its model may differ."""
 
 
 @dataclass(frozen=True)
@@ -98,9 +102,11 @@ def prepare_run(
     changes: Mapping[str, Mapping[str, Any]],
     driver: DriverRun | None = None,
 ) -> Path:
-    """Write the files of a run beside each other; what they name and the run leaves as it is stays where it is.
+    """Write the files of a run beside each other.
 
-    Files of a model in the folder itself are replaced, and go on naming each other without it: the folder can be moved.
+    What they name and the run leaves as it is stays where it is, and is copied where OpenFAST's driver runs it. Files
+    of a model in the folder itself are replaced, and go on naming each other without it. The folder of a run of the
+    driver can be moved.
 
     Parameters
     ----------
@@ -130,21 +136,29 @@ def prepare_run(
     Raises
     ------
     TurbineDefinitionError
-        If a file or a keyword is missing in the model.
+        If a file or a keyword is missing in the model, or it is a model of another turbine.
     SimulationError
         If the model leaves out a module that is needed, or ``changes`` names none.
     """
     if unknown := set(changes) - {"OpenFAST", *MODULES}:
         raise SimulationError(f"changes must name modules {', '.join(('OpenFAST', *MODULES))}; got {sorted(unknown)}")
     primary = InputFile(model)
-    for key, supported in (("CompElast", (1, 2)), ("CompInflow", (1,)), ("CompAero", (2,)), ("CompServo", (1,))):
-        if int(primary.number(key)) not in supported:
-            allowed = " or ".join(map(str, supported))
-            raise SimulationError(f"{model.name}: {key} must be {allowed}, got {primary.text(key)}")
+    for key, supported in (("CompElast", 1), ("CompInflow", 1), ("CompAero", 2), ("CompServo", 1)):
+        if int(primary.number(key)) != supported:
+            beam = "; blades of BeamDyn are not flown here" if key == "CompElast" else ""
+            raise SimulationError(f"{model.name}: {key} must be {supported}{beam}, got {primary.text(key)}")
     files = {name: InputFile(_named(primary, key)) for name, key in MODULES.items()}
+    _require_turbine(model, files["ElastoDyn"], turbine)
     if model.parent.resolve() != folder.resolve():
-        for file in (primary, *files.values()):
-            file.resolve_paths()
+        if driver is None:
+            for file in (primary, *files.values()):
+                file.resolve_paths()
+        else:
+            for key in (*MODULES.values(), "InflowFile"):  # which the run has of its own
+                primary.set(key, _REPLACED)
+            for key in ("DLL_FileName", "DLL_InFile"):
+                files["ServoDyn"].set(key, _REPLACED)
+            copy_named_files((primary, *files.values()), folder)
     _set_primary(primary, step, driver)
     _set_elastodyn(files["ElastoDyn"], turbine.n_blades, start)
     _set_servodyn(files["ServoDyn"], start, controller)
@@ -169,6 +183,21 @@ def prepare_run(
     path = folder / ("run.fst" if driver is None else "model.fst")
     primary.write(path)
     return path
+
+
+def _require_turbine(model: Path, elastodyn: InputFile, turbine: Turbine) -> None:
+    """Refuse a model of another turbine: start, controller and signals would be those of the wrong one."""
+    for key, what, wanted in (
+        ("NumBl", "blades", float(turbine.n_blades)),
+        ("TipRad", "m from the axis to the tips", turbine.hub.radius + turbine.blade.length),
+        ("GBRatio", "of the gearbox", turbine.drivetrain.gear_ratio),
+    ):
+        found = elastodyn.number(key)
+        if abs(found - wanted) > _SAME * wanted:
+            raise TurbineDefinitionError(
+                f"{model.name}: {key} must be that of the turbine {turbine.name}, {wanted:.6g} ({what}) within "
+                f"{100.0 * _SAME:g} %, got {found:.6g}"
+            )
 
 
 def _divides(part: float, step: float) -> bool:
@@ -233,6 +262,7 @@ def _set_servodyn(file: InputFile, start: RunStart, controller: ServedController
         file.set("DLL_FileName", controller.library)
         file.set("DLL_InFile", controller.input_file)
         file.set("DLL_ProcName", "DISCON")
+        file.set_default("DLL_DT")  # the step of ServoDyn: a longer one holds demands late, another one is fatal
         file.set("DLL_Ramp", False)
         file.set("BPCutoff", _FOREVER)
         file.set("Ptch_Cntrl", 1)  # else the collective pitch alone is read

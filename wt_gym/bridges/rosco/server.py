@@ -45,7 +45,8 @@ class RoscoServer:
     """Answers turbines under ROSCO over ZeroMQ, one message after another; a context, which closes the socket.
 
     ROSCO's client waits without limit for its answer. Hence every message gets one: what cannot be read, or fails to be
-    answered, gets the set points with which ROSCO acts alone.
+    answered, gets the set points with which ROSCO acts alone. A turbine whose answer has failed gets these until it
+    begins again; the others go on.
 
     Parameters
     ----------
@@ -70,6 +71,7 @@ class RoscoServer:
             raise ValueError(f"timeout must be positive and finite, got {timeout!r} s")
         self._answers, self._timeout = answers, timeout
         self._connected: dict[int, bool] = {}
+        self._failed: set[int] = set()
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.REP)
         self._socket.setsockopt(zmq.LINGER, 1000)  # the last answer is sent, an unread one holds nobody up [ms]
@@ -87,13 +89,15 @@ class RoscoServer:
         self.address = self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
         """Address at which it listens, with the port that was found for ``:*``."""
 
-    def serve(self, stay: bool = False) -> int:
+    def serve(self, stay: bool = False, turbines: int = 1) -> int:
         """Answer until every turbine that has reported has made its last call.
 
         Parameters
         ----------
         stay : bool
             Wait for the next simulation instead.
+        turbines : int
+            Turbines that must have reported before the last call of all of them is the end.
 
         Returns
         -------
@@ -104,9 +108,13 @@ class RoscoServer:
         ------
         wt_gym.errors.ServerError
             If no message comes for too long.
+        ValueError
+            If the number of turbines is below 1.
         """
+        if turbines < 1:
+            raise ValueError(f"turbines must be 1 or more, got {turbines!r}")
         count = 0
-        while stay or not self._connected or any(self._connected.values()):
+        while stay or len(self._connected) < turbines or any(self._connected.values()):
             self._wait()
             self._answer()
             count += 1
@@ -124,27 +132,42 @@ class RoscoServer:
 
     def _answer(self) -> None:
         """Receive a message and answer it."""
-        message, reply = self._socket.recv(), write_set_points(SetPoints())
+        reply = write_set_points(SetPoints())
+        message = self._socket.recv()
         try:
-            reply = write_set_points(self._points(message))
-        finally:  # whatever happened, the client waits
+            reply = self._reply(message)
+        finally:  # the client waits, after an interrupt too
             self._socket.send(reply)
 
-    def _points(self, message: bytes) -> SetPoints:
+    def _reply(self, message: bytes) -> bytes:
         try:
             readings = read_message(message)
         except MessageError as error:
             _log.warning("message not understood, ROSCO acts alone: %s", error)
-            return SetPoints()
+            return write_set_points(SetPoints())
+        try:
+            return write_set_points(self._points(readings))
+        except Exception:  # agents are anybody's code: one that fails must not end the simulations of other turbines
+            _log.exception(
+                "turbine %d: no answer at %g s, ROSCO acts alone from now on", readings.turbine_id, readings.time
+            )
+            self._failed.add(readings.turbine_id)
+            return write_set_points(SetPoints())
+
+    def _points(self, readings: Message) -> SetPoints:
         number = readings.turbine_id
         if readings.status == LAST_CALL:
             _log.info("turbine %d: last call at %g s", number, readings.time)
             self._connected[number] = False
+            self._failed.discard(number)
             self._answers.forget(number)
             return SetPoints()
         if readings.status == FIRST_CALL or not self._connected.get(number):
             _log.info("turbine %d: begins at %g s", number, readings.time)
+            self._failed.discard(number)
         self._connected[number] = True
+        if number in self._failed:
+            return SetPoints()
         return self._answers.answer(readings)
 
     def close(self) -> None:
