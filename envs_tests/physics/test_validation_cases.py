@@ -123,7 +123,7 @@ class TestSubstructure:
     def test_bad_input_is_refused(self):
         with pytest.raises(ValueError, match="not a node"):
             cut_beam("beam", self.sections(), 4, [5.0])
-        with pytest.raises(ValueError, match="pieces"):
+        with pytest.raises(ValueError, match="must have 1 … 4 sub-bodies"):
             cut_beam("beam", self.sections(), 4, 5)
         with pytest.raises(ValueError, match="must increase"):
             cut_beam("beam", self.sections(), 4, [6.0, 3.0])

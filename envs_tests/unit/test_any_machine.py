@@ -97,7 +97,7 @@ def test_the_memory_of_this_process_is_known():
     ballast = bytearray(64 * 2**20)
     ballast[::4096] = b"x" * len(ballast[::4096])
     assert 48.0 < resident_memory() - resident < 80.0
-    assert peak_memory() >= resident_memory() - 1.0 >= peak - 80.0
+    assert peak_memory() >= max(peak, resident_memory() - 1.0)
     del ballast
 
 

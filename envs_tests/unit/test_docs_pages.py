@@ -123,7 +123,7 @@ def test_commands_are_accepted(name, words, tmp_path):
     if name in ("evaluate", "loadcases"):
         for agent in arguments.agents:
             choice = agent.split("=", 1)[1] if "=" in agent and ":" not in agent.split("=")[0] else agent
-            if is_controller_name(choice) and not choice.startswith("bladed:"):  # whose library is the reader's
+            if is_controller_name(choice) and not re.search("^bladed:|file=", choice):  # the reader's files
                 controller, parameters = controller_of(choice)
                 make_controller(controller, load_turbine("nrel_5mw"), **parameters)
     if name == "loadcases":
