@@ -594,7 +594,7 @@ def test_one_seed_goes_on_too(tmp_path, capsys):
     assert len(run_train(capsys, *words)["sessions"]) == 1
     more = run_train(capsys, *words, "--steps", "96")
     assert [(s["from_step"], s["to_step"]) for s in more["sessions"]] == [(0, 64), (64, 96)]
-    with pytest.raises(SystemExit, match="the seed must be 0, .*; got 1"):
+    with pytest.raises(SystemExit, match=r"the seed must be 0, .*; got 1"):
         run_train(capsys, *words, "--seed", "1")
 
 
