@@ -43,7 +43,7 @@ def _fade(group: str, what: str) -> tuple[Entry, ...]:
 # Which axes a code means by records 53 and 54: OpenFAST's ServoDyn hands over ElastoDyn's YawBrTAxp and YawBrTAyp,
 # along axes of the tower top, which do not yaw with the nacelle (modules/servodyn/src/BladedInterface.f90). In DNV's
 # documentation of Bladed's outputs fore-aft and side-side accelerations of the nacelle are "corrected by the yaw angle"
-# (bladednextgen.dnv.com/documentation/modelling/drivetrainAndNacelle/nacelle/Nacelleoutputs.html): along the nacelle.
+# (bladednextgen.dnv.com, page "Nacelle outputs"): along the nacelle.
 PARAMETERS = (
     Entry("controller_step", "s", "step of the controller"),
     Entry("gear_ratio", "-", "generator speed over rotor speed"),
