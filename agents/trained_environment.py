@@ -25,6 +25,7 @@ __all__ = [
     "interface_of_training",
     "resolved_arguments",
     "trained_arguments",
+    "training_arguments",
     "with_pay",
 ]
 
@@ -84,6 +85,35 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     if "environment" not in record and not config:
         return {}
     return record.get("environment") or resolved_arguments(present_id(config["env_id"]), config["env_kwargs"])
+
+
+def training_arguments(
+    record: Mapping[str, Any] | None, env_kwargs: dict[str, Any], model: str | None = None
+) -> dict[str, Any]:
+    """Arguments of the environment that a model was trained in, which must be known.
+
+    Parameters
+    ----------
+    record : mapping or None
+        Of the training, see `trained_arguments`.
+    env_kwargs : dict
+        What a card says, where there is no record.
+    model : str, optional
+        Path of the model, for the message.
+
+    Raises
+    ------
+    ValueError
+        If neither says what the environment was.
+    """
+    arguments = trained_arguments(record or {}) or env_kwargs
+    if not arguments:
+        of = "" if model is None else f" of {model}"
+        raise ValueError(
+            f"the environment of the training{of} must be known, by training.json beside the model or a card "
+            'MODEL.json with "env_kwargs"; got neither'
+        )
+    return arguments
 
 
 def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.export.discon import export_discon
 from wt_gym.agents.export.openfast_folder import export_openfast
 from wt_gym.agents.pool import load_model
@@ -93,19 +94,6 @@ class _Held:
         """What the agent does then."""
         seen = np.where(self._held, np.float32(0.0), observation)
         return self._agent.predict(seen, state, episode_start, deterministic)
-
-
-class _Still:
-    """Acts with zeros: the base controller alone."""
-
-    def __init__(self, size: int):
-        self._action = np.zeros(size, dtype=np.float32)
-
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> tuple[Any, Any]:
-        """Zeros, and no state."""
-        return self._action, None
 
 
 def fly(
@@ -221,7 +209,7 @@ def _played(
         return simulator
 
     env.operation.make_simulator = noting
-    actor: Agent = _Still(env.layout.action.size) if agent is None else _Held(agent, env.layout.observation.names, held)
+    actor: Agent = ConstantAgent(env.layout) if agent is None else _Held(agent, env.layout.observation.names, held)
     try:
         episode = play(env, actor, seed=0, options={"inflow": scene.inflow, "azimuth": 0.0}, duration=duration)
     finally:

@@ -11,9 +11,9 @@ import numpy as np
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.agents.export.discon import export_discon
-from wt_gym.agents.export.policy import training_arguments
 from wt_gym.agents.pool import load_model
 from wt_gym.agents.trained_agent import model_card
+from wt_gym.agents.trained_environment import training_arguments
 from wt_gym.bridges.openfast import ServedController, write_driver_run
 from wt_gym.control.controllers import parse_name
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
@@ -83,7 +83,8 @@ def scene_of(
         if turbine is not None:
             raise ValueError("the turbine is that of the agent's training; it must be left out")
         card = model_card(name.target, name.parameters.get("env"))
-        arguments = training_arguments(load_model(name), card.get("env_kwargs", {})) | (env_kwargs or {}) | steady
+        known = training_arguments(load_model(name).record, card.get("env_kwargs", {}), name.target)
+        arguments = known | (env_kwargs or {}) | steady
         env = WindTurbineEnv(**arguments)
     else:
         chosen = {} if turbine is None else {"turbine": turbine}

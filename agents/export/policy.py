@@ -11,7 +11,7 @@ from wt_gym.agents.export.network import network_of
 from wt_gym.agents.export.onnx_file import check_onnx, write_onnx
 from wt_gym.agents.pool import load_model
 from wt_gym.agents.trained_agent import model_card
-from wt_gym.agents.trained_environment import trained_arguments
+from wt_gym.agents.trained_environment import training_arguments
 from wt_gym.control.controllers import parse_name
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.files import write_text_whole
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.layout import EnvLayout
 
 __all__ = [
-    "CARD_FILE", "LARGEST_DIFFERENCE", "POLICY_FILE", "export_onnx", "training_arguments", "training_environment",
+    "CARD_FILE", "LARGEST_DIFFERENCE", "POLICY_FILE", "export_onnx", "training_environment",
     "training_layout",
 ]  # fmt: skip
 
@@ -30,32 +30,9 @@ LARGEST_DIFFERENCE = 1e-6
 """Of the actions of the file against those of the policy [-]."""
 
 
-def training_arguments(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> dict[str, Any]:
-    """Arguments of the environment that an agent was trained in.
-
-    Parameters
-    ----------
-    agent : TrainedAgent
-    env_kwargs : dict
-        Arguments of the environment where the agent has no record of its training.
-
-    Raises
-    ------
-    ValueError
-        If neither says what the environment was.
-    """
-    arguments = trained_arguments(agent.record or {}) or env_kwargs
-    if not arguments:
-        raise ValueError(
-            "the environment of the training must be known, by training.json beside the model or a card MODEL.json "
-            'with "env_kwargs"; got neither'
-        )
-    return arguments
-
-
 def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> WindTurbineEnv:
-    """Environment that an agent was trained in, without a limit of time or a twin; see `training_arguments`."""
-    arguments = training_arguments(agent, env_kwargs)
+    """Environment that an agent was trained in, without a limit of time or a twin."""
+    arguments = training_arguments(agent.record, env_kwargs)
     return WindTurbineEnv(**(arguments | {"relative_reward": False, "episode_length": None}))
 
 

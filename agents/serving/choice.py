@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import logging
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.agents.names import env_choices_of, read_name
 from wt_gym.agents.pool import load_agent, load_model
 from wt_gym.agents.serving.own_set_points import OwnSetPoints
 from wt_gym.agents.serving.served_agent import ServedAgent
-from wt_gym.agents.trained_environment import trained_arguments
+from wt_gym.agents.trained_environment import training_arguments
 from wt_gym.control.controllers.own_class import load_class
 from wt_gym.envs.options.environment import flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -92,12 +91,6 @@ def _trained(name: Name, lead: float | None) -> ServedAgent:
 
     agent = load_model(name)
     card = model_card(name.target, name.parameters.get("env")).get("env_kwargs", {})
-    arguments = trained_arguments(agent.record or {}) or card
-    if not arguments:
-        raise ValueError(
-            f"the environment of the training of {Path(name.target)} must be known: there is no training.json beside "
-            'the model, nor a card MODEL.json with "env_kwargs"'
-        )
-    env = _environment(arguments)
+    env = _environment(training_arguments(agent.record, card, name.target))
     agent.enter(env.layout)
     return ServedAgent(lambda: agent, env, lead)
