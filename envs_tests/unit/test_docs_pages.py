@@ -227,7 +227,7 @@ def defaults_of_the_lattice():
 
 @statement
 def load_cases_with_their_factors():
-    part = section("docs/loadcases.md", "What is run")
+    part = section("docs/loadcases.md", "Cases")
     said = dict(re.findall(r"^\| (\d\.\d) \|(?:[^|]*\|){3} (\d\.\d+) \|", part, re.MULTILINE))
     assert LoadCaseConfig().cases == tuple(CASES)
     return said, {case: f"{kind.factor or 1.0}" for case, kind in CASES.items()}
@@ -262,7 +262,7 @@ def winds_that_are_estimated():
 @statement
 def cases_that_fail_and_why():
     """A case that is not in the record may have failed when the page was written."""
-    table = rows(section("docs/aerodynamics.md", "What does not pass, and why"))
+    table = rows(section("docs/aerodynamics_results.md", "Known deviations"))
     named = [name for row in table for name in re.findall(r"`([^`]+)`", row[0])]
     assert len({*named}) == len(named)
     assert all(len(row) == 4 and all(row) for row in table)
@@ -273,7 +273,9 @@ def cases_that_fail_and_why():
 @statement
 def coupled_formulations():
     """All but the time of a step, which is another one on each machine."""
-    found = [row for row in rows(section("docs/formulations.md", "All of them in the environment")) if len(row) == 7]
+    found = [
+        row for row in rows(section("docs/formulations.md", "All combinations in the environment")) if len(row) == 7
+    ]
     said = [(", ".join(row[:2]), [cell.removesuffix(" %") for cell in row[3:]]) for row in found]
     known = copied("formulations-coupled")  # the name with how it ended, if early
     return said, [(", ".join([n, *x[5:]]), ["–" if y == "nan" else y for y in x[1:5]]) for n, x in known]
@@ -402,6 +404,7 @@ SPANS = [
     (page, span)
     for page in (
         "aerodynamics",
+        "aerodynamics_results",
         "formulations",
         "howto/pictures",
         "tasks/max_power",
