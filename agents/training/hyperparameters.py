@@ -134,7 +134,7 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
         "n_critics": _Number(1, 20, whole=True),
     },
 }
-"""Algorithms with the hyperparameters that they take; named as in stable-baselines3, but for the flags
+"""Algorithms with the hyperparameters that they take; named as in stable-baselines3, except for the flags
 ``normalize_observations`` and ``normalize_rewards``."""
 
 

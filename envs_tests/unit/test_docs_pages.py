@@ -6,6 +6,7 @@ that are computed anew, stand in the other files ``test_docs_*``.
 
 import ast
 import doctest
+import importlib.util
 import json
 import re
 import shlex
@@ -139,6 +140,16 @@ def test_commands_are_found():
     names = [name for name, _ in CALLS]
     least = {"train": 20, "search": 1, "evaluate": 12, "loadcases": 8, "benchmark": 2}
     assert all(names.count(name) >= least.get(name, 1) for name in COMMANDS), names
+
+
+def load_script(name):
+    """A module of the folder scripts."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "scripts"))
+        spec.loader.exec_module(module)
+    return module
 
 
 def spaced(number):
@@ -325,6 +336,13 @@ def messages_of_refusals():
     messages = re.findall(r"^\| `([^`]+)` \|", text_of("docs/howto/trouble.md"), re.MULTILINE)
     parts = [part.strip() for message in messages for part in message.split("…") if part.strip()]
     return [part for part in parts if part in sources], parts
+
+
+@statement
+def table_of_the_readme():
+    script = load_script("readme_table")
+    text = text_of("README.md")
+    return text, script.written(text, json.loads(text_of("docs/data/crosscheck.json")))
 
 
 @statement

@@ -125,22 +125,35 @@ def docstrings(path):
                 yield getattr(node, "lineno", 1), text
 
 
-DONE = ("wt_gym/commands", "wt_gym/envs/options", "wt_gym/envs/rewards", "wt_gym/envs/manual.py", "wt_gym/errors.py")
-"""Sources whose public docstrings are done."""
-SOURCES = sorted(p for d in DONE for p in ([ROOT / d] if d.endswith(".py") else (ROOT / d).rglob("*.py")))
+ROOMS = ("wt_gym", "agents")
+SOURCES_LATER = (
+    "wt_gym/control/optimal/offsets.py",
+    "wt_gym/control/controllers/linear_optimal.py",
+    "wt_gym/tasks.py",
+    "agents/linear_design/design.py",
+)
+"""Sources that are still to be done."""
+SOURCES = [
+    path
+    for room in ROOMS
+    for path in sorted((ROOT / room).rglob("*.py"))
+    if path.relative_to(ROOT).as_posix() not in SOURCES_LATER and not path.stem.endswith("_kernels")
+]
+
+
+def spoken(text):
+    """A docstring or message without code."""
+    return re.sub(r"``[^`]*``", "CODE", text)
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_public_docstrings_are_in_plain_words(path):
-    found = [(line, hit) for line, text in docstrings(path) if (hit := findings(re.sub(r"``[^`]*``", "CODE", text)))]
-    assert found == []
+    assert [(line, hit) for line, text in docstrings(path) if (hit := findings(spoken(text)))] == []
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_messages_and_help_are_in_plain_words(path):
-    """Strings of a module that a user can read: longer than three words, other than docstrings."""
+    """Strings of a module that a user can read: longer than three words."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     texts = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
-    assert [
-        hit for text in texts if len(text.split()) > 3 and (hit := findings(re.sub(r"``[^`]*``", "CODE", text)))
-    ] == []
+    assert [hit for text in texts if len(text.split()) > 3 and (hit := findings(spoken(text)))] == []

@@ -87,6 +87,8 @@ def links(page):
             yield (page.parent / f"{entry}.md").resolve(), ""
     for entry in re.findall(r"^:link: (\S+)$", text, re.MULTILINE):
         yield (page.parent / f"{entry}.md").resolve(), ""
+    for entry in re.findall(r"^:img-top: (\S+)$", text, re.MULTILINE):
+        yield (page.parent / entry).resolve(), ""
 
 
 @cache
