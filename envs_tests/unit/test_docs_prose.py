@@ -43,7 +43,7 @@ OTHERS = {"docs/changelog.md", "docs/contributing.md"}  # show files from elsewh
 LATER = {"docs/howto/linear_optimal.md"}
 """Pages that are still to be done."""
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "AGENTS.md", ROOT / "llms.txt"]
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "AGENTS.md", "llms.txt", "agents/trained/README.md")]
 PAGES += [
     path for path in sorted((ROOT / "docs").rglob("*.md")) if path.relative_to(ROOT).as_posix() not in OTHERS | LATER
 ]

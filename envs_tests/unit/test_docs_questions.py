@@ -53,7 +53,9 @@ QUESTIONS = {
     "How does it compare with OpenFAST, QBlade or FLORIS?": "comparison.md",
     "What does this error message mean?": "howto/trouble.md",
 }
-PAGES = sorted(DOCS.rglob("*.md")) + [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "AGENTS.md", "llms.txt")]
+PAGES = sorted(DOCS.rglob("*.md")) + [
+    ROOT / name for name in ("README.md", "CONTRIBUTING.md", "AGENTS.md", "llms.txt", "agents/trained/README.md")
+]
 
 
 def bare(text):
