@@ -40,9 +40,11 @@ from wt_gym.control.controllers import CONTROLLERS, make_controller
 from wt_gym.control.controllers import controller as contract
 from wt_gym.multibody.arrays import Work
 from wt_gym.runs.definition import digest
+from wt_gym.runs.playing import run_controller
 from wt_gym.runs.store import SWEEP_FILE
-from wt_gym.simulation import FIDELITIES
+from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
 
 ROOT = Path(__file__).resolve().parents[2]
 # pages in docs/ with their number of examples, at least
@@ -400,6 +402,16 @@ def test_first_examples_run(page, tmp_path, monkeypatch):
     assert names["observation"].shape == names["env"].observation_space.shape or "controller=" in examples[-2]
     if page == "docs/quickstart.md":
         assert (tmp_path / "run.nc").stat().st_size > 1000
+
+
+def test_the_controller_of_the_page_runs(tmp_path):
+    """By the name that the commands of the page give it."""
+    page = text_of("docs/howto/own_controller.md")
+    file = tmp_path / "controller.py"
+    file.write_text(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], encoding="utf-8")
+    controller = make_controller(f"{file}:Mine:gain=0.05", load_turbine("nrel_5mw"))
+    run = run_controller(Simulator("nrel_5mw", inflow=SteadyInflow(15.0)), controller, 0.4)
+    assert run.to_dataset().generator_torque.min() > 1e4
 
 
 def test_the_picture_moves_and_is_small():

@@ -54,7 +54,8 @@ QUESTIONS = {
     "What does this error message mean?": "howto/trouble.md",
 }
 PAGES = sorted(DOCS.rglob("*.md")) + [
-    ROOT / name for name in ("README.md", "CONTRIBUTING.md", "AGENTS.md", "llms.txt", "agents/trained/README.md")
+    ROOT / name
+    for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "AGENTS.md", "llms.txt", "agents/trained/README.md")
 ]
 
 
