@@ -216,12 +216,12 @@ class _Session:
 
         config = self._config
         began = time.monotonic()
-        workers = min(config.n_envs, os.cpu_count() or 1)
+        workers, options = min(config.n_envs, os.cpu_count() or 1), PretrainingOptions.of(config.pretraining or {})
+        say = (lambda line: print(line, file=sys.stderr, flush=True)) if progress else None
         with executor_for("local", workers, None) as executor:
             self._pretraining = pretrain(
-                self._model, config.env_id, config.env_kwargs, PretrainingOptions.of(config.pretraining or {}), executor,
-                config.seed, (lambda line: print(line, file=sys.stderr, flush=True)) if progress else None,
-            )  # fmt: skip
+                self._model, config.env_id, config.env_kwargs, options, executor, config.seed, say
+            )
         self._pretraining["seconds"] = round(time.monotonic() - began, 1)
 
     def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:

@@ -29,12 +29,11 @@ if TYPE_CHECKING:
 
     from wt_gym.agents.pretraining.episodes import RecordedEpisode
 
-__all__ = ["OUTPUTS", "Actor", "Limits", "LinearizedEpisode", "Plants", "load_metrics", "plant_outputs"]
+__all__ = ["OUTPUTS", "Limits", "LinearizedEpisode", "Plants", "load_metrics", "plant_outputs", "tensor"]
 
 OUTPUTS = ("flap_mean", "flap_tilt", "flap_yaw", "tower_fore_aft", "tower_side_side", "power")
 """What impulse responses give [MN m, MW]."""
 
-Actor = "Callable[[torch.Tensor], torch.Tensor]"
 _MEGA = 1e6
 
 
@@ -42,7 +41,7 @@ def plant_outputs(episode: RecordedEpisode) -> NDArray[np.float64]:
     """`OUTPUTS` (6, n + 1) of an episode."""
     n = len(episode.flap)
     angles = episode.azimuth + 2.0 * math.pi / n * np.arange(n)[:, None]
-    return (
+    outputs: NDArray[np.float64] = (
         np.stack([
             episode.flap.mean(0),
             2.0 / n * (episode.flap * np.cos(angles)).sum(0),
@@ -52,6 +51,7 @@ def plant_outputs(episode: RecordedEpisode) -> NDArray[np.float64]:
         ])
         / _MEGA
     )  # fmt: skip
+    return outputs
 
 
 class Plants:
@@ -123,7 +123,8 @@ def _low_pass(series: torch.Tensor, time_constant: float, dt: float) -> torch.Te
     kernel = (1.0 - kept) * kept ** torch.arange(n, dtype=torch.float64)
     size = 1 << math.ceil(math.log2(2 * n))
     product = torch.fft.rfft(series.double(), n=size) * torch.fft.rfft(kernel, n=size)
-    return torch.fft.irfft(product, n=size)[..., :n].to(series.dtype)
+    passed: torch.Tensor = torch.fft.irfft(product, n=size)[..., :n].to(series.dtype)
+    return passed
 
 
 def load_metrics(
@@ -197,10 +198,10 @@ class LinearizedEpisode:
         of_blades = 2.0 * math.pi / n * np.arange(n)[:, None]
         ahead = episode.azimuth[:-1] + plants.lead * episode.rotor_speed[:-1] + of_blades
         still = episode.azimuth + of_blades
-        self._pitch_cos, self._pitch_sin = _tensor(np.cos(ahead)), _tensor(np.sin(ahead))
-        self._flap_cos, self._flap_sin = _tensor(np.cos(still)), _tensor(np.sin(still))
-        self._flap, self._tower = _tensor(episode.flap / _MEGA), _tensor(episode.tower / _MEGA)
-        self._pitch = _tensor(episode.pitch)
+        self._pitch_cos, self._pitch_sin = tensor(np.cos(ahead)), tensor(np.sin(ahead))
+        self._flap_cos, self._flap_sin = tensor(np.cos(still)), tensor(np.sin(still))
+        self._flap, self._tower = tensor(episode.flap / _MEGA), tensor(episode.tower / _MEGA)
+        self._pitch = tensor(episode.pitch)
         power = np.minimum(episode.power, rated_power)
         self._power = float(power[self._skip :].mean()) / _MEGA
         with torch.no_grad():
@@ -270,5 +271,6 @@ class LinearizedEpisode:
         return self._scale
 
 
-def _tensor(values: NDArray[np.float64]) -> torch.Tensor:
+def tensor(values: NDArray[np.float64]) -> torch.Tensor:
+    """Array in single precision."""
     return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32))

@@ -130,4 +130,5 @@ class PretrainingOptions:
             whole = isinstance(value, int) and not isinstance(value, bool)
             if not (whole or (kinds[name] is float and isinstance(value, float))):
                 raise ValueError(f"{name} must be a {'whole ' if kinds[name] is int else ''}number, got {value!r}")
-        return cls(**{name: kinds[name](value) for name, value in values.items()})
+        given: dict[str, Any] = {name: kinds[name](value) for name, value in values.items()}
+        return cls(**given)

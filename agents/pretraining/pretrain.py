@@ -261,10 +261,8 @@ class _Work:
     def _published(self, run: RecordedEpisode) -> dict[str, float]:
         """Metrics of the published controller [MN m, MW]."""
         skip = round(self._options.skip / run.dt)
-        parts = [
-            torch.from_numpy(np.asarray(x, dtype=np.float32)) for x in (run.flap / 1e6, run.tower / 1e6, run.pitch)
-        ]
-        found = load_metrics(*parts, run.dt, self._env.turbine.pitch.max_rate, skip, _MAIN)
+        flap, tower, pitch = map(tensor, (run.flap / 1e6, run.tower / 1e6, run.pitch))
+        found = load_metrics(flap, tower, pitch, run.dt, self._env.turbine.pitch.max_rate, skip, _MAIN)
         power = np.minimum(run.power, self._env.turbine.drivetrain.rated_power)[skip:].mean() / 1e6
         return {name: float(value) for name, value in found.items()} | {"captured_power": float(power)}
 
@@ -273,11 +271,10 @@ class _Work:
         options = self._options
         low, high = self._speeds
         order = np.random.default_rng(options.first_wind_seed).permutation(options.episodes)
+        winds = low + (high - low) * (order + 0.5) / options.episodes
         jobs = [
-            self._job(
-                round(low + (high - low) * (k + 0.5) / options.episodes, 2), options.first_wind_seed + n, agent=agent
-            )
-            for n, k in enumerate(order.tolist())
+            self._job(round(speed, 2), options.first_wind_seed + n, agent=agent)
+            for n, speed in enumerate(winds.tolist())
         ]
         return self._record(jobs, f"episodes of round {number + 1}")
 

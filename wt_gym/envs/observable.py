@@ -112,8 +112,8 @@ class Observable:
         empty = [group for group in groups if not builders[group]()]
         if empty:
             raise ValueError(
-                f"observation {empty} must be left out: there is no base controller, no offset, or, for disturbances, no "
-                "linear_pitch in the base controller"
+                f"observation {empty} must be left out: there is no base controller, no offset, or, for "
+                "disturbances, no linear_pitch in the base controller"
             )
         # groups overlap, and a single channel may be in one of them
         chosen = {observed.channel.name: observed for group in groups for observed in builders[group]()}
