@@ -76,7 +76,8 @@ class Plants:
         x = min(max(speed, self.speeds[0]), self.speeds[-1])
         k = min(int(np.searchsorted(self.speeds, x, side="right")) - 1, max(len(self.speeds) - 2, 0))
         if len(self.speeds) == 1:
-            return self.responses[0]
+            alone: NDArray[np.float64] = self.responses[0]
+            return alone
         w = (x - self.speeds[k]) / (self.speeds[k + 1] - self.speeds[k])
         out: NDArray[np.float64] = (1.0 - w) * self.responses[k] + w * self.responses[k + 1]
         return out

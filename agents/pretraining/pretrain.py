@@ -34,6 +34,7 @@ from wt_gym.agents.pretraining.objective import (
     Plants,
     load_metrics,
     plant_outputs,
+    tensor,
 )
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT

@@ -480,8 +480,9 @@ def test_a_mirrored_world_is_the_same_for_every_shipped_agent(folder):
 @pytest.mark.parametrize("pitch", ["collective", "individual", "fixed-frame"])
 def test_every_observation_of_a_mirrored_world(pitch):
     """All groups and all single channels, with noise, delay, memory and a lidar, and every component of an action."""
+    groups = tuple(name for name in OBSERVATION_GROUPS if name != "disturbances")
     arguments = {
-        "action_mode": "residual", "pitch": pitch, "controller": "tsr_tracking", "observation": OBSERVATION_GROUPS,
+        "action_mode": "residual", "pitch": pitch, "controller": "tsr_tracking", "observation": groups,
         "action_components": ("pitch", "yaw", "torque"), "residual_fade": True, "residual_washout": 20.0, **WIND,
     }  # fmt: skip
     with pytest.raises(ValueError, match=r"observation has .*; must be among") as refusal:
@@ -508,6 +509,19 @@ def test_every_observation_of_a_mirrored_world(pitch):
             assert np.abs(second.observations[:, k] + layout.parity[k] * first.observations[:, k]).max() > ROUNDING, (
                 name
             )
+
+
+def test_disturbances_of_a_mirrored_world():
+    """What linear optimal pitch knows, and offsets as actions."""
+    envs = mirrored_envs(
+        "wt_gym/NREL5MW-Turbulent-v1", action_mode="residual", residual_form="offset", pitch="fixed-frame",
+        action_components=("pitch",), controller="linear_optimal", observation=("disturbances",), control_dt=0.1,
+        **(WIND | {"wind_speed": 16.0}),
+    )  # fmt: skip
+    size = envs[0].action_space.shape[0]
+    first, second = mirrored_courses(envs, (Waves(size), Mirrored(Waves(size), envs[1].unwrapped.layout)))
+    assert np.abs(first.observations).max() > 0.5
+    assert_mirrored(envs, first, second)
 
 
 def test_a_twin_and_pictures_of_a_mirrored_world():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wt_gym.control import ActionMap, AgentSetpoint, Demand, Lidar
+from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
 from wt_gym.envs.observable import OBSERVATION_GROUPS, Observable
 from wt_gym.envs.observations import Observer
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext
@@ -22,6 +23,7 @@ SINGLES = (
     "root_edge_moment_yaw", "tower_base_side_side_moment",
 )  # fmt: skip
 CHOICE = (*OBSERVATION_GROUPS, *SINGLES)
+LINEAR = LinearOptimalPitch.of_turbine(TURBINE)
 
 
 def signals(step=0):
@@ -34,13 +36,14 @@ def context(now):
     demand, base = Demand(np.array([0.1, 0.2, 0.3]), 0.0, 3e4), Demand(np.full(3, 0.15), 0.0, 2e4)
     setpoint = AgentSetpoint([0.01, 0.02, 0.03], 0.0, 4e3)
     return ObservationContext(
-        now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0])
-    )
+        now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]),
+        disturbances=np.arange(6.0 * len(LINEAR.bins) + 5.0),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def observer():
-    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR)
+    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR, linear=LINEAR)
 
 
 def observed(observer):
@@ -69,6 +72,14 @@ def test_each_channel_is_read_from_what_it_names(observer):
     assert [values[f"pitch_offset_{k}"] for k in (1, 2, 3)] == case.setpoint.pitch
     assert values["torque_offset"] == 4e3
     assert [values[f"lidar_{k}"] for k in (1, 2, 3)] == [9.0, 10.0, 11.0]
+    n = len(LINEAR.bins)
+    assert [values[f"disturbance_{name}_2"] for name in ("flap_mean", "flap_tilt", "rotor_speed")] == [
+        1,
+        n + 1,
+        5 * n + 1,
+    ]
+    names = ("linear_pitch_mean", "linear_pitch_yaw", "linear_pitch_share", "linear_pitch_schedule")
+    assert [values[name] for name in names] == [6 * n, 6 * n + 2, 6 * n + 3, 6 * n + 4]
     assert [values[f"previous_{name}"] for name in ACTION.names] == case.action.tolist()
     assert values["azimuth_sin"] == math.sin(now["azimuth"])
     assert values["azimuth_cos"] == math.cos(now["azimuth"])
@@ -79,21 +90,25 @@ def test_each_channel_is_read_from_what_it_names(observer):
 
 
 def test_every_channel_has_a_reader_and_another_name():
-    _, channels = Observable(TURBINE, ACTION, LIDAR).choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, LIDAR, linear=LINEAR).choose(CHOICE)
     assert len({one.channel.name for one in channels}) == len(channels) > 40
     assert {type(one.reader) for one in channels} == {FromSignals, InFixedFrame, Computed}
     for one in channels:
         if isinstance(one.reader, FromSignals):
             assert one.reader.name == one.channel.name
     assert [one.channel.name for one in channels if one.circular] == ["yaw_error"]
-    assert [one.channel.name for one in channels if isinstance(one.reader, Computed) and one.reader.needs] == [
+    needy = {one.channel.name: one.reader.needs for one in channels if isinstance(one.reader, Computed)}
+    assert [name for name, needs in needy.items() if needs in ("estimator", "lidar")] == [
         "rotor_wind", "lidar_1", "lidar_2", "lidar_3",
     ]  # fmt: skip
+    assert all(
+        (needs == "disturbances") == name.startswith(("disturbance_", "linear_")) for name, needs in needy.items()
+    )
 
 
 def test_parities_of_signals_are_those_of_the_simulator():
     parities = {channel.name: channel.parity for channel in channel_table(3)}
-    _, channels = Observable(TURBINE, ACTION, LIDAR).choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, LIDAR, linear=LINEAR).choose(CHOICE)
     found = {one.channel.name: one.channel.parity for one in channels}
     assert {name: parities[name] for name in found if name in parities} == {
         name: parity for name, parity in found.items() if name in parities

@@ -25,7 +25,7 @@ from wt_gym.benchmark import load_task
 from wt_gym.benchmark.run import benchmark_metrics
 from wt_gym.commands import design as design_command
 from wt_gym.control import Demand
-from wt_gym.control.coleman import to_fixed_frame
+from wt_gym.control.coleman import to_blades, to_fixed_frame
 from wt_gym.control.controllers import Combined, make_controller
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
 from wt_gym.control.controllers.memory import memory_of, remember
@@ -428,6 +428,58 @@ def test_what_the_model_does_not_explain_is_the_disturbance(turbine):
     acting, found = driven(LinearOptimalPitch(turbine, design), wanted, responses)
     assert np.abs(acting).max() > 1e-3
     np.testing.assert_allclose(found / design.scale[:, None], wanted / design.scale[:, None], atol=1e-6)
+
+
+def driven_with_an_agent(turbine, told=True, n=120):
+    """Disturbances, what the controller finds of them, and what it shows of the past at every step, beside an agent."""
+    design = made_design(knots=(0.15,))
+    responses = design.responses[0] * design.scale[:, None, None] * 0.1
+    design = made_design(knots=(0.15,), responses=responses[None] / design.scale[:, None, None])
+    controller, wanted = LinearOptimalPitch(turbine, design), drawn_disturbances(n)
+    drawn = np.radians(1.0) * np.random.default_rng(9).uniform(-1.0, 1.0, (3, n))
+    acting, found, seen = np.zeros((3, n)), [], []
+    controller.start(signals_of(wanted[:, 0], 0.0))
+    for k in range(n):
+        signals = signals_of(wanted[:, k] + respond(responses, acting)[:, k], k * DT * SPEED) | {
+            "pitch": np.full(3, 0.15)
+        }
+        seen.append(controller.seen(signals))
+        base = controller.step(signals, DT, above_rated(0.15))
+        ahead = signals["azimuth"] + signals["rotor_speed"] * pitch_delay(turbine.pitch, DT)
+        pitch = base.pitch + np.array(to_blades(drawn[:, k].tolist(), ahead, 3))
+        if told:
+            controller.see_demand(base, Demand(pitch, 0.0, base.generator_torque), signals, DT)
+        acting[:, k] = np.array(controller.offsets.acting) + drawn[:, k]
+        found.append(controller.disturbance / design.scale)
+    return controller, wanted / design.scale[:, None], np.array(found).T, np.array(seen)
+
+
+def test_offsets_of_an_agent_are_no_disturbance(turbine):
+    _, wanted, found, _ = driven_with_an_agent(turbine)
+    np.testing.assert_allclose(found, wanted, atol=1e-6)
+    _, _, untold, _ = driven_with_an_agent(turbine, told=False)
+    assert np.abs(untold - wanted).max() > 0.01
+
+
+def test_what_an_agent_sees_is_the_past_with_the_present_instant(turbine):
+    controller, wanted, _, seen = driven_with_an_agent(turbine)
+    design, bins = controller.design, controller.bins
+    assert bins[0] == (0, 1)
+    assert bins[-1][1] == design.gains.shape[-1]
+    past = np.stack([without_lasting(row, tau, DT) for row, tau in zip(wanted, design.washout, strict=True)])
+    expected = np.stack([bin_means(row, bins) for row in past])  # of a past that stood still before
+    started = design.gains.shape[-1]
+    shown = seen[:, : 6 * len(bins)].reshape(-1, 6, len(bins)).transpose(1, 2, 0)
+    np.testing.assert_allclose(shown[..., started:], expected[..., started:], atol=1e-6)
+    np.testing.assert_allclose(seen[:, -2:], [[1.0, 0.15]] * len(seen), atol=0.01)
+
+
+def test_looking_changes_nothing(turbine):
+    controller, *_ = driven_with_an_agent(turbine, n=20)
+    signals = signals_of(drawn_disturbances(1)[:, 0], 1.0)
+    before = memory_of(controller).values
+    controller.seen(signals)
+    np.testing.assert_array_equal(memory_of(controller).values, before)
 
 
 def test_offsets_are_the_filtered_past_times_the_gains(turbine):

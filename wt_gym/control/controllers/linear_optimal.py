@@ -82,7 +82,7 @@ class LinearOptimalPitch:
         self._schedule = LowPass(SCHEDULE_TIME)
         self._acted = np.zeros((3, design.responses.shape[-1]))
         self._past = np.zeros((len(OUTPUTS), design.gains.shape[-1]))
-        self._measured, self._lasting = np.zeros(len(OUTPUTS)), np.zeros(len(OUTPUTS))
+        self._lasting = np.zeros(len(OUTPUTS))
         self.disturbance, self._sum = np.zeros(len(OUTPUTS)), np.zeros(3)
         self.bins = seen_bins(design)
         self._first, self._last = np.array(self.bins).T
@@ -198,8 +198,9 @@ class LinearOptimalPitch:
     def _found(self, signals: Readings, acted: NDArray[np.float64], pitch: float) -> NDArray[np.float64]:
         """Disturbances over their scale (6,): what is measured less what the offsets (3, n_taps) did."""
         design = self.design
-        measured_outputs(signals, self.n_blades, self.sign, self._measured)
-        found = self._measured / design.scale
+        found = np.empty(len(OUTPUTS))
+        measured_outputs(signals, self.n_blades, self.sign, found)
+        found /= design.scale
         low, weight = _place(design.pitch, pitch)
         for k, share in ((low, 1.0 - weight), (low + 1, weight)):
             if share > 0.0:
