@@ -265,6 +265,7 @@ def note_fade(parts: Parts, fade: AboveRated | None, group: str, name: str, cons
         "fade_fine_pitch": fade.fine_pitch,
         f"{name}_fade_pitch": list(p.pitch),
         f"{name}_fade_speed": list(p.speed),
+        f"{name}_fade_fine_speed": [1e3, 2e3] if p.fine_speed is None else list(p.fine_speed),
         f"{name}_fade_time": p.time_constant,
     }
 

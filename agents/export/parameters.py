@@ -36,6 +36,12 @@ def _fade(group: str, what: str) -> tuple[Entry, ...]:
     return (
         Entry(f"{what}_fade_pitch", "rad", "pitch above fine pitch at which it begins and is full", f"{group}_fade"),
         Entry(f"{what}_fade_speed", "-", "rotor speed over rated at which it begins and is full", f"{group}_fade"),
+        Entry(
+            f"{what}_fade_fine_speed",
+            "-",
+            "the same at fine pitch; above any speed: nothing acts there",
+            f"{group}_fade",
+        ),
         Entry(f"{what}_fade_time", "s", "time constant of the filter on the pitch", f"{group}_fade", 0.0),
     )
 

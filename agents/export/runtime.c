@@ -194,9 +194,11 @@ static double of_blade(double tilt, double yaw, double azimuth, int harmonic, in
 /* ---- how far additions act: not below rated wind ----------------------------------------------------------------- */
 
 static double above_rated(const struct parameters *p, double pitch, double rotor_speed, const double *pitch_ends,
-                          const double *speed_ends) {
-    return ramp(pitch - p->fade_fine_pitch, pitch_ends[0], pitch_ends[1]) *
-           ramp(rotor_speed / p->rated_rotor_speed, speed_ends[0], speed_ends[1]);
+                          const double *speed_ends, const double *fine_speed_ends) {
+    double pitched = ramp(pitch - p->fade_fine_pitch, pitch_ends[0], pitch_ends[1]);
+    double ratio = rotor_speed / p->rated_rotor_speed;
+    return pitched * ramp(ratio, speed_ends[0], speed_ends[1]) +
+           (1.0 - pitched) * ramp(ratio, fine_speed_ends[0], fine_speed_ends[1]);
 }
 
 /* ---- gain-scheduled proportional-integral law of the collective pitch -------------------------------------------- */
@@ -411,7 +413,8 @@ static void individual_pitch(const struct parameters *p, struct state *s, struct
     if (FADE_IPC) {
         if (s->fresh_ipc) s->fade_ipc = mean_of(d->pitch);
         s->fade_ipc = low_pass(s->fade_ipc, mean_of(d->pitch), dt, p->ipc_fade_time);
-        share = above_rated(p, s->fade_ipc, s->now.rotor_speed, p->ipc_fade_pitch, p->ipc_fade_speed);
+        share = above_rated(p, s->fade_ipc, s->now.rotor_speed, p->ipc_fade_pitch, p->ipc_fade_speed,
+                            p->ipc_fade_fine_speed);
     }
     s->fresh_ipc = 0;
     if (s->bad_users & FOR_IPC) share = 0.0;
@@ -429,7 +432,8 @@ static void fore_aft_damper(const struct parameters *p, struct state *s, struct 
     if (FADE_FORE_AFT) {
         if (s->fresh_fore_aft) s->fade_fore_aft = mean_of(d->pitch);
         s->fade_fore_aft = low_pass(s->fade_fore_aft, mean_of(d->pitch), dt, p->fore_aft_fade_time);
-        share = above_rated(p, s->fade_fore_aft, s->now.rotor_speed, p->fore_aft_fade_pitch, p->fore_aft_fade_speed);
+        share = above_rated(p, s->fade_fore_aft, s->now.rotor_speed, p->fore_aft_fade_pitch, p->fore_aft_fade_speed,
+                            p->fore_aft_fade_fine_speed);
     }
     s->fresh_fore_aft = 0;
     added = share * clip(p->fore_aft_gain * velocity, -p->fore_aft_limit, p->fore_aft_limit);
@@ -550,7 +554,8 @@ static void linear_pitch(const struct parameters *p, struct state *s, struct dem
     if (FADE_LINEAR) {
         if (l->fresh) l->fade = mean_of(d->pitch);
         l->fade = low_pass(l->fade, mean_of(d->pitch), dt, p->linear_fade_time);
-        l->share = above_rated(p, l->fade, s->now.rotor_speed, p->linear_fade_pitch, p->linear_fade_speed);
+        l->share = above_rated(p, l->fade, s->now.rotor_speed, p->linear_fade_pitch, p->linear_fade_speed,
+                               p->linear_fade_fine_speed);
     }
     if (s->bad_users & FOR_LINEAR) l->share = 0.0;
     l->slow = low_pass(l->fresh ? slow : l->slow, slow, dt, p->linear_schedule_time);
@@ -740,7 +745,8 @@ static void agent_start(const struct parameters *p, struct state *s) {
     s->yaw_rate = s->lasting = s->mean = 0.0;
     s->fade = pitch;
     s->share = 1.0;
-    if (FADE_AGENT) s->share = above_rated(p, pitch, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed);
+    if (FADE_AGENT) s->share = above_rated(p, pitch, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed,
+                                        p->offset_fade_fine_speed);
     s->anemometer = s->now.wind_speed;
     s->vane = wrapped(s->now.yaw_error);
     memcpy(s->pitch_now, s->now.pitch, sizeof s->pitch_now);
@@ -792,7 +798,8 @@ static void agent_add(const struct parameters *p, struct state *s, double part, 
     for (int k = 0; k < N_COORDINATES; k++) offset[k] = s->from[k] + part * (s->to[k] - s->from[k]);
     if (N_PITCH > 0 && FADE_AGENT) {
         s->fade = low_pass(s->fade, mean_of(s->base.pitch), dt, p->offset_fade_time);
-        s->share = above_rated(p, s->fade, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed);
+        s->share = above_rated(p, s->fade, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed,
+                                        p->offset_fade_fine_speed);
     }
     if (N_PITCH > 0 && N_MEAN > 0 && p->offset_washout > 0.0) {
         double mean = 0.0, count = N_MEAN;

@@ -44,6 +44,7 @@ _LISTS = {
     "ipc_proportional_gain", "ipc_level", "ipc_leak", "ipc_limit", "ipc_rate_limit", "offset_pitch_limit",
     "ipc_fade_pitch", "ipc_fade_speed", "fore_aft_fade_pitch", "fore_aft_fade_speed", "offset_fade_pitch",
     "offset_fade_speed", "linear_fade_pitch", "linear_fade_speed",
+    "ipc_fade_fine_speed", "fore_aft_fade_fine_speed", "offset_fade_fine_speed", "linear_fade_fine_speed",
 }  # fmt: skip
 """Parameters with several values."""
 

@@ -196,7 +196,7 @@ def drawn_design(path, knots, interval=DT, fade=0.05):
     design = LinearDesign(
         pitch=np.array(knots), responses=rng.normal(size=(n, 6, 3, 13)), gains=4e-3 * rng.normal(size=(n, 3, 6, 7)),
         scale=np.array([3e6, 3e6, 3e6, 0.5, 0.2, 0.3]), washout=np.array([30.0, 0.0, 0.0, 5.0, 30.0, 30.0]),
-        interval=interval, limit=0.07, rate_limit=0.05, fade=fade,
+        interval=interval, limit=0.07, rate_limit=0.05, fade=fade, fine_speed=(0.9, 1.0),
     )  # fmt: skip
     save_design(design, path)
     return path
