@@ -335,8 +335,8 @@ def _at_speed(
     else:
         raise ValueError(
             f"at {speed:g} m/s offsets must keep power above {100.0 * task.least_power:+.2f} % in the forecast, got "
-            f"{100.0 * changes['captured_power']:+.2f} % with {2**_DOUBLINGS} times the cost of power; lower least_power, "
-            "or let offsets act less at fine pitch (fade, fine_speed)"
+            f"{100.0 * changes['captured_power']:+.2f} % with {2**_DOUBLINGS} times the cost of power; lower "
+            "least_power, or let offsets act less at fine pitch (fade, fine_speed)"
         )
     cost = float(np.mean([forecast_change(a, b, task.feedback.weights) for a, b in zip(now, before, strict=True)]))
     shares = dict(zip((*OUTPUTS, *LOADS), np.round(explained, 4).tolist(), strict=True))

@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -147,6 +148,33 @@ def toy_recording(seed, offsets=None, n=900):
     flap = both[0] + both[1] * np.cos(angles) + both[2] * np.sin(angles)
     pitch = 0.1 + 0.02 * np.sin(0.1 * azimuth) * np.ones((3, 1))
     return Recording(DT, both[:6], both[6:], flap, 0.0 * flap, pitch, azimuth, given, np.ones(n))
+
+
+def test_a_design_keeps_the_limit_of_power_in_its_forecast(turbine, toy_runs, monkeypatch):
+    """Power that only the square of offsets takes: the cost of power rises until the forecast keeps the limit."""
+    found = designing.identified_plant
+
+    def costly(*given):
+        plant, explained = found(*given)
+        responses = plant.responses.copy()
+        responses[8] = 0.0
+        return replace(plant, responses=responses, power_curvature=20.0), explained
+
+    monkeypatch.setattr(designing, "identified_plant", costly)
+
+    def made(least):
+        task = LinearDesignTask(speeds=(15.0,), excited=2, ridge=0.0, least_power=least, **TOY_TASK)
+        return design(turbine, task).record["speeds"][0]
+
+    free = made(-1.0)
+    taken = free["forecast"]["captured_power"]
+    assert free["power_weight"] == 1.0
+    assert taken < -1e-4
+    held = made(0.5 * taken)
+    assert held["power_weight"] > 1.0
+    assert 0.5 * taken <= held["forecast"]["captured_power"] < 0.0
+    with pytest.raises(ValueError, match="keep power above"):
+        made(0.0)
 
 
 TOY = np.array([3e3, 3e3, 3e3, 1e-4, 1e-4, 1e-5, 1e4, 1e4, 1e3])[:, None, None] * np.ones((1, 3, 30))
@@ -564,6 +592,7 @@ def test_seeds_for_evaluation_never_enter_a_design():
         ({"seeds": (1, 1)}, "different"),
         ({"excited": 1}, "excited"),
         ({"duration": 30.0}, "at least"),
+        ({"least_power": 0.1}, "least_power"),
     ],
 )
 def test_tasks_refuse(wrong, message):

@@ -42,13 +42,13 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--rate-limit", type=float, metavar="DEG/S", help="largest rate of offsets, deg/s (default: 3)")
     parser.add_argument("--fade", type=float, metavar="DEG", help="collective pitch above fine pitch from which on "
                         "offsets act in full, deg (default: 3)")  # fmt: skip
-    parser.add_argument("--fine-speed", nargs=2, type=float, metavar=("LOW", "HIGH"), help="rotor speed over the rated "
-                        "one at which offsets begin and act in full at fine pitch; 0 0: they do not act there (default: "
-                        "0.97 1.02)")  # fmt: skip
+    parser.add_argument("--fine-speed", nargs=2, type=float, metavar=("LOW", "HIGH"), help="rotor speed over the "
+                        "rated one at which offsets begin and act in full at fine pitch; 0 0: they do not act there "
+                        "(default: 0.97 1.02)")  # fmt: skip
     parser.add_argument("--travel-weight", type=float, help="factor on the cost of pitch travel (default: 1)")
     parser.add_argument("--power-weight", type=float, help="factor on the cost of power (default: 1)")
-    parser.add_argument("--least-power", type=float, metavar="PERCENT", help="change of power that the forecast must keep "
-                        "at every wind speed, %% (default: -0.3)")  # fmt: skip
+    parser.add_argument("--least-power", type=float, metavar="PERCENT", help="change of power that the forecast must "
+                        "keep at every wind speed, %% (default: -0.3)")  # fmt: skip
     parser.add_argument("--fidelity", default="training", help=FIDELITIES_HELP)
     add_engine_options(parser, "runs")
     parser.add_argument("--json", action="store_true", help="print one JSON object last")

@@ -73,7 +73,8 @@ class AboveRated:
     """Factor from 0 (below rated: leave the blades where they make the most power) to 1 (well above it).
 
     The product of a ramp in the collective pitch, low-pass filtered, and one in the rotor speed: blades at fine pitch
-    mean that the wind is too weak for rated power. With ``fine_speed``, a ramp of its own in the rotor speed holds there.
+    mean that the wind is too weak for rated power. With ``fine_speed``, a ramp of its own in the rotor speed holds
+    there.
 
     Parameters
     ----------
