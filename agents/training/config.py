@@ -6,6 +6,7 @@ import importlib.util
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
+from wt_gym.agents.pretraining.options import PretrainingOptions
 from wt_gym.agents.training.hyperparameters import RENAMED, check_hyperparameters, hyperparameters_for
 from wt_gym.deprecated import renamed_keys
 from wt_gym.envs.wind_files import with_whole_paths
@@ -47,6 +48,9 @@ class TrainingConfig:
         Number of these winds.
     eval_seconds : float
         Length of each [s].
+    pretraining : dict or None
+        Options of `wt_gym.agents.pretraining.options.PretrainingOptions`, those left out by default; None for no
+        pretraining.
     tensorboard : bool or None
         Write figures for TensorBoard; None: if it is installed.
 
@@ -69,10 +73,11 @@ class TrainingConfig:
     eval_every: int = 20_000
     eval_winds: int = 2
     eval_seconds: float = 60.0
+    pretraining: dict[str, Any] | None = None
     tensorboard: bool | None = None
 
     def __post_init__(self) -> None:
-        self._check_whole("total_steps", 1, _MOST_STEPS)
+        self._check_whole("total_steps", 1 if self.pretraining is None else 0, _MOST_STEPS)
         self._check_whole("n_envs", 1, _MOST_ENVS)
         self._check_whole("seed", 0, _SEEDS)
         self._check_whole("checkpoint_steps", 1, _MOST_STEPS)
@@ -89,6 +94,11 @@ class TrainingConfig:
         if not isinstance(self.env_kwargs, dict):
             raise ValueError(f"env_kwargs must map names to values, got {self.env_kwargs!r}")
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
+        if self.pretraining is not None:
+            options = PretrainingOptions.of(self.pretraining)
+            if self.algorithm != "PPO":
+                raise ValueError(f"pretraining needs the algorithm PPO, got {self.algorithm!r}")
+            object.__setattr__(self, "pretraining", asdict(options))
         if self.env_kwargs.get("vector_reward"):
             raise ValueError("the reward of a training must be one number, got its terms: leave out vector_reward")
         object.__setattr__(self, "hyperparameters", check_hyperparameters(self.algorithm, self.hyperparameters))

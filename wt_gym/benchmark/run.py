@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 __all__ = ["INTERFACE", "benchmark_metrics", "delivered_power", "make_env", "play", "run_definition"]
 
 INTERFACE = (
-    "action_mode", "pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "controller",
-    "observation", "history",
+    "action_mode", "pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "residual_form",
+    "controller", "observation", "history", "control_dt",
 )  # fmt: skip
 """Arguments of the environment that an agent may choose: what it sees, what its actions mean, its base controller."""
 

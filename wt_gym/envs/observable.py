@@ -11,6 +11,7 @@ import numpy as np
 from wt_gym.constants import GRAVITY
 from wt_gym.control import Channel, torque_curve
 from wt_gym.control.coleman import FIXED_FRAME
+from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs import readers
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Quantity
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from wt_gym.control import ActionMap, Lidar
+    from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.turbines import Turbine
 
@@ -28,7 +30,7 @@ __all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observabl
 
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
-    "offsets", "lidar", "previous_action", "measurable",
+    "offsets", "lidar", "previous_action", "measurable", "disturbances",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
@@ -59,10 +61,18 @@ class Observable:
     action : ActionMap
     lidar : Lidar
     residual : ResidualPitch, optional
+    linear : LinearOptimalPitch, optional
     """
 
-    def __init__(self, turbine: Turbine, action: ActionMap, lidar: Lidar, residual: ResidualPitch | None = None):
-        self._turbine, self._action, self._lidar = turbine, action, lidar
+    def __init__(
+        self,
+        turbine: Turbine,
+        action: ActionMap,
+        lidar: Lidar,
+        residual: ResidualPitch | None = None,
+        linear: LinearOptimalPitch | None = None,
+    ):
+        self._turbine, self._action, self._lidar, self._linear = turbine, action, lidar, linear
         self._fades = residual is not None and residual.fades
         self._washes = residual is not None and residual.washes
         self._parities = {channel.name: channel.parity for channel in channel_table(turbine.n_blades)}
@@ -88,6 +98,7 @@ class Observable:
             "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
             "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
             "lidar": self._lidar_channels, "previous_action": self._previous_action, "measurable": self._measurable,
+            "disturbances": self._disturbances,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
         others = (*self._pitch_forms(), self._every_fixed_frame(), self._out_of_plane(), self._more())
@@ -101,7 +112,8 @@ class Observable:
         empty = [group for group in groups if not builders[group]()]
         if empty:
             raise ValueError(
-                f"observation {empty} must be left out: with this action there is no base controller, or no offset"
+                f"observation {empty} must be left out: there is no base controller, no offset, or, for "
+                "disturbances, no linear_pitch in the base controller"
             )
         # groups overlap, and a single channel may be in one of them
         chosen = {observed.channel.name: observed for group in groups for observed in builders[group]()}
@@ -337,6 +349,30 @@ class Observable:
             *self._rotor(), *self._power(), *self._pitch(), *self._wind(), *moments, *accelerations, *self._azimuth(),
             *self._controller(), *self._offsets(),
         ]  # fmt: skip
+
+    def _disturbances(self) -> list[Observed]:
+        """What the linear optimal pitch of the base controller makes of what it reads."""
+        if self._linear is None:
+            return []
+        step = self._linear.design.interval
+        rows: list[tuple[Any, ...]] = [
+            (f"disturbance_{name}_{k + 1}", "-", 0.0, 1.0, -20.0, 20.0, 0.0,
+             f"disturbance of {name}, over its scale, mean of {first * step:g} to {last * step:g} s ago")
+            for name in OUTPUTS for k, (first, last) in enumerate(self._linear.bins)
+        ]  # fmt: skip
+        limit, text = 10.0 * self._linear.design.limit, "that the linear optimal pitch asks for"
+        rows += [
+            (f"linear_pitch_{name}", "rad", 0.0, math.radians(1.0), -limit, limit, 0.0, f"{name} pitch {text}")
+            for name in FIXED_FRAME
+        ]
+        low, high = self._action.pitch_limits
+        rows += [
+            ("linear_pitch_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, "share in which the linear optimal pitch acts"),
+            ("linear_pitch_schedule", "rad", 0.1, 0.1, low, high, 0.0, "slow pitch that chooses between its designs"),
+        ]
+        return [
+            self._computed(EVEN, readers.disturbance, *row, index=k, needs="disturbances") for k, row in enumerate(rows)
+        ]
 
     def _more(self) -> list[Observed]:
         """Channels of no group."""

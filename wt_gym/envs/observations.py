@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from wt_gym.control import ActionMap
+    from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
@@ -54,11 +55,15 @@ class Observer:
     lidar : Lidar, optional
     residual : ResidualPitch, optional
         What residual pitch passes, if anything; what acts of it can then be observed.
+    linear : LinearOptimalPitch, optional
+        That of the base controller, if it has one; what it knows of the disturbances can then be observed.
 
     Attributes
     ----------
     sees_lidar : bool
         Whether there is a channel of the lidar.
+    sees_disturbances : bool
+        Whether there is a channel of the disturbances.
 
     Raises
     ------
@@ -76,6 +81,7 @@ class Observer:
         history: int = 1,
         lidar: Lidar | None = None,
         residual: ResidualPitch | None = None,
+        linear: LinearOptimalPitch | None = None,
     ):
         if not 0.0 <= noise_level < math.inf:
             raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
@@ -88,7 +94,7 @@ class Observer:
         self._turbine, self._noise_level = turbine, noise_level
         self._delay, self._history = int(delay), int(history)
         self.lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
-        self.groups, observed = Observable(turbine, action, self.lidar, residual).choose(choice)
+        self.groups, observed = Observable(turbine, action, self.lidar, residual, linear).choose(choice)
         channels = [one.channel for one in observed]
         layers = [channels] + [
             [replace(c, name=f"{c.name}@{k}", description=f"{c.description}, {k} steps ago") for c in channels]
@@ -114,7 +120,7 @@ class Observer:
         computed = [(k, reader) for k, reader in read if isinstance(reader, Computed)]
         self._functions = [(k, reader.function, reader.index) for k, reader in computed]
         needs = {reader.needs for _, reader in computed}
-        self.sees_lidar = "lidar" in needs
+        self.sees_lidar, self.sees_disturbances = "lidar" in needs, "disturbances" in needs
         # another turbine's table takes a while to make
         self._sensors = Sensors(WindEstimator.of_turbine(self._turbine) if "estimator" in needs else None)
         self._directions = [k for k, one in enumerate(observed) if one.circular]

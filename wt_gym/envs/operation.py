@@ -9,6 +9,7 @@ import numpy as np
 
 from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of
+from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import SensorBias
@@ -157,6 +158,7 @@ class Operation:
         turn, rise = setpoint.pitch - pitch, setpoint.generator_torque - torque
         sees = controller is not None and lidar_of(controller) is not None
         biased, n_blades = bool(self._sensor_faults), self.turbine.n_blades
+        observer = linear_part(controller)
         for k in range(1, count + 1):
             part = k / count
             if biased:
@@ -169,6 +171,8 @@ class Operation:
                 wanted = residual.acting(wanted, self.base.pitch, speed, dt)
             present = AgentSetpoint(wanted, yaw_rate, torque + part * rise)
             self.demand = demand = demand_of(present, self.base, signals["azimuth"], speed)
+            if observer is not None:
+                observer.see_demand(self.base, demand, signals, dt)
             signals = simulator.advance(dt, demand.pitch, demand.yaw_rate, demand.generator_torque, accumulate=k > 1)
         if not math.isfinite(sum(signals.values.tolist())):  # a third of the time of numpy's
             raise SimulationError(f"the simulator returned values that are not finite at {signals['time']!r} s")

@@ -40,6 +40,8 @@ class ObservationContext:
         By the lidar, for an observer that `wt_gym.envs.observations.Observer.sees_lidar` [m/s].
     residual : ResidualPitch, optional
         What residual pitch passes.
+    disturbances : numpy.ndarray, shape (n,), optional
+        What the linear optimal pitch of the base controller knows, as of `LinearOptimalPitch.seen`.
     """
 
     signals: Signals
@@ -49,6 +51,7 @@ class ObservationContext:
     action: np.ndarray
     lidar: np.ndarray | None = None
     residual: ResidualPitch | None = None
+    disturbances: np.ndarray | None = None
 
 
 class Sensors:
@@ -133,7 +136,7 @@ class Computed:
         Takes sensors, situation and the index; stands at the top level of a module, so that an observer can be pickled.
     index : int
         Blade, component or gate, from 0.
-    needs : {"", "lidar", "estimator"}
+    needs : {"", "lidar", "estimator", "disturbances"}
         What must be there for it.
     """
 
@@ -278,3 +281,8 @@ def residual_share(sensors: Sensors, context: ObservationContext, _: int) -> flo
 def residual_mean(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean of the residual pitch that acts [rad]."""
     return context.residual.mean  # type: ignore[union-attr]
+
+
+def disturbance(sensors: Sensors, context: ObservationContext, k: int) -> float:
+    """Entry of what the linear optimal pitch of the base controller knows."""
+    return float(context.disturbances[k])  # type: ignore[index]

@@ -12,6 +12,7 @@ from gymnasium.error import ResetNeeded
 
 from wt_gym.control import ActionMap
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
+from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.deprecated import renamed_attribute
@@ -102,7 +103,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         chosen = options.actions
         action = ActionMap(
             self.turbine, self.control_dt, chosen.mode, chosen.pitch, chosen.components, chosen.spans, self.wind.speeds,
-            pitch_delay(self.turbine.pitch, step),
+            pitch_delay(self.turbine.pitch, step), chosen.residual,
         )  # fmt: skip
         base, controller = options.controller.base, None
         if action.needs_controller or base not in (BASELINE, *ALIASES):  # a copy: no two share its memory
@@ -114,7 +115,15 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         late = check_whole_steps("sensor_delay", observed.delay, self.control_dt, least=0)
         lidar = _lidar(observed.lidar, controller)
         self._observer = observer = Observer(
-            self.turbine, action, groups, observed.noise, late, observed.history, lidar, residual
+            self.turbine,
+            action,
+            groups,
+            observed.noise,
+            late,
+            observed.history,
+            lidar,
+            residual,
+            linear_part(controller),
         )
         self.operation = Operation(
             self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker()
@@ -436,7 +445,11 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         o = self.operation
         signals = o.measured(o.signals)
         seen = o.ahead(signals) if self._observer.sees_lidar else None
-        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual)
+        known = None
+        if self._observer.sees_disturbances:
+            part = linear_part(o.controller)
+            known = None if part is None else part.seen(signals)
+        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, known)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)
