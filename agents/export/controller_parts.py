@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from wt_gym.control.rotor_table import RotorTable
     from wt_gym.turbines import Turbine
 
-__all__ = ["ACCELERATION", "SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
+__all__ = ["ACCELERATION", "LINEAR_READS", "SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
              "side_side_damper", "tower_dampers", "tuned", "yaw",
@@ -37,6 +37,8 @@ SUPPORTED = ("discon", "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_
 """Names of controllers that can be exported."""
 ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
 """Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
+LINEAR_READS = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"} | ACCELERATION
+"""Readings of linear optimal pitch."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,13 @@ class LinearPitch:
     design : LinearDesign
     sign : float
         Of accelerations to the side.
+    bins : tuple of (int, int)
+        Of delays, over which an agent sees means of the disturbances.
     """
 
     design: LinearDesign
     sign: float
+    bins: tuple[tuple[int, int], ...]
 
 
 @dataclass
@@ -293,7 +298,7 @@ def _linear_pitch(parts: Parts, addition: LinearOptimalPitch, step: float) -> No
     parts.groups |= {"linear", "acceleration"}
     design, offsets = addition.design, addition.offsets
     n_designs, n_outputs, _, n_taps = design.responses.shape
-    parts.linear = LinearPitch(design, addition.sign)
+    parts.linear = LinearPitch(design, addition.sign, addition.bins)
     parts.constants |= {
         "N_DESIGNS": n_designs,
         "N_OUTPUTS": n_outputs,
@@ -309,7 +314,8 @@ def _linear_pitch(parts: Parts, addition: LinearOptimalPitch, step: float) -> No
         "linear_schedule_time": SCHEDULE_TIME,
     }
     note_fade(parts, offsets.fade, "linear", "linear", "FADE_LINEAR")
-    parts.reads["LINEAR"] = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"} | ACCELERATION
+    parts.constants["N_SEEN_BINS"] = len(addition.bins)
+    parts.reads["LINEAR"] = LINEAR_READS
 
 
 def _fore_aft(parts: Parts, addition: ForeAftDamper) -> None:

@@ -66,6 +66,9 @@ struct state {
     double anemometer, vane, sensor_wind, sensor_rotor_speed;
     double pitch_now[N_BLADES], pitch_before[N_BLADES];
     double history[N_HISTORY][N_CHANNELS];
+#if WITH_LINEAR
+    double known[N_OUTPUTS * N_SEEN_BINS + 5]; /* of the disturbances */
+#endif
     long n_history;
     int has_rate;
 #endif
@@ -584,6 +587,40 @@ static void linear_pitch(const struct parameters *p, struct state *s, struct dem
     l->acted_for += dt;
     for (int j = 0; j < 3; j++) l->sum[j] += dt * l->acting[j];
 }
+
+#if WITH_AGENT
+/* What an agent added to a demand, taken for an offset of its own: so the disturbances stay what no offset changes. */
+static void linear_sees(const struct parameters *p, struct state *s, const double *base, const double *demand, double dt) {
+    double added[N_BLADES], turned[3];
+    for (int b = 0; b < N_BLADES; b++) added[b] = demand[b] - base[b];
+    to_fixed_frame(added, s->now.azimuth + s->now.rotor_speed * p->linear_lead, turned);
+    for (int j = 0; j < 3; j++) s->linear.sum[j] += dt * turned[j];
+}
+
+/* What is known of the disturbances at an instant, before it acts: means over bins of delays, output by output, mean, tilt
+ * and yaw that they ask for, share, slow pitch. */
+static void linear_known(const struct parameters *p, const struct state *s, double *known) {
+    struct linear l = s->linear;
+    double found[N_OUTPUTS];
+    int passed = (int)(l.age + 1e-6);
+    if (l.fresh) l.slow = mean_of(s->now.pitch);
+    if (l.fresh || passed > 0) {
+        linear_remember(&l, passed);
+        linear_find(s, &l, found);
+        linear_take(&l, found, passed);
+    }
+    for (int i = 0; i < N_OUTPUTS; i++) {
+        for (int k = 0; k < N_SEEN_BINS; k++) {
+            double sum = 0.0;
+            for (int delay = SEEN_BINS[k]; delay < SEEN_BINS[k + 1]; delay++) sum += l.past[i][delay];
+            *known++ = sum / (SEEN_BINS[k + 1] - SEEN_BINS[k]);
+        }
+    }
+    linear_answer(p, &l, known);
+    known[3] = l.share;
+    known[4] = l.slow;
+}
+#endif
 #endif
 
 /* The nacelle turns only when it has stood wrong for a while, then until it faces the wind. */
@@ -684,6 +721,10 @@ static double observed(const struct state *s, const struct channel *c, double dt
     case SEE_SHARE: return s->share;
     case SEE_MEAN_OFFSET: return s->mean;
     case SEE_PREVIOUS_ACTION: return s->action[i];
+#if WITH_LINEAR
+    case SEE_DISTURBANCE: return s->known[i];
+    case SEE_LINEAR_PITCH: return s->known[N_OUTPUTS * N_SEEN_BINS + i];
+#endif
     default: return c->offset; /* not on the interface: held where the policy sees zero */
     }
 }
@@ -776,18 +817,23 @@ static void sensors_advance(const struct parameters *p, struct state *s) {
 static void agent_act(const struct parameters *p, struct state *s) {
     double action[N_ACT], *row = s->history[s->n_history % N_HISTORY];
     if (s->count > 0) sensors_advance(p, s);
+#if WITH_LINEAR
+    linear_known(p, s, s->known);
+#endif
     for (int k = 0; k < N_CHANNELS; k++) row[k] = observed(s, &CHANNELS[k], p->control_step);
     s->n_history++;
     policy(s, action);
     if (rests(p, s)) { /* at the greatest rate */
         memset(action, 0, sizeof action);
-        for (int k = 0; k < N_COORDINATES; k++) action[action_of(k)] = clip(-s->to[k] / setpoint_move(p, k), -1.0, 1.0);
+        for (int k = 0; k < N_COORDINATES; k++)
+            action[action_of(k)] = OFFSET_FORM ? 0.0 : clip(-s->to[k] / setpoint_move(p, k), -1.0, 1.0);
     }
     memcpy(s->action, action, sizeof action);
     memcpy(s->from, s->to, sizeof s->from);
     for (int k = 0; k < N_COORDINATES; k++) {
-        double limit = setpoint_limit(p, k);
-        s->to[k] = clip(s->to[k] + action[action_of(k)] * setpoint_move(p, k), -limit, limit);
+        double limit = setpoint_limit(p, k), reach = setpoint_move(p, k), move = action[action_of(k)] * reach;
+        if (OFFSET_FORM) move = clip(action[action_of(k)] * limit - s->to[k], -reach, reach);
+        s->to[k] = clip(s->to[k] + move, -limit, limit);
     }
     s->yaw_rate = HAS_YAW ? action[N_PITCH] * p->offset_yaw_rate : 0.0;
 }
@@ -825,6 +871,9 @@ static void agent_add(const struct parameters *p, struct state *s, double part, 
         torque += offset[N_SETPOINT - 1];
         if (speed > 0.0) torque = fmin(torque, fmax(s->base.torque, p->most_shaft_power / speed));
     }
+#if WITH_LINEAR
+    linear_sees(p, s, s->base.pitch, s->demand.pitch, dt);
+#endif
     s->demand.torque = clip(torque, 0.0, p->drive_max_torque);
     s->demand.yaw_rate = clip(s->yaw_rate + s->base.yaw_rate, -p->drive_yaw_rate, p->drive_yaw_rate);
 }
