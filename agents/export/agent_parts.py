@@ -6,9 +6,10 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.agents.export.controller_parts import ACCELERATION, Parts, estimator_values, note_fade
+from wt_gym.agents.export.controller_parts import ACCELERATION, LINEAR_READS, Parts, estimator_values, note_fade
 from wt_gym.control import NacelleAnemometer
 from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.optimal.measured import OUTPUTS
 
 if TYPE_CHECKING:
     from wt_gym.agents.export.network import Network
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["KINDS", "Seen", "add_agent", "seen_channels"]
 
 _PARTS = {"mean": 0, "tilt": 1, "yaw": 2}
+_LINEAR = _PARTS | {"share": 3, "schedule": 4}
 _PLAIN = {
     "rotor_speed": ("ROTOR_SPEED", {"rotor_speed"}),
     "generator_speed": ("GENERATOR_SPEED", {"generator_speed"}),
@@ -56,7 +58,7 @@ _FIXED_FRAME = {
 }
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "HELD",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
 
@@ -96,7 +98,15 @@ def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
     ValueError
         If there are such channels and they are not held.
     """
-    found = [_seen(channel, layout) for channel in layout.observation.channels if "@" not in channel.name]
+    channels = [channel for channel in layout.observation.channels if "@" not in channel.name]
+    disturbances = re.compile(rf"disturbance_({'|'.join(OUTPUTS)})_(\d+)")
+    bins = max((int(found[2]) for c in channels if (found := disturbances.fullmatch(c.name))), default=0)
+    found = [
+        Seen("DISTURBANCE", OUTPUTS.index(named[1]) * bins + int(named[2]) - 1, channel, LINEAR_READS)
+        if (named := disturbances.fullmatch(channel.name))
+        else _seen(channel, layout)
+        for channel in channels
+    ]
     missing = [one.channel.name for one in found if one.kind == "HELD"]
     if missing and not hold_missing:
         raise ValueError(
@@ -117,6 +127,8 @@ def _seen(channel: Any, layout: EnvLayout) -> Seen:
         return Seen("PREVIOUS_ACTION", layout.action.names.index(name.removeprefix("previous_")), channel, set())
     if parted := re.fullmatch(rf"({'|'.join(_FIXED_FRAME)})_(mean|tilt|yaw)", name):
         return Seen(_FIXED_FRAME[parted[1]], _PARTS[parted[2]], channel, _MOMENTS | {"azimuth"})
+    if parted := re.fullmatch(rf"linear_pitch_({'|'.join(_LINEAR)})", name):
+        return Seen("LINEAR_PITCH", _LINEAR[parted[1]], channel, LINEAR_READS)
     if numbered := re.fullmatch(r"(.+)_(\d)", name):
         index = int(numbered[2]) - 1
         if numbered[1] == "pitch_offset":
@@ -167,6 +179,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "N_OBS": len(layout.observation),
         "N_HISTORY": layout.delay + history,
         "DELAY": layout.delay,
+        "OFFSET_FORM": int(action.residual == "offset"),
         "HAS_YAW": int(action.has_yaw),
         "HAS_TORQUE": int(torque),
         "SUBSTEPS": env.operation.count,

@@ -52,6 +52,15 @@ AGENTS = {
     "torque": ("A2C", torch.nn.Tanh, {
         "action_components": ["torque"], "controller": "discon", "observation": ["rotor", "power", "offsets", "pitch"],
     }),
+    "linear": ("PPO", torch.nn.Tanh, {
+        "pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": 0.02, "residual_washout": 20.0,
+        "residual_form": "offset", "controller": "linear_optimal", "control_dt": 0.1,
+        "observation": ["rotor", "power", "disturbances"],
+    }),
+    "linear, rates": ("PPO", torch.nn.Tanh, {
+        "pitch": "cyclic", "action_components": ["pitch", "torque"], "controller": "discon+linear_pitch:gain=0.5",
+        "observation": ["disturbances", "offsets"], "sensor_delay": 0.2,
+    }),
     "yaw": ("PPO", torch.nn.Tanh, {
         "action_components": ["yaw"], "controller": "discon+yaw", "observation": ["rotor", "wind", "previous_action"],
     }),

@@ -73,7 +73,7 @@ class LinearOptimalPitch:
 
     def __init__(self, turbine: Turbine, design: LinearDesign, gain: float = 1.0) -> None:
         self.design, self.gain = design, gain
-        self.offsets = PitchOffsets(turbine, design.limit, design.rate_limit, design.fade)
+        self.offsets = PitchOffsets(turbine, design.limit, design.rate_limit, design.fading)
         self.channels = channels_read(turbine.n_blades)
         self.sign, self.n_blades = side_sign(turbine), turbine.n_blades
         with np.errstate(divide="ignore"):
