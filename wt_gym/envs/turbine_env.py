@@ -13,6 +13,7 @@ from gymnasium.error import ResetNeeded
 from wt_gym.control import ActionMap
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
 from wt_gym.control.controllers.names import ALIASES, BASELINE
+from wt_gym.control.controllers.yaw import yaw_drive_of
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs import rewards
@@ -114,13 +115,16 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         late = check_whole_steps("sensor_delay", observed.delay, self.control_dt, least=0)
         lidar = _lidar(observed.lidar, controller)
         self._observer = observer = Observer(
-            self.turbine, action, groups, observed.noise, late, observed.history, lidar, residual
-        )
+            self.turbine, action, groups, observed.noise, late, observed.history, lidar, residual, observed.washout,
+            yaw_drive_of(controller),
+        )  # fmt: skip
         self.operation = Operation(
             self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker()
         )
         self._costs = Costs(self.turbine, self.control_dt, limits.overspeed)
-        self.layout = EnvLayout(self.turbine, observer.layout, action, self.control_dt, late, observer.lidar)
+        self.layout = EnvLayout(
+            self.turbine, observer.layout, action, self.control_dt, late, observer.lidar, observer.washed
+        )
         self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
         self.observation_space = spaces.Box(observer.layout.low, observer.layout.high, dtype=np.float32)
         self._vector_reward = options.rewards.vector
@@ -342,7 +346,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         operation.begin(beginning.wind, start, beginning.yaw, beginning.faults)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running, self._failed = 0, True, False
-        self._observer.reset(self._situation())
+        self._observer.reset(self._situation(), start.trail)
         self._observation, self._saturated = None, ()
         rewards.reset(self.reward_terms, self.turbine, operation.signals, start.averaged(operation.signals))
 
@@ -436,7 +440,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         o = self.operation
         signals = o.measured(o.signals)
         seen = o.ahead(signals) if self._observer.sees_lidar else None
-        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual)
+        drive = yaw_drive_of(o.controller)
+        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)
