@@ -89,12 +89,14 @@ _ENERGY_FIRST = {
 
 # What a turbine measures, at the step of the simulator. Two simulators agree on what changes of loads, not on their
 # means, so these are washed out, as is the mean of the blades' offsets, which the integrator of the controller takes
-# back above rated wind. The reward is relative to the controller alone, whose own is recorded once a start.
+# back above rated wind. The reward is relative to the controller alone, whose own is recorded once a start: there are
+# as many as make four or five hours of wind.
 _MEASURED = {
     "observation": ("measurable",),
     "sensor_washout": 20.0,
     "control_dt": 0.1,
     "relative_reward": True,
+    "starts": 256,
 }
 # An early end costs more than the worst operation for as long as the discount of the training looks ahead.
 _ABOVE_RATED = {**_MEASURED, "residual_washout": 15.0, "termination_penalty": 200.0}
@@ -161,7 +163,13 @@ TASKS = {
             first_version=2,
             versions=(
                 {},
-                {**_MEASURED, "observation": ("measurable", "dead_band"), "history": 1, "termination_penalty": 800.0},
+                {
+                    **_MEASURED,
+                    "observation": ("measurable", "dead_band"),
+                    "history": 1,
+                    "starts": 64,
+                    "termination_penalty": 800.0,
+                },
             ),
         ),
         Task(

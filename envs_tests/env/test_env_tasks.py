@@ -523,17 +523,17 @@ def test_what_can_be_read_once_is_read_once():
     assert info["wind_speed"] == 9.0
     _, reward, *_, info = env.step(np.zeros(3))
     assert reward == 0.0
-    assert set(info["reward_terms"]) == {term.name for term in env._twin.reward_terms}
+    assert set(info["reward_terms"]) == {term.name for term in env._twin.env.reward_terms}
 
 
 def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
     """The twin's end is no income, and what it earned last goes on being taken off."""
     env = WindTurbineEnv(inflow=SteadyInflow(15.0), relative_reward=True, episode_length=4.0, **RESIDUAL)
+    env._twin.env.limits.overspeed = 0.5
     env.reset(seed=0)
-    env.step(np.zeros(5))
-    env._twin.limits.overspeed = 0.5
-    rewards = [env.step(np.zeros(5))[1] for _ in range(4)]
-    assert not env._twin._running
+    rewards = [env.step(np.zeros(5))[1] for _ in range(5)]
+    assert env._twin.course.ended
+    assert len(env._twin.course) == 1
     assert np.abs(rewards).max() < 0.1
 
 

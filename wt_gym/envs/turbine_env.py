@@ -38,6 +38,7 @@ from wt_gym.envs.readers import ObservationContext
 from wt_gym.envs.running_start import RunningStart
 from wt_gym.envs.simulators import OWN, simulator_maker
 from wt_gym.envs.snapshot import EnvSnapshot
+from wt_gym.envs.twin import Twin
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation.drivetrain.drives import pitch_delay
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from wt_gym.control import AgentSetpoint, Demand, Lidar
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.rendering import Renderer
+    from wt_gym.envs.twin import TwinSnapshot
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
@@ -61,7 +63,7 @@ if TYPE_CHECKING:
 __all__ = ["WindTurbineEnv", "turbine_env_of"]
 
 # What an episode remembers beside the turbine in operation, the sensors and the random numbers
-_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed", "_twin_terms")
+_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed")
 
 
 class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -135,9 +137,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
         self._observation: np.ndarray | None = None
         self._saturated: tuple[str, ...] = ()
-        self._twin = self._make_twin() if options.rewards.relative else None
-        self._twin_terms: dict[str, float] = {}
-        self._starts = EpisodeStarts(self.turbine, self.wind, self._running_start(controller))
+        self._twin = Twin(self._make_twin(), self.wind.turbulence_key) if options.rewards.relative else None
+        self._starts = EpisodeStarts(self.turbine, self.wind, self._running_start(controller), options.starts)
         self._renderer = self._make_renderer()
         self._running = self._failed = False
         self._steps = 0
@@ -333,7 +334,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         beginning = self._starts.draw(self.np_random, options, longest)
         self._begin(beginning)
         if self._twin is not None:
-            self._twin._begin(beginning)
+            self._twin.begin(beginning)
         observation, saturated = self._observe()
         if self._renderer is not None:
             self._renderer.reset()
@@ -422,12 +423,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         info |= {"termination": "failure", "failure": str(error)}
         return observation, self._returned(reward, terms), True, False, info
 
-    def _compared(self, twin: WindTurbineEnv, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
+    def _compared(self, twin: Twin, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
         """Reward and terms less those that the controller alone earns in the same wind."""
-        if twin._running:  # when its episode has ended, what it earned last stands
-            *_, info = twin.step(np.zeros(twin.layout.action.size))
-            self._twin_terms = {name: v for name, v in info["reward_terms"].items() if name != "termination"}
-        other = self._twin_terms
+        other = twin.terms(self._steps - 1)
         return reward - sum(other.values()), {name: value - other.get(name, 0.0) for name, value in terms.items()}
 
     def _returned(self, reward: float, terms: dict[str, float]) -> float | np.ndarray:
@@ -508,7 +506,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._observer.recall(snapshot.sensors)
         self.np_random.bit_generator.state = copy.deepcopy(snapshot.random)
         if self._twin is not None:
-            self._twin.restore(cast(EnvSnapshot, snapshot.twin))
+            self._twin.restore(cast("TwinSnapshot", snapshot.twin))
         if self._renderer is not None:  # a snapshot of an environment without pictures holds the present signals only
             self._renderer.recall(snapshot.pictured or ())
             if not snapshot.pictured:
@@ -531,6 +529,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         """Release the simulator and the renderer."""
         if (close := getattr(self.operation.simulator, "close", None)) is not None:
             close()
+        if self._twin is not None:
+            self._twin.close()
         self.operation.simulator, self._renderer, self._running = None, None, False
 
 

@@ -97,6 +97,13 @@ class EnvOptions(OptionGroup):
         'What an episode in turbulence begins with, see "Starting state"',
         default="running",
     )
+    starts: int | None = option(
+        "int, optional",
+        "Number of beginnings, each a wind, a time in it and a state of the turbine, that episodes are drawn from; "
+        'None: every episode has another one. ``reset(options={"start_number": 3})`` chooses one, from 0',
+        default=None,
+        allowed="at least 1",
+    )
     simulator: str | Mapping[str, Any] | Callable[..., Any] = option(
         '{"wt_gym", "openfast"}, mapping or callable',
         "What simulates the turbine: this package; OpenFAST (`wt_gym.bridges.openfast.OpenFASTSimulator`, slow, "
@@ -131,6 +138,8 @@ class EnvOptions(OptionGroup):
         self._set_all(check_number, "control_dt", unit="s")
         if self.control_dt <= 0.0:
             raise ValueError(f"control_dt must be positive, got {self.control_dt!r} s")
+        if self.starts is not None and (not isinstance(self.starts, int) or self.starts < 1):
+            raise ValueError(f"starts must be a whole number, at least 1, or None, got {shown(self.starts)}")
         if self.generator is not None and self.generator not in GENERATORS:
             raise ValueError(
                 f"generator must be one of {GENERATORS} or None, got {self.generator!r}"
