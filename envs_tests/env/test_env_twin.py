@@ -114,7 +114,7 @@ def test_beginnings_are_as_many_as_starts_and_the_same_in_every_environment():
         with pytest.raises(ValueError, match="start_number must be a whole number from 0 to 2, got"):
             env.reset(options={"start_number": wrong})
     for wrong in (0, 2.5, "many"):
-        with pytest.raises(ValueError, match="starts must be a whole number, at least 1, or None"):
+        with pytest.raises(ValueError, match="starts must be a whole number from 1 to 1000000 or None"):
             WindTurbineEnv(**ARGUMENTS | {"starts": wrong})
 
 

@@ -49,6 +49,8 @@ __all__ = [
 STARTS = ("running", "steady")
 """What state an episode in turbulence begins with."""
 RENDER_MODES = ("rgb_array",)
+MOST_STARTS = 1_000_000
+"""Numbered beginnings."""
 GROUPS: dict[str, type[OptionGroup]] = {
     group.title: group
     for group in (WindOptions, ActionOptions, ObservationOptions, RewardOptions, LimitOptions, ControllerOptions)
@@ -102,7 +104,7 @@ class EnvOptions(OptionGroup):
         "Number of beginnings, each a wind, a time in it and a state of the turbine, that episodes are drawn from; "
         'None: every episode has another one. ``reset(options={"start_number": 3})`` chooses one, from 0',
         default=None,
-        allowed="at least 1",
+        allowed=f"1 to {MOST_STARTS}",
     )
     simulator: str | Mapping[str, Any] | Callable[..., Any] = option(
         '{"wt_gym", "openfast"}, mapping or callable',
@@ -138,8 +140,10 @@ class EnvOptions(OptionGroup):
         self._set_all(check_number, "control_dt", unit="s")
         if self.control_dt <= 0.0:
             raise ValueError(f"control_dt must be positive, got {self.control_dt!r} s")
-        if self.starts is not None and (not isinstance(self.starts, int) or self.starts < 1):
-            raise ValueError(f"starts must be a whole number, at least 1, or None, got {shown(self.starts)}")
+        starts = self.starts
+        is_count = isinstance(starts, int) and not isinstance(starts, bool) and 1 <= starts <= MOST_STARTS
+        if starts is not None and not is_count:
+            raise ValueError(f"starts must be a whole number from 1 to {MOST_STARTS} or None, got {shown(starts)}")
         if self.generator is not None and self.generator not in GENERATORS:
             raise ValueError(
                 f"generator must be one of {GENERATORS} or None, got {self.generator!r}"
