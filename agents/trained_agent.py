@@ -10,7 +10,7 @@ import zipfile
 import zlib
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from sb3_contrib import TQC
@@ -213,6 +213,8 @@ class TrainedAgent:
     ):
         self.model, self.normalization, self.record = model, normalization, record
         self._signs: tuple[np.ndarray, np.ndarray] | None = None  # of observation and action, through the mirror
+        self._held, self._steps = 1, 0  # control steps that an action is held for, and those since the start
+        self._last: np.ndarray | None = None
 
     @classmethod
     def load(cls, path: str | Path, algorithm: str | None = None, trust: bool = False) -> TrainedAgent:
@@ -293,10 +295,12 @@ class TrainedAgent:
                         f"environment has {found or 'nothing'} there"
                     )
         trained_at = (self.record or {}).get("control_dt", layout.control_dt)
-        if trained_at != layout.control_dt:
+        held = round(trained_at / layout.control_dt)
+        remembers = any("@" in name for name in layout.observation.names)  # readings of earlier steps
+        if abs(held * layout.control_dt - trained_at) > 1e-9 or held < 1 or (held > 1 and remembers):
             raise ValueError(
-                f"the model was trained with a control step of {trained_at} s, the environment has "
-                f"{layout.control_dt} s"
+                f"the model was trained with a control step of {trained_at} s, that of the environment must be the "
+                f"same{'' if remembers else ' or go into it a whole number of times'}, got {layout.control_dt} s"
             )
         required = (self.model.observation_space.shape, self.model.action_space.shape)
         offered = ((len(layout.observation),), (layout.action.size,))
@@ -309,7 +313,9 @@ class TrainedAgent:
         """Get ready for an environment: check that the model fits, and mirror a rotor that turns the other way.
 
         An agent that was trained on a rotor that turns clockwise sees a counter-clockwise one in a mirror, and acts
-        through it: the components of observations and actions change their signs by their parity.
+        through it: the components of observations and actions change their signs by their parity. In an environment
+        with a shorter control step than that of its training an agent acts as often as in its training, and its action
+        is held between; that is for one turbine at a time.
 
         Parameters
         ----------
@@ -321,6 +327,8 @@ class TrainedAgent:
             See `check_fits`.
         """
         self.check_fits(layout)
+        self._held = round((self.record or {}).get("control_dt", layout.control_dt) / layout.control_dt)
+        self._steps = 0
         self._signs = None
         if layout.turbine.rotation != (self.record or {}).get("rotation", "clockwise"):
             signs = layout.observation.parity, layout.action.parity
@@ -338,9 +346,17 @@ class TrainedAgent:
             As the model gives it (None for policies without memory).
         """
         observation = np.asarray(observation)
+        if self._held > 1:
+            if episode_start is not None and np.any(episode_start):
+                self._steps = 0
+            self._steps += 1
+            if (self._steps - 1) % self._held:
+                return cast("np.ndarray", self._last).copy(), state
         if self._signs is not None:
             observation = observation * self._signs[0]
         if self.normalization is not None:
             observation = self.normalization.normalize_obs(observation)
         action, state = self.model.predict(observation, state, episode_start, deterministic)
-        return action if self._signs is None else action * self._signs[1], state
+        action = action if self._signs is None else action * self._signs[1]
+        self._last = action
+        return action, state

@@ -30,17 +30,12 @@ __all__ = [
 ]
 
 KEPT = (
-    "action_spans",
-    "residual_fade",
-    "residual_washout",
-    "residual_form",
-    "controller",
-    "sensor_noise",
-    "sensor_delay",
-)
+    "action_spans", "residual_fade", "residual_washout", "residual_form", "controller", "sensor_noise", "sensor_delay",
+    "sensor_washout",
+)  # fmt: skip
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
 inflow and wind are not among them: to carry an agent over to others is an experiment."""
-_SEEN = ("observation", "history")
+_SEEN = ("observation", "history", "sensor_washout")
 _MEANT = ("action_spans", "residual_fade", "residual_washout", "residual_form")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.agents.export.controller_parts import ACCELERATION, LINEAR_READS, Parts, estimator_values, note_fade
@@ -40,6 +40,8 @@ _PLAIN = {
     "controller_torque": ("CONTROLLER_TORQUE", set()),
     "residual_share": ("SHARE", {"rotor_speed"}),
     "residual_mean": ("MEAN_OFFSET", set()),
+    "dead_band_error": ("DEAD_BAND_ERROR", set()),
+    "dead_band_turning": ("DEAD_BAND_TURNING", set()),
 }
 """Channels without a number: how the C source calls them, and the readings that they need."""
 _MOMENTS = {"pitch", "out_of_plane", "in_plane"}
@@ -76,12 +78,15 @@ class Seen:
     channel : Channel
     reads : set of str
         Readings that it needs.
+    washed : bool
+        Whether it passes the high-pass filter of the observation.
     """
 
     kind: str
     index: int
     channel: Any
     reads: set[str]
+    washed: bool = False
 
 
 def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
@@ -104,7 +109,7 @@ def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
     found = [
         Seen("DISTURBANCE", OUTPUTS.index(named[1]) * bins + int(named[2]) - 1, channel, LINEAR_READS)
         if (named := disturbances.fullmatch(channel.name))
-        else _seen(channel, layout)
+        else replace(_seen(channel, layout), washed=channel.name in layout.washed)
         for channel in channels
     ]
     missing = [one.channel.name for one in found if one.kind == "HELD"]
@@ -204,6 +209,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "offset_torque_rate": spans["torque_rate"],
         "offset_yaw_rate": spans["yaw_rate"],
         "offset_lead": action.delay,
+        "sensor_washout": env.options.observations.washout or 0.0,
         "offset_washout": residual._lasting.time_constant if residual is not None and residual._lasting else 0.0,
         "anemometer_time": anemometer._speed.time_constant,
         "vane_time": anemometer._direction.time_constant,

@@ -143,6 +143,7 @@ PARAMETERS = (
     Entry("offset_yaw_rate", "rad/s", "greatest residual yaw rate", "agent", 0.0),
     Entry("offset_lead", "s", "time by which the azimuth leads", "agent", 0.0),
     Entry("offset_washout", "s", "time constant of the washout of mean residual pitch; 0: none", "agent", 0.0),
+    Entry("sensor_washout", "s", "time constant of the high-pass filter on observed loads; 0: none", "agent", 0.0),
     Entry("anemometer_time", "s", "time constant of the observed wind speed", "agent", 0.0),
     Entry("vane_time", "s", "time constant of the observed yaw error", "agent", 0.0),
     *_fade("agent", "offset"),

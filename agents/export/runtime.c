@@ -64,7 +64,7 @@ struct state {
     double from[N_SETPOINT], to[N_SETPOINT], yaw_rate, action[N_ACT];
     double fade, share, lasting, mean;
     double anemometer, vane, sensor_wind, sensor_rotor_speed;
-    double pitch_now[N_BLADES], pitch_before[N_BLADES];
+    double pitch_now[N_BLADES], pitch_before[N_BLADES], lasting_load[N_CHANNELS];
     double history[N_HISTORY][N_CHANNELS];
 #if WITH_LINEAR
     double known[N_OUTPUTS * N_SEEN_BINS + 5]; /* of the disturbances */
@@ -720,12 +720,41 @@ static double observed(const struct state *s, const struct channel *c, double dt
     case SEE_SETPOINT: return s->to[i];
     case SEE_SHARE: return s->share;
     case SEE_MEAN_OFFSET: return s->mean;
+    case SEE_DEAD_BAND_ERROR: return s->yaw_slow;
+    case SEE_DEAD_BAND_TURNING: return s->turning;
     case SEE_PREVIOUS_ACTION: return s->action[i];
 #if WITH_LINEAR
     case SEE_DISTURBANCE: return s->known[i];
     case SEE_LINEAR_PITCH: return s->known[N_OUTPUTS * N_SEEN_BINS + i];
 #endif
     default: return c->offset; /* not on the interface: held where the policy sees zero */
+    }
+}
+
+/* What the washout of a channel starts from: of a blade the mean of the blades, of an acceleration zero. */
+static double lasting_at_start(const struct state *s, const struct channel *c, double value) {
+    const struct readings *r = &s->now;
+    double moment[N_BLADES];
+    switch (c->kind) {
+    case SEE_FLAP_MOMENT: return mean_of(r->flap);
+    case SEE_EDGE_MOMENT: return mean_of(r->edge);
+    case SEE_OUT_OF_PLANE_MOMENT: out_of_plane(r, moment); return mean_of(moment);
+    case SEE_ACCELERATION_FORE_AFT:
+    case SEE_ACCELERATION_SIDE_SIDE: return 0.0;
+    default: return value;
+    }
+}
+
+/* A reading of all channels; of loads what does not last. */
+static void observe(const struct parameters *p, struct state *s, double *row) {
+    for (int k = 0; k < N_CHANNELS; k++) {
+        const struct channel *c = &CHANNELS[k];
+        double *lasting = &s->lasting_load[k];
+        row[k] = observed(s, c, p->control_step);
+        if (!c->washed || p->sensor_washout <= 0.0 || c->kind == SEE_HELD) continue;
+        *lasting = s->n_history == 0 ? lasting_at_start(s, c, row[k])
+                                     : low_pass(*lasting, row[k], p->control_step, p->sensor_washout);
+        row[k] -= *lasting;
     }
 }
 
@@ -820,7 +849,7 @@ static void agent_act(const struct parameters *p, struct state *s) {
 #if WITH_LINEAR
     linear_known(p, s, s->known);
 #endif
-    for (int k = 0; k < N_CHANNELS; k++) row[k] = observed(s, &CHANNELS[k], p->control_step);
+    observe(p, s, row);
     s->n_history++;
     policy(s, action);
     if (rests(p, s)) { /* at the greatest rate */

@@ -154,13 +154,13 @@ def _agent(network: Network, seen: list[Seen]) -> list[str]:
     """Channels and network."""
     lines = [
         _enum(f"SEE_{kind}" for kind in KINDS),
-        "struct channel { int kind, index; double offset, scale, low, high; };",
+        "struct channel { int kind, index, washed; double offset, scale, low, high; };",
         "static const struct channel CHANNELS[N_CHANNELS] = {",
     ]
     for one in seen:
         c = one.channel
         numbers = ", ".join(_number(x) for x in (c.offset, c.scale, c.low, c.high))
-        lines.append(f"    {{SEE_{one.kind}, {one.index}, {numbers}}}, /* {c.name}, {c.unit} */")
+        lines.append(f"    {{SEE_{one.kind}, {one.index}, {int(one.washed)}, {numbers}}}, /* {c.name}, {c.unit} */")
     lines.append("};")
     n = network.normalization
     count = len(network.channels)

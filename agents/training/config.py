@@ -11,6 +11,7 @@ from wt_gym.agents.training.hyperparameters import RENAMED, check_hyperparameter
 from wt_gym.deprecated import renamed_keys
 from wt_gym.envs.wind_files import with_whole_paths
 from wt_gym.files import json_values
+from wt_gym.tasks import DEFAULT_ENV
 
 __all__ = ["TrainingConfig"]
 
@@ -61,7 +62,7 @@ class TrainingConfig:
     """
 
     algorithm: str = "PPO"
-    env_id: str = "wt_gym/LoadReduction-v1"
+    env_id: str = DEFAULT_ENV
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     hyperparameters: dict[str, Any] = field(default_factory=dict)
     total_steps: int = 200_000

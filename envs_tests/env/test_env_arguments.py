@@ -32,12 +32,12 @@ JSON_VALUES = {
 NOTHING_IS_ALLOWED = {
     "shear_exponent", "turbulence_class", "wind_wander", "episode_length", "action_components", "action_spans",
     "residual_washout", "reward", "standstill_limit", "observation", "lidar", "render_mode", "generator",
-    "roughness_length", "reference_height", "site",
+    "roughness_length", "reference_height", "site", "sensor_washout", "starts",
 }  # fmt: skip
 ALLOWED = {
     **{name: {"number"} for name in (
         "overspeed_limit", "termination_penalty", "control_dt", "sensor_noise", "reference_height",
-        "residual_washout", "roughness_length",
+        "residual_washout", "roughness_length", "sensor_washout",
     )},
     "wind_direction": {"number", "list"},
     "wind_speed": {"number", "list"},

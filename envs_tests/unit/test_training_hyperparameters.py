@@ -10,6 +10,7 @@ from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.environments import make_training_env
 from wt_gym.agents.training.hyperparameters import ALGORITHMS, hyperparameters_for, parse_override, read_hyperparameters
 from wt_gym.agents.training.models import make_model
+from wt_gym.tasks import TASKS
 
 TASK, STEADY = "wt_gym/LoadReduction-v1", "wt_gym/NREL5MW-Steady-v1"
 
@@ -21,7 +22,16 @@ def test_ppo_starts_with_what_was_found_for_load_reduction():
         "log_std_init": -1.2, "net_arch": [64, 64], "normalize_observations": False,
     }  # fmt: skip
     assert values == measured | {"normalize_rewards": True}
-    assert TrainingConfig().resolved == values
+    assert TrainingConfig(env_id=TASK).resolved == values
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_the_newest_id_of_a_task_looks_ahead_as_long_as_it_takes(name):
+    """20 s for the side-side motion of the tower, 30 s for the energy of the rotor, 200 s for the yaw drive."""
+    task = TASKS[name]
+    least = {"Yaw": 200.0, "MaxPower": 30.0}.get(name, 20.0)
+    gamma = hyperparameters_for("PPO", task.ids[-1])["gamma"]
+    assert task.newest["control_dt"] / (1.0 - gamma) > 0.999 * least
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)

@@ -15,6 +15,7 @@ from wt_gym.control.coleman import to_fixed_frame
 if TYPE_CHECKING:
     from wt_gym.control import AgentSetpoint, Channel, Demand
     from wt_gym.control.controllers.wind_estimator import WindEstimator
+    from wt_gym.control.controllers.yaw import YawByDeadBand
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.simulation import Signals
 
@@ -40,6 +41,8 @@ class ObservationContext:
         By the lidar, for an observer that `wt_gym.envs.observations.Observer.sees_lidar` [m/s].
     residual : ResidualPitch, optional
         What residual pitch passes.
+    yaw_drive : YawByDeadBand, optional
+        Dead-band control of the yaw drive in the base controller.
     disturbances : numpy.ndarray, shape (n,), optional
         What the linear optimal pitch of the base controller knows, as of `LinearOptimalPitch.seen`.
     """
@@ -51,6 +54,7 @@ class ObservationContext:
     action: np.ndarray
     lidar: np.ndarray | None = None
     residual: ResidualPitch | None = None
+    yaw_drive: YawByDeadBand | None = None
     disturbances: np.ndarray | None = None
 
 
@@ -158,11 +162,14 @@ class Observed:
     reader : FromSignals, InFixedFrame or Computed
     circular : bool
         Whether it is a direction: with noise it is wrapped around the circle.
+    washed : bool
+        Whether it passes a high-pass filter.
     """
 
     channel: Channel
     reader: Reader
     circular: bool = False
+    washed: bool = False
 
 
 def _mean(of_blades: Sequence[float] | np.ndarray) -> float:
@@ -192,6 +199,16 @@ def wind_speed(sensors: Sensors, context: ObservationContext, _: int) -> float:
 def yaw_error(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Wind vane [rad]."""
     return sensors.yaw_error
+
+
+def dead_band_error(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Yaw error behind the slow filter of the dead-band controller [rad]."""
+    return context.yaw_drive.slow_error  # type: ignore[union-attr]
+
+
+def dead_band_turning(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Direction in which the dead-band controller turns the nacelle."""
+    return float(context.yaw_drive.turning)  # type: ignore[union-attr]
 
 
 def rotor_wind(sensors: Sensors, context: ObservationContext, _: int) -> float:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wt_gym.envs.twin import TwinSnapshot
     from wt_gym.envs.wind_sampler import EpisodeWind
 
 __all__ = ["EnvSnapshot"]
@@ -26,7 +27,7 @@ class EnvSnapshot:
     wind : EpisodeWind
     random : dict
         State of the random numbers.
-    twin : EnvSnapshot or None
+    twin : TwinSnapshot or None
         Of the turbine under the controller alone, with a relative reward.
     pictured : tuple or None
         Course of the signals in the picture.
@@ -38,5 +39,5 @@ class EnvSnapshot:
     sensors: dict[str, Any]
     wind: EpisodeWind
     random: dict[str, Any]
-    twin: EnvSnapshot | None
+    twin: TwinSnapshot | None
     pictured: tuple[Any, ...] | None

@@ -14,6 +14,7 @@ from wt_gym.control import ActionMap
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
+from wt_gym.control.controllers.yaw import yaw_drive_of
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs import rewards
@@ -38,6 +39,7 @@ from wt_gym.envs.readers import ObservationContext
 from wt_gym.envs.running_start import RunningStart
 from wt_gym.envs.simulators import OWN, simulator_maker
 from wt_gym.envs.snapshot import EnvSnapshot
+from wt_gym.envs.twin import Twin
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation.drivetrain.drives import pitch_delay
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
     from wt_gym.control import AgentSetpoint, Demand, Lidar
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.rendering import Renderer
+    from wt_gym.envs.twin import TwinSnapshot
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
@@ -61,7 +64,7 @@ if TYPE_CHECKING:
 __all__ = ["WindTurbineEnv", "turbine_env_of"]
 
 # What an episode remembers beside the turbine in operation, the sensors and the random numbers
-_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed", "_twin_terms")
+_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed")
 
 
 class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -115,21 +118,16 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         late = check_whole_steps("sensor_delay", observed.delay, self.control_dt, least=0)
         lidar = _lidar(observed.lidar, controller)
         self._observer = observer = Observer(
-            self.turbine,
-            action,
-            groups,
-            observed.noise,
-            late,
-            observed.history,
-            lidar,
-            residual,
-            linear_part(controller),
-        )
+            self.turbine, action, groups, observed.noise, late, observed.history, lidar, residual, observed.washout,
+            yaw_drive_of(controller), linear_part(controller),
+        )  # fmt: skip
         self.operation = Operation(
             self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker()
         )
         self._costs = Costs(self.turbine, self.control_dt, limits.overspeed)
-        self.layout = EnvLayout(self.turbine, observer.layout, action, self.control_dt, late, observer.lidar)
+        self.layout = EnvLayout(
+            self.turbine, observer.layout, action, self.control_dt, late, observer.lidar, observer.washed
+        )
         self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
         self.observation_space = spaces.Box(observer.layout.low, observer.layout.high, dtype=np.float32)
         self._vector_reward = options.rewards.vector
@@ -140,9 +138,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
         self._observation: np.ndarray | None = None
         self._saturated: tuple[str, ...] = ()
-        self._twin = self._make_twin() if options.rewards.relative else None
-        self._twin_terms: dict[str, float] = {}
-        self._starts = EpisodeStarts(self.turbine, self.wind, self._running_start(controller))
+        self._twin = Twin(self._make_twin(), self.wind.turbulence_key) if options.rewards.relative else None
+        self._starts = EpisodeStarts(self.turbine, self.wind, self._running_start(controller), options.starts)
         self._renderer = self._make_renderer()
         self._running = self._failed = False
         self._steps = 0
@@ -338,7 +335,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         beginning = self._starts.draw(self.np_random, options, longest)
         self._begin(beginning)
         if self._twin is not None:
-            self._twin._begin(beginning)
+            self._twin.begin(beginning)
         observation, saturated = self._observe()
         if self._renderer is not None:
             self._renderer.reset()
@@ -351,7 +348,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         operation.begin(beginning.wind, start, beginning.yaw, beginning.faults)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running, self._failed = 0, True, False
-        self._observer.reset(self._situation())
+        self._observer.reset(self._situation(), start.trail)
         self._observation, self._saturated = None, ()
         rewards.reset(self.reward_terms, self.turbine, operation.signals, start.averaged(operation.signals))
 
@@ -427,12 +424,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         info |= {"termination": "failure", "failure": str(error)}
         return observation, self._returned(reward, terms), True, False, info
 
-    def _compared(self, twin: WindTurbineEnv, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
+    def _compared(self, twin: Twin, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
         """Reward and terms less those that the controller alone earns in the same wind."""
-        if twin._running:  # when its episode has ended, what it earned last stands
-            *_, info = twin.step(np.zeros(twin.layout.action.size))
-            self._twin_terms = {name: v for name, v in info["reward_terms"].items() if name != "termination"}
-        other = self._twin_terms
+        other = twin.terms(self._steps - 1)
         return reward - sum(other.values()), {name: value - other.get(name, 0.0) for name, value in terms.items()}
 
     def _returned(self, reward: float, terms: dict[str, float]) -> float | np.ndarray:
@@ -445,11 +439,11 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         o = self.operation
         signals = o.measured(o.signals)
         seen = o.ahead(signals) if self._observer.sees_lidar else None
-        known = None
+        drive, known = yaw_drive_of(o.controller), None
         if self._observer.sees_disturbances:
             part = linear_part(o.controller)
             known = None if part is None else part.seen(signals)
-        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, known)
+        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)
@@ -516,7 +510,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._observer.recall(snapshot.sensors)
         self.np_random.bit_generator.state = copy.deepcopy(snapshot.random)
         if self._twin is not None:
-            self._twin.restore(cast(EnvSnapshot, snapshot.twin))
+            self._twin.restore(cast("TwinSnapshot", snapshot.twin))
         if self._renderer is not None:  # a snapshot of an environment without pictures holds the present signals only
             self._renderer.recall(snapshot.pictured or ())
             if not snapshot.pictured:
@@ -539,6 +533,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         """Release the simulator and the renderer."""
         if (close := getattr(self.operation.simulator, "close", None)) is not None:
             close()
+        if self._twin is not None:
+            self._twin.close()
         self.operation.simulator, self._renderer, self._running = None, None, False
 
 

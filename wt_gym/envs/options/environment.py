@@ -49,6 +49,8 @@ __all__ = [
 STARTS = ("running", "steady")
 """What state an episode in turbulence begins with."""
 RENDER_MODES = ("rgb_array",)
+MOST_STARTS = 1_000_000
+"""Numbered beginnings."""
 GROUPS: dict[str, type[OptionGroup]] = {
     group.title: group
     for group in (WindOptions, ActionOptions, ObservationOptions, RewardOptions, LimitOptions, ControllerOptions)
@@ -97,6 +99,13 @@ class EnvOptions(OptionGroup):
         'What an episode in turbulence begins with, see "Starting state"',
         default="running",
     )
+    starts: int | None = option(
+        "int, optional",
+        "Number of beginnings, each a wind, a time in it and a state of the turbine, that episodes are drawn from; "
+        'None: every episode has another one. ``reset(options={"start_number": 3})`` chooses one, from 0',
+        default=None,
+        allowed=f"1 to {MOST_STARTS}",
+    )
     simulator: str | Mapping[str, Any] | Callable[..., Any] = option(
         '{"wt_gym", "openfast"}, mapping or callable',
         "What simulates the turbine: this package; OpenFAST (`wt_gym.bridges.openfast.OpenFASTSimulator`, slow, "
@@ -131,6 +140,10 @@ class EnvOptions(OptionGroup):
         self._set_all(check_number, "control_dt", unit="s")
         if self.control_dt <= 0.0:
             raise ValueError(f"control_dt must be positive, got {self.control_dt!r} s")
+        starts = self.starts
+        is_count = isinstance(starts, int) and not isinstance(starts, bool) and 1 <= starts <= MOST_STARTS
+        if starts is not None and not is_count:
+            raise ValueError(f"starts must be a whole number from 1 to {MOST_STARTS} or None, got {shown(starts)}")
         if self.generator is not None and self.generator not in GENERATORS:
             raise ValueError(
                 f"generator must be one of {GENERATORS} or None, got {self.generator!r}"

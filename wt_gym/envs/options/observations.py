@@ -44,6 +44,16 @@ class ObservationOptions(OptionGroup):
         unit="s",
         allowed=f"a multiple of ``control_dt``, 0 to {MOST_READINGS} of them",
     )
+    washout: float | None = option(
+        "float, optional",
+        "Time constant of a first-order high-pass filter on loads, deflections and accelerations: what lasts of them, "
+        "as the offset of a strain gauge or the difference of two simulators, is not observed. An episode starts with "
+        "the mean of the time before, where that is recorded",
+        default=None,
+        flat="sensor_washout",
+        unit="s",
+        allowed="positive",
+    )
     history: int = option(
         "int",
         "Readings in an observation: the present one, then those of the steps before",
@@ -68,6 +78,9 @@ class ObservationOptions(OptionGroup):
         self._set_all(check_number, "delay", unit="s")
         if self.delay < 0.0:
             raise ValueError(f"sensor_delay must be 0 to {MOST_READINGS} control steps, got {self.delay!r} s")
+        self._set_all(check_number, "washout", unit="s")
+        if self.washout is not None and self.washout <= 0.0:
+            raise ValueError(f"sensor_washout must be positive or None, got {self.washout!r} s")
         history = check_number("history", self.history, finite=False)
         if not (1 <= history <= MOST_READINGS and history == math.floor(history)):
             raise ValueError(
