@@ -26,6 +26,8 @@ class EnvSnapshot:
     wind : EpisodeWind
     random : dict
         State of the random numbers.
+    variation : dict or None
+        State of those of the variation.
     twin : EnvSnapshot or None
         Of the turbine under the controller alone, with a relative reward.
     pictured : tuple or None
@@ -38,5 +40,6 @@ class EnvSnapshot:
     sensors: dict[str, Any]
     wind: EpisodeWind
     random: dict[str, Any]
+    variation: dict[str, Any] | None
     twin: EnvSnapshot | None
     pictured: tuple[Any, ...] | None
