@@ -2,6 +2,8 @@
 
 import json
 import math
+import re
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -169,6 +171,20 @@ def test_what_is_held_back_is_no_part_of_the_training():
     for name in STRUCTURAL:
         shared = {p[name] for p in Plants(turbine, TRAIN).values} & {p[name] for p in Plants(turbine, HELD_BACK).values}
         assert len(shared) <= 1, name  # the end that both have
+
+
+def test_the_page_has_the_presets():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "howto" / "variation.md").read_text(encoding="utf-8")
+    rows = {
+        row[0].strip("`"): row[2:] for row in re.findall(r"^\| (\S+) \| (.*) \| (.*) \| (.*) \|$", page, re.MULTILINE)
+    }
+    for name in TRAIN.given:
+        for said, preset in zip(rows[name], (TRAIN, HELD_BACK), strict=True):
+            ends = getattr(preset, name)
+            if name in CHOICES:
+                assert said == ", ".join(ends)
+            else:
+                assert said == " to ".join(f"{math.degrees(end) if name == 'yaw_error' else end:g}" for end in ends)
 
 
 # ---- plants ----

@@ -23,7 +23,7 @@ from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Signals
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
 __all__ = ["TIME_CONSTANT", "PitchGain"]
 
@@ -56,7 +56,7 @@ class PitchGain:
         """Filtered mean of the demands on all blades [rad]."""
         return self._mean.value
 
-    def start(self, pitch: ArrayLike) -> None:
+    def start(self, pitch: NDArray[np.float64]) -> None:
         """Start in steady state at pitch angles [rad]."""
         self._mean.reset(float(np.mean(pitch)))
 

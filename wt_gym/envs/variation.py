@@ -14,7 +14,7 @@ another one, blades follow their loads and the tower swings as it did there.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class Plants:
 
     def __init__(self, turbine: Turbine, variation: Variation):
         self._turbine = turbine
-        ranges = {name: ends for name in STRUCTURAL if (ends := getattr(variation, name)) is not None}
+        ranges = {name: ends for name in STRUCTURAL if (ends := variation.ends(name)) is not None}
         several = any(low < high for low, high in ranges.values())
         count = variation.plants if several else 1
         columns = {name: _levels(name, *ends, count) for name, ends in ranges.items()}
@@ -215,13 +215,15 @@ class VariationDraws:
             plant = _pick(share["plant"], len(self.plants))
             values = {"plant": plant, **self.plants.values[plant]}
         for name in (one for one in _DRAWN if getattr(variation, one) is not None):
-            given = getattr(variation, name)
             if name in CHOICES:
-                values[name] = given[_pick(share[name], len(given))]
-            elif name == "sensor_offset":
-                values[name] = {sensor: _between(u, *given) for sensor, u in zip(DRIFTING, shifts, strict=True)}
+                names = getattr(variation, name)
+                values[name] = names[_pick(share[name], len(names))]
+                continue
+            low, high = cast("tuple[float, float]", variation.ends(name))
+            if name == "sensor_offset":
+                values[name] = {sensor: _between(u, low, high) for sensor, u in zip(DRIFTING, shifts, strict=True)}
             else:
-                values[name] = _between(share[name], *given)
+                values[name] = _between(share[name], low, high)
         if "sensor_delay" in values:
             values["sensor_delay"] = self._step * round(values["sensor_delay"] / self._step)
         turbine = self.plants.turbine(plant) if "plant" in values else self._turbine

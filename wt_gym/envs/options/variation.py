@@ -23,27 +23,26 @@ MOST_PLANTS = 64
 
 @dataclass(frozen=True)
 class _Range:
-    """Allowed values of a quantity, and the value that changes nothing."""
+    """Allowed values of a quantity."""
 
     low: float
     high: float
-    neutral: float
     unit: str = ""
 
 
 RANGES = {
-    "pitch_gain": _Range(0.2, 3.0, 1.0),
-    "tower_frequency": _Range(0.5, 2.0, 1.0),
-    "tower_damping": _Range(0.0, 10.0, 1.0),
-    "blade_stiffness": _Range(0.3, 3.0, 1.0),
-    "air_density": _Range(0.5, 2.0, 1.0),
-    "drive_lag": _Range(0.0, 5.0, 0.0, "s"),
-    "pitch_rate": _Range(0.1, 10.0, 1.0),
-    "sensor_delay": _Range(0.0, 10.0, 0.0, "s"),
-    "sensor_offset": _Range(-5.0, 5.0, 0.0),
-    "sensor_noise": _Range(0.0, 20.0, 0.0),
-    "shear_exponent": _Range(-0.5, 1.0, math.nan),
-    "yaw_error": _Range(-math.pi / 2, math.pi / 2, 0.0, "rad"),
+    "pitch_gain": _Range(0.2, 3.0),
+    "tower_frequency": _Range(0.5, 2.0),
+    "tower_damping": _Range(0.0, 10.0),
+    "blade_stiffness": _Range(0.3, 3.0),
+    "air_density": _Range(0.5, 2.0),
+    "drive_lag": _Range(0.0, 5.0, "s"),
+    "pitch_rate": _Range(0.1, 10.0),
+    "sensor_delay": _Range(0.0, 10.0, "s"),
+    "sensor_offset": _Range(-5.0, 5.0),
+    "sensor_noise": _Range(0.0, 20.0),
+    "shear_exponent": _Range(-0.5, 1.0),
+    "yaw_error": _Range(-math.pi / 2, math.pi / 2, "rad"),
 }
 """Quantities drawn from a range."""
 CHOICES = ("turbulence_class", "dead_sensor")
@@ -148,6 +147,11 @@ class Variation(OptionGroup):
         order = (*STRUCTURAL, *(name for name in (*RANGES, *CHOICES) if name not in STRUCTURAL))
         return tuple(name for name in order if getattr(self, name) is not None)
 
+    def ends(self, name: str) -> tuple[float, float] | None:
+        """Lower and upper end of the range of a quantity, None where it is not given."""
+        value = getattr(self, name)
+        return (value, value) if isinstance(value, float) else value
+
     @classmethod
     def named(cls, values: Any) -> Mapping[str, Any]:
         """Values by names of fields; the name of one of `PRESETS` stands for its values.
@@ -167,8 +171,8 @@ class Variation(OptionGroup):
         return PRESETS[values].given
 
 
-def _checked_range(name: str, value: Any, allowed: _Range) -> tuple[float, float]:
-    """Return lower and upper end of what is drawn from."""
+def _checked_range(name: str, value: Any, allowed: _Range) -> float | tuple[float, float]:
+    """Return what is drawn from: a fixed value, or lower and upper end."""
     ends = real_numbers(value)
     unit = f" {allowed.unit}" if allowed.unit else ""
     inside = len(ends) in (1, 2) and all(allowed.low <= end <= allowed.high for end in ends) and ends[0] <= ends[-1]
@@ -177,7 +181,7 @@ def _checked_range(name: str, value: Any, allowed: _Range) -> tuple[float, float
             f"{name} must be a number or a range (low, high) within {allowed.low:.4g} to {allowed.high:.4g}{unit}, got "
             f"{shown(value)}"
         )
-    return ends[0], ends[-1]
+    return ends[0] if len(ends) == 1 else (ends[0], ends[1])
 
 
 _DEGREE = math.pi / 180.0
