@@ -6,7 +6,7 @@
 
 Agents are those of wt-gym evaluate. In every condition each is compared with the baseline controller (--reference) and
 with the controller that it acts on top of, in the same winds; the gain is that of the load-reduction tasks of the
-benchmark, and "kept" is the share of the nominal gain over the controller beneath an agent. Every run is kept in the
+benchmark, and "kept" is the share of the nominal gain over the base controller of an agent. Every run is kept in the
 folder of the results as soon as it is done: the same command resumes. docs/howto/variation.md describes the conditions.
 """
 

@@ -62,7 +62,7 @@ class Operation:
     count : int
         Such steps in a control step.
     make : callable
-        Makes the simulator, see `make_simulator`; called at the first start of each plant.
+        Makes the simulator, see `make_simulator`; called at the first start of each turbine of a variation.
     draws : VariationDraws, optional
         Makes the instruments of episodes with a variation.
 
@@ -263,7 +263,7 @@ class Operation:
         self._taken = self._failing(self.instruments.take(read))
 
     def _failing(self, signals: Signals) -> Signals:
-        """Readings of sensors of which some fail."""
+        """Readings with those of failing sensors."""
         for fault in self._sensor_faults:
             signals = fault.read(signals)
         return signals

@@ -165,7 +165,7 @@ class VariationDraws:
     Raises
     ------
     ValueError
-        If a delay is no whole number of steps, or a sensor that may be dead is none of the turbine's.
+        If a delay is not a whole number of steps, or the turbine has no sensor that may be dead.
     """
 
     def __init__(

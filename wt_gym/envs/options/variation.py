@@ -105,7 +105,7 @@ class Variation(OptionGroup):
     )
     dead_sensor: Sequence[str] | None = option(
         "sequence of str, optional",
-        f'Channels of the simulator of which one is drawn that reads zero in the episode; "{NO_SENSOR}": none is dead',
+        f'Channels of the simulator: one is drawn and reads zero in the episode; "{NO_SENSOR}": all are sound',
         default=None,
         flat="vary_dead_sensor",
     )
