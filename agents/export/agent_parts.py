@@ -105,7 +105,7 @@ def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
     """
     channels = [channel for channel in layout.observation.channels if "@" not in channel.name]
     disturbances = re.compile(rf"disturbance_({'|'.join(OUTPUTS)})_(\d+)")
-    bins = max((int(found[2]) for c in channels if (found := disturbances.fullmatch(c.name))), default=0)
+    bins = max((int(match[2]) for c in channels if (match := disturbances.fullmatch(c.name))), default=0)
     found = [
         Seen("DISTURBANCE", OUTPUTS.index(named[1]) * bins + int(named[2]) - 1, channel, LINEAR_READS)
         if (named := disturbances.fullmatch(channel.name))

@@ -104,6 +104,19 @@ def test_a_turned_world_is_the_same_task(name, angle):
     assert_same(straight(name), play(task_env(name), {"yaw": math.radians(angle)}))
 
 
+VARIED = {
+    "pitch_gain": 1.2, "tower_frequency": 0.93, "blade_stiffness": 0.9, "air_density": 0.95, "drive_lag": 0.2,
+    "sensor_delay": 0.1, "sensor_offset": (-0.4, 0.4), "sensor_noise": 1.0,
+}  # fmt: skip
+"""What may vary without a side."""
+
+
+def test_a_turned_world_is_the_same_with_a_variation():
+    variation = {**VARIED, "yaw_error": 0.2, "shear_exponent": -0.1, "turbulence_class": ("A",)}
+    env = gym.make(TASKS["LoadReduction"].ids[-1], wind_seeds=(1,), variation=variation, controller="constrained_ipc")
+    assert_same(play(env), play(env, {"yaw": math.radians(ANGLES[0])}))
+
+
 # libraries get their readings in single precision
 OURS = [name for name in CONTROLLERS if name not in COMPILED]
 
@@ -450,6 +463,14 @@ def test_a_mirrored_world_is_the_same_for_every_controller(name):
     envs = mirrored_envs(task, controller=controller, wind_seeds=(1,))
     lidar = lidar_of(envs[0].unwrapped.controller) is not None
     courses = mirrored_courses(envs, [Rest(env.action_space.shape[0]) for env in envs], lidar=lidar)
+    assert_mirrored(envs, *courses)
+
+
+def test_a_mirrored_world_is_the_same_with_a_variation():
+    """Noise and offsets of what has a side are those of the image."""
+    envs = mirrored_envs("LoadReduction", controller="constrained_ipc", wind_seeds=(1,), variation=VARIED)
+    size = envs[0].action_space.shape[0]
+    courses = mirrored_courses(envs, (Waves(size), Mirrored(Waves(size), envs[1].unwrapped.layout)))
     assert_mirrored(envs, *courses)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_
 
 if TYPE_CHECKING:
     from wt_gym.envs.running_start import RunningStart
+    from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
     from wt_gym.turbines import Turbine
 
@@ -45,12 +46,15 @@ class Beginning:
     yaw : float
         Of the nacelle [rad].
     faults : tuple
+    drawn : DrawnVariation, optional
+        What the episode has of a variation.
     """
 
     wind: EpisodeWind
     start: Start
     yaw: float
     faults: tuple[DriveFault | SensorBias, ...]
+    drawn: DrawnVariation | None = None
 
 
 class EpisodeStarts:
@@ -69,7 +73,13 @@ class EpisodeStarts:
     def __init__(self, turbine: Turbine, winds: WindSampler, running: RunningStart | None, count: int | None = None):
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
 
-    def draw(self, rng: np.random.Generator, options: dict[str, Any] | None, length: float | None) -> Beginning:
+    def draw(
+        self,
+        rng: np.random.Generator,
+        options: dict[str, Any] | None,
+        length: float | None,
+        drawn: DrawnVariation | None = None,
+    ) -> Beginning:
         """Draw a beginning.
 
         Parameters
@@ -79,6 +89,7 @@ class EpisodeStarts:
             Of the reset.
         length : float, optional
             Of the episode, where it is known [s].
+        drawn : DrawnVariation, optional
 
         Raises
         ------
@@ -92,12 +103,19 @@ class EpisodeStarts:
         faults = checked_faults(given.get("faults", ()), self._turbine.n_blades)
         yaw = check_number("yaw", given.get("yaw", 0.0), "rad")
         chosen = {name: given[name] for name in _WIND if name in given}
+        winds = self._winds if drawn is None else drawn.sampler(self._winds)
         if "inflow" in given:
-            wind = self._winds.given(given["inflow"], **chosen)
+            wind = winds.given(given["inflow"], **chosen)
         else:
-            wind = self._winds.sample(rng, **chosen, length=length, heading=yaw)
+            wind = winds.sample(rng, **chosen, length=length, heading=yaw)
         azimuth = rng.uniform(0.0, 2.0 * math.pi)
-        return Beginning(wind, self._start(rng, wind, given, yaw, azimuth), yaw, faults)
+        if drawn is None:
+            return Beginning(wind, self._start(rng, wind, given, yaw, azimuth), yaw, faults)
+        wind = drawn.turned(wind)
+        start = self._start(rng, wind, given, yaw, azimuth)
+        if drawn.structural:  # the motion of a structure belongs to it
+            start = replace(start, motion=None)
+        return Beginning(wind, start, yaw, (*faults, *drawn.faults), drawn)
 
     def _numbered(self, rng: np.random.Generator, given: dict[str, Any]) -> np.random.Generator:
         """Random numbers of one of the beginnings, where there are so many and no more."""

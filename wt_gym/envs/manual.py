@@ -85,7 +85,8 @@ By default residual actions see rotor, power, pitch, wind, fixed_frame, tower, c
 power, pitch, wind, blades, tower, azimuth and previous_action. Single channels beyond the groups: the moments of
 the tower base, mean, tilt and yaw of any signal of the blades, for example ``"root_edge_moment_yaw"``, and
 ``"residual_share"`` and ``"residual_mean"`` where residual pitch fades or is washed out.
-``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more.
+``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more; with ``sensors="all"`` the base
+controller reads the same instruments. ``variation`` draws plant, sensors and wind for every episode.
 ``env.unwrapped.layout`` holds names, units, scales and ranges for every turbine and choice of arguments;
 `wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
 
@@ -155,7 +156,8 @@ Truncated: ``episode_length`` is over. Either way the environment can be reset a
 ``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
 ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
 control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and
-for constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`).
+for constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`). After a reset
+with a ``variation``, ``variation`` (dict of what was drawn).
 ``env.unwrapped.signals`` has every signal of the simulator.
 """
 """What an agent must know: actions, observations, reward, start, end, info."""

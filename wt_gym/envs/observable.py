@@ -142,6 +142,18 @@ class Observable:
         scale = _WASHED_SCALES.get(channel.name, 1.0) * channel.scale
         return replace(observed, channel=replace(channel, offset=0.0, scale=scale, description=text), washed=True)
 
+    def of_signals(self) -> dict[str, Channel]:
+        """Channels by the signal that they read; the mean of the blades as ``NAME_mean``, the anemometer by its name.
+
+        Those of a rotor that turns clockwise. The channel of the mean pitch stands for the pitch of each blade.
+        """
+        rows = [*self._rotor(), *self._power(), *self._blades(), *self._tower(), *self._more()]
+        found = {one.reader.name: one.channel for one in rows if isinstance(one.reader, FromSignals)}
+        found |= {one.channel.name: one.channel for one in self._every_fixed_frame() if one.reader.part == 0}  # type: ignore[union-attr]
+        found |= {one.channel.name: one.channel for one in self._wind()}
+        pitch = self._pitch_forms()[0][0].channel
+        return found | {f"pitch_{b + 1}": pitch for b in range(self._turbine.n_blades)}
+
     def _as_it_turns(self, observed: Observed) -> Observed:
         """Of an odd channel the offset and range that a turbine of this rotation has."""
         channel = observed.channel
@@ -341,7 +353,7 @@ class Observable:
 
     def _lidar_channels(self) -> list[Observed]:
         return [
-            self._computed(EVEN, readers.lidar, f"lidar_{k + 1}", "m/s", 12.0, 4.0, 0.0, 60.0, 0.1,
+            self._computed(EVEN, readers.lidar, f"lidar_{k + 1}", "m/s", 12.0, 4.0, 0.0, 60.0, readers.LIDAR_NOISE,
                            f"wind {distance:.0f} m ahead, mean over the beams of a cone", index=k, needs="lidar")
             for k, distance in enumerate(self._lidar.ranges)
         ]  # fmt: skip

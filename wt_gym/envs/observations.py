@@ -106,9 +106,9 @@ class Observer:
         self._turbine, self._noise_level = turbine, noise_level
         self._delay, self._history = int(delay), int(history)
         self.lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
-        self.groups, observed = Observable(
-            turbine, action, self.lidar, residual, washout, yaw_drive, linear
-        ).choose(choice)
+        self.groups, observed = Observable(turbine, action, self.lidar, residual, washout, yaw_drive, linear).choose(
+            choice
+        )
         channels = [one.channel for one in observed]
         layers = [channels] + [
             [replace(c, name=f"{c.name}@{k}", description=f"{c.description}, {k} steps ago") for c in channels]

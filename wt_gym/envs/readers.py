@@ -19,7 +19,20 @@ if TYPE_CHECKING:
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.simulation import Signals
 
-__all__ = ["Computed", "FromSignals", "InFixedFrame", "ObservationContext", "Observed", "Quantity", "Reader", "Sensors"]
+__all__ = [
+    "LIDAR_NOISE",
+    "Computed",
+    "FromSignals",
+    "InFixedFrame",
+    "ObservationContext",
+    "Observed",
+    "Quantity",
+    "Reader",
+    "Sensors",
+]
+
+LIDAR_NOISE = 0.1
+"""Of a gate of a lidar, at level 1 [m/s]."""
 
 
 @dataclass(frozen=True)

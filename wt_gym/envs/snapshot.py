@@ -27,6 +27,8 @@ class EnvSnapshot:
     wind : EpisodeWind
     random : dict
         State of the random numbers.
+    variation : dict or None
+        State of those of the variation.
     twin : TwinSnapshot or None
         Of the turbine under the controller alone, with a relative reward.
     pictured : tuple or None
@@ -39,5 +41,6 @@ class EnvSnapshot:
     sensors: dict[str, Any]
     wind: EpisodeWind
     random: dict[str, Any]
+    variation: dict[str, Any] | None
     twin: TwinSnapshot | None
     pictured: tuple[Any, ...] | None

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from wt_gym.control import ActionMap
+from wt_gym.control import ActionMap, Lidar
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
@@ -35,11 +35,13 @@ from wt_gym.envs.options.environment import (
     plain_spec,
     signature,
 )
+from wt_gym.envs.options.variation import STRUCTURAL
 from wt_gym.envs.readers import ObservationContext
 from wt_gym.envs.running_start import RunningStart
 from wt_gym.envs.simulators import OWN, simulator_maker
 from wt_gym.envs.snapshot import EnvSnapshot
 from wt_gym.envs.twin import Twin
+from wt_gym.envs.variation import VariationDraws, check_winds
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation.drivetrain.drives import pitch_delay
@@ -53,10 +55,11 @@ if TYPE_CHECKING:
 
     from gymnasium.envs.registration import EnvSpec
 
-    from wt_gym.control import AgentSetpoint, Demand, Lidar
+    from wt_gym.control import AgentSetpoint, Demand
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.rendering import Renderer
     from wt_gym.envs.twin import TwinSnapshot
+    from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
@@ -112,18 +115,22 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if action.needs_controller or base not in (BASELINE, *ALIASES):  # a copy: no two share its memory
             controller = copy.deepcopy(make_controller(base, self.turbine))
         residual = self._residual_pitch(action)
+        lidar = _lidar(observed.lidar, controller)
+        self.sensors = observed.sensors or ("all" if options.variation.varies else "agent")
+        self._draws = self._variation_draws(action, lidar or Lidar.for_rotor(self.turbine.rotor_diameter), step)
+        apart = self._draws is None or not (self._draws.everyone or "sensor_noise" in options.variation.varies)
         groups = observed.channels
         if groups is None:
             groups = RESIDUAL_GROUPS if action.mode == "residual" else DEFAULT_GROUPS
-        late = check_whole_steps("sensor_delay", observed.delay, self.control_dt, least=0)
-        lidar = _lidar(observed.lidar, controller)
+        late = self._late_steps()
         self._observer = observer = Observer(
-            self.turbine, action, groups, observed.noise, late, observed.history, lidar, residual, observed.washout,
-            yaw_drive_of(controller), linear_part(controller),
+            self.turbine, action, groups, observed.noise if apart else 0.0, late, observed.history, lidar, residual,
+            observed.washout, yaw_drive_of(controller), linear_part(controller),
         )  # fmt: skip
         self.operation = Operation(
-            self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker()
-        )
+            self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker(),
+            self._draws,
+        )  # fmt: skip
         self._costs = Costs(self.turbine, self.control_dt, limits.overspeed)
         self.layout = EnvLayout(
             self.turbine, observer.layout, action, self.control_dt, late, observer.lidar, observer.washed
@@ -141,7 +148,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._twin = Twin(self._make_twin(), self.wind.turbulence_key) if options.rewards.relative else None
         self._starts = EpisodeStarts(self.turbine, self.wind, self._running_start(controller), options.starts)
         self._renderer = self._make_renderer()
-        self._running = self._failed = False
+        self._running = self._failed = self._seeded = False
         self._steps = 0
 
     # ---- parts ----
@@ -166,6 +173,27 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
                 f"got {self.control_dt!r} s"
             )
         return step, count
+
+    def _variation_draws(self, action: ActionMap, lidar: Lidar, step: float) -> VariationDraws | None:
+        """What draws the variation of episodes; None where nothing varies and all sensors of controllers are exact."""
+        options = self.options
+        variation, everyone = options.variation, self.sensors == "all"
+        if not (variation.varies or everyone):
+            return None
+        check_winds(variation, options.wind)
+        model = isinstance(options.turbine, str) and options.turbine.lower().endswith(".fst")
+        if model and options.simulator != OWN and any(name in STRUCTURAL for name in variation.varies):
+            raise ValueError(
+                f"variation of {', '.join(STRUCTURAL)} must be left out where OpenFAST simulates a model of its own"
+            )
+        return VariationDraws(variation, self.turbine, action, lidar, options.observations, everyone, step)
+
+    def _late_steps(self) -> int:
+        """Control steps by which the agent's readings are late, beside what the instruments are."""
+        options = self.options
+        if self.sensors == "all" or "sensor_delay" in options.variation.varies:
+            return 0
+        return check_whole_steps("sensor_delay", options.observations.delay, self.control_dt, least=0)
 
     def _residual_pitch(self, action: ActionMap) -> ResidualPitch | None:
         """What residual pitch passes on its way to the blades, if there is such a pitch and anything to pass."""
@@ -192,12 +220,15 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         It is simulated as this one.
         """
         options = self.options
+        observed = options.observations
+        read = {"sensors": "all", "sensor_noise": observed.noise, "sensor_delay": observed.delay}
         twin = WindTurbineEnv(
             turbine=self.turbine, inflow="steady", wind_speed=(self.turbine.cut_in, self.turbine.cut_out),
             fidelity=self.fidelity, control_dt=self.control_dt, episode_length=None, action_mode="residual",
             action_components=("pitch",), controller=copy.deepcopy(options.controller.base), reward=self.reward_terms,
             termination_penalty=self.limits.penalty, overspeed_limit=self.limits.overspeed,
             standstill_limit=self.limits.standstill, observation=("rotor",), start="steady",
+            **(read if self.sensors == "all" else {}),
         )  # fmt: skip
         twin.operation.make_simulator = self.operation.make_simulator
         return twin
@@ -332,7 +363,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._running = False
         super().reset(seed=seed)
         longest = self.length.longest(self.spec, self.outer_steps)
-        beginning = self._starts.draw(self.np_random, options, longest)
+        drawn = self._draw(seed)
+        beginning = self._starts.draw(self.np_random, options, longest, drawn)
         self._begin(beginning)
         if self._twin is not None:
             self._twin.begin(beginning)
@@ -340,12 +372,22 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._renderer is not None:
             self._renderer.reset()
             self._renderer.record(self.signals)
-        return observation, self._info(saturated, tip_clearance(self.signals))
+        info = self._info(saturated, tip_clearance(self.signals))
+        return observation, info if drawn is None else info | {"variation": copy.deepcopy(dict(drawn.values))}
+
+    def _draw(self, seed: int | None) -> DrawnVariation | None:
+        """Draw the variation of an episode; a seed begins its stream, as does the first reset."""
+        if self._draws is None:
+            return None
+        if seed is not None or not self._seeded:
+            self._draws.seed(self.np_random_seed if seed is None else seed)
+            self._seeded = True
+        return self._draws.draw()
 
     def _begin(self, beginning: Beginning) -> None:
         """Start turbine, sensors and reward."""
         start, operation = beginning.start, self.operation
-        operation.begin(beginning.wind, start, beginning.yaw, beginning.faults)
+        operation.begin(beginning)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running, self._failed = 0, True, False
         self._observer.reset(self._situation(), start.trail)
@@ -389,7 +431,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             raise
         self._action = values
         self._steps += 1
-        self._observer.advance(operation.measured(after), dt)
+        self._observer.advance(operation.readings(), dt)
         if self._renderer is not None:
             self._renderer.record(after)
 
@@ -437,8 +479,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def _situation(self) -> ObservationContext:
         o = self.operation
-        signals = o.measured(o.signals)
-        seen = o.ahead(signals) if self._observer.sees_lidar else None
+        signals = o.readings()
+        seen = o.seen() if self._observer.sees_lidar else None
         drive, known = yaw_drive_of(o.controller), None
         if self._observer.sees_disturbances:
             part = linear_part(o.controller)
@@ -487,6 +529,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             self._observer.memory(),
             self.episode_wind,
             copy.deepcopy(cast("dict[str, Any]", self.np_random.bit_generator.state)),
+            None if self._draws is None else copy.deepcopy(self._draws.state),
             None if self._twin is None else self._twin.snapshot(),
             None if self._renderer is None else self._renderer.memory(),
         )
@@ -509,6 +552,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self.__dict__.update(kept)
         self._observer.recall(snapshot.sensors)
         self.np_random.bit_generator.state = copy.deepcopy(snapshot.random)
+        if self._draws is not None and snapshot.variation is not None:
+            self._draws.state = copy.deepcopy(snapshot.variation)
+            self._seeded = True
         if self._twin is not None:
             self._twin.restore(cast("TwinSnapshot", snapshot.twin))
         if self._renderer is not None:  # a snapshot of an environment without pictures holds the present signals only
@@ -531,11 +577,10 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def close(self) -> None:
         """Release the simulator and the renderer."""
-        if (close := getattr(self.operation.simulator, "close", None)) is not None:
-            close()
+        self.operation.close()
         if self._twin is not None:
             self._twin.close()
-        self.operation.simulator, self._renderer, self._running = None, None, False
+        self._renderer, self._running = None, False
 
 
 def _lidar(given: Lidar | None, controller: Controller | None) -> Lidar | None:

@@ -129,10 +129,10 @@ class Twin:
     def _key(self, beginning: Beginning) -> str | None:
         """Name of the course of a beginning; None where it cannot be told from every other one."""
         wind = self._wind(beginning.wind)
-        if self._identity is None or wind is None:
+        if self._identity is None or wind is None or beginning.drawn is not None:  # of which no two are alike
             return None
         limits = self.env.limits.overspeed, self.env.limits.standstill
-        others = [getattr(beginning, f.name) for f in fields(beginning) if f.name not in ("wind", "start")]
+        others = [getattr(beginning, f.name) for f in fields(beginning) if f.name not in ("wind", "start", "drawn")]
         return fingerprint(self._identity, limits, wind, _start(beginning.start), others)[:40]
 
     def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:

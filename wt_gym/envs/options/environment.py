@@ -20,6 +20,7 @@ from wt_gym.envs.options.group import Described, OptionGroup, described, option,
 from wt_gym.envs.options.limits import LimitOptions
 from wt_gym.envs.options.observations import ObservationOptions
 from wt_gym.envs.options.rewards import RewardOptions
+from wt_gym.envs.options.variation import Variation
 from wt_gym.envs.options.wind import WindOptions
 from wt_gym.errors import did_you_mean
 from wt_gym.simulation import Fidelity
@@ -53,7 +54,15 @@ MOST_STARTS = 1_000_000
 """Numbered beginnings."""
 GROUPS: dict[str, type[OptionGroup]] = {
     group.title: group
-    for group in (WindOptions, ActionOptions, ObservationOptions, RewardOptions, LimitOptions, ControllerOptions)
+    for group in (
+        WindOptions,
+        ActionOptions,
+        ObservationOptions,
+        RewardOptions,
+        LimitOptions,
+        ControllerOptions,
+        Variation,
+    )
 }
 """Groups by the argument that takes them."""
 _BASE = "controller"  # the one argument that takes a group or the value of a field of it
@@ -125,6 +134,7 @@ class EnvOptions(OptionGroup):
     rewards: RewardOptions = RewardOptions()
     limits: LimitOptions = LimitOptions()
     controller: ControllerOptions = ControllerOptions()
+    variation: Variation = Variation()
 
     def check(self) -> None:
         """Refuse unknown names and numbers of the wrong type."""

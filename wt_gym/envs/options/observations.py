@@ -8,11 +8,15 @@ from collections.abc import Sequence
 from wt_gym.control import Lidar
 from wt_gym.envs.arguments import check_names, check_number, shown
 from wt_gym.envs.options.group import OptionGroup, option, option_group
+from wt_gym.errors import did_you_mean
 
-__all__ = ["MOST_READINGS", "ObservationOptions"]
+__all__ = ["MOST_READINGS", "SENSORS", "ObservationOptions"]
 
 MOST_READINGS = 1000
 """Most readings in an observation, and most control steps by which they are late: 200 s at the usual step of 0.2 s."""
+
+SENSORS = ("agent", "all")
+"""Who reads late, noisy and shifted sensors."""
 
 
 @option_group
@@ -42,7 +46,8 @@ class ObservationOptions(OptionGroup):
         default=0.0,
         flat="sensor_delay",
         unit="s",
-        allowed=f"a multiple of ``control_dt``, 0 to {MOST_READINGS} of them",
+        allowed=f'a multiple of ``control_dt``, 0 to {MOST_READINGS} of them; with ``sensors="all"`` of the '
+        "simulator's step",
     )
     washout: float | None = option(
         "float, optional",
@@ -59,6 +64,13 @@ class ObservationOptions(OptionGroup):
         "Readings in an observation: the present one, then those of the steps before",
         default=1,
         allowed=f"1 to {MOST_READINGS}",
+    )
+    sensors: str | None = option(
+        '{"agent", "all"}, optional',
+        "Whose readings are noisy, late and shifted: the agent's alone, channel by channel, or one set of readings at "
+        "every step of the simulator, which the base controller and its lidar read too, as on a turbine "
+        '(`wt_gym.envs.instruments`). Default: "all" with a variation of plant, sensors or wind, else "agent"',
+        default=None,
     )
     lidar: Lidar | None = option(
         "Lidar or mapping, optional",
@@ -87,5 +99,10 @@ class ObservationOptions(OptionGroup):
                 f"history must be a whole number of readings, 1 to {MOST_READINGS}, got {shown(self.history)}"
             )
         self._set("history", int(history))
+        if self.sensors is not None and self.sensors not in SENSORS:
+            raise ValueError(
+                f"sensors must be one of {SENSORS} or None, got {shown(self.sensors)}"
+                f"{did_you_mean(self.sensors, SENSORS)}"
+            )
         if self.lidar is not None and not isinstance(self.lidar, Lidar):
             raise ValueError(f"lidar must be a wt_gym.control.Lidar or None, got {shown(self.lidar)}")
