@@ -22,6 +22,8 @@ from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_keys
 from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
     from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -217,7 +219,13 @@ class TrainedAgent:
         self._last: np.ndarray | None = None
 
     @classmethod
-    def load(cls, path: str | Path, algorithm: str | None = None, trust: bool = False) -> TrainedAgent:
+    def load(
+        cls,
+        path: str | Path,
+        algorithm: str | None = None,
+        trust: bool = False,
+        classes: Mapping[str, type[BaseAlgorithm]] | None = None,
+    ) -> TrainedAgent:
         """Load a model from its zip file or from the folder that training wrote.
 
         The files hold pickled Python objects, which can run any code when they are loaded. What a policy needs of them
@@ -235,6 +243,8 @@ class TrainedAgent:
             Class of the model; default: that of the training record, else what the file itself shows.
         trust : bool
             Load everything as stable-baselines3 does, with whatever code is in it.
+        classes : mapping, optional
+            Class of the model by algorithm; default: `ALGORITHM_CLASSES`.
 
         Returns
         -------
@@ -266,7 +276,7 @@ class TrainedAgent:
         normalization = None if statistics_file is None else read_normalization(statistics_file, trust)
         try:
             objects = None if trust else safe_objects(data, model_file)
-            model = ALGORITHM_CLASSES[name].load(model_file, device="cpu", custom_objects=objects)
+            model = (classes or ALGORITHM_CLASSES)[name].load(model_file, device="cpu", custom_objects=objects)
         except UnsafePickleError:
             raise
         except DAMAGE as error:

@@ -33,11 +33,12 @@ class TrainingConfig:
     hyperparameters : dict
         Of the algorithm; those left out come from ``agents/hyperparameters``.
     total_steps : int
-        Environment steps over all copies; the last rollout of PPO's ``n_steps`` a copy is finished beyond them.
+        Environment steps over all copies; the last rollout of PPO is finished beyond them.
     max_seconds : float or None
         Wall time after which training stops, whatever the steps; counted from zero when it is resumed.
     n_envs : int
-        Copies of the environment: threads step several of this package, processes those of others.
+        Copies of the environment: threads step several of this package, processes those of others. They share
+        ``rollout_steps`` and ``update_every`` of the hyperparameters.
     seed : int
     checkpoint_steps : int
         Steps between checkpoints.
@@ -67,7 +68,7 @@ class TrainingConfig:
     hyperparameters: dict[str, Any] = field(default_factory=dict)
     total_steps: int = 200_000
     max_seconds: float | None = None
-    n_envs: int = 1
+    n_envs: int = 8
     seed: int = 0
     checkpoint_steps: int = 50_000
     checkpoint_minutes: float = 10.0

@@ -30,7 +30,7 @@ def add_training_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_site_option(options)
     add_wind_option(options)
-    options.add_argument("--n-envs", type=int, metavar="N", help="environments in parallel (default: 1)")
+    options.add_argument("--n-envs", type=int, metavar="N", help="environments in parallel (default: 8)")
     options = parser.add_argument_group("how", argument_default=argparse.SUPPRESS)
     options.add_argument("--algo", type=str.upper, help="PPO, SAC or TQC (default: PPO)")
     options.add_argument(
