@@ -54,6 +54,8 @@ if TYPE_CHECKING:
 __all__ = ["Round", "pretrain"]
 
 _MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
+_untrained: dict[tuple[Any, ...], tuple[Any, list[RecordedEpisode]]] = {}
+"""Runs before any policy, of the last pretraining of this process: those of another seed are the same."""
 
 
 @dataclass(frozen=True)
@@ -159,15 +161,17 @@ def pretrain(
     with torch.no_grad():
         policy.action_net.weight.zero_()
         policy.action_net.bias.zero_()
-    plants, explained, baselines = work.identified()
+    (plants, explained, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
     high = plain.operation.action.pitch_high
     limits = Limits(float(high[0]), float(high[1]), plain.options.controller.residual_washout)
     torch.manual_seed(seed)
     rng, rounds = np.random.default_rng(seed), []
     for number in range(options.rounds):
         began = time.monotonic()
-        agent = None if number == 0 else _Deployed(network_of(TrainedAgent(model, None, {}), plain.layout))
-        recorded = work.recorded(agent, number)
+        recorded = first
+        if number > 0:
+            agent = _Deployed(network_of(TrainedAgent(model, None, {}), plain.layout))
+            recorded = work.recorded(agent, number)
         made = [
             LinearizedEpisode(
                 one, actor, plants, limits, _between(baselines, one.speed), plain.turbine.pitch.max_rate,
@@ -187,6 +191,17 @@ def pretrain(
         "explained": {f"{speed:g} m/s": shares for speed, shares in explained.items()},
         "rounds": [asdict(one) for one in rounds],
     }
+
+
+def _before_any_policy(
+    work: _Work, env_id: str, env_kwargs: dict[str, Any], options: PretrainingOptions
+) -> tuple[Any, list[RecordedEpisode]]:
+    """Plants, and episodes under the base controller alone."""
+    key = (env_id, json.dumps(env_kwargs, sort_keys=True), options)
+    if key not in _untrained:
+        _untrained.clear()
+        _untrained[key] = work.identified(), work.recorded(None, 0)
+    return _untrained[key]
 
 
 def _between(values: dict[float, dict[str, float]], speed: float) -> dict[str, float]:
