@@ -6,7 +6,14 @@ import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.agents.export.controller_parts import ACCELERATION, LINEAR_READS, Parts, estimator_values, note_fade
+from wt_gym.agents.export.controller_parts import (
+    ACCELERATION,
+    LINEAR_READS,
+    MOST_SEEN_BINS,
+    Parts,
+    estimator_values,
+    note_fade,
+)
 from wt_gym.control import NacelleAnemometer
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.optimal.measured import OUTPUTS
@@ -103,14 +110,10 @@ def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
     ValueError
         If there are such channels and they are not held.
     """
-    channels = [channel for channel in layout.observation.channels if "@" not in channel.name]
-    disturbances = re.compile(rf"disturbance_({'|'.join(OUTPUTS)})_(\d+)")
-    bins = max((int(match[2]) for c in channels if (match := disturbances.fullmatch(c.name))), default=0)
     found = [
-        Seen("DISTURBANCE", OUTPUTS.index(named[1]) * bins + int(named[2]) - 1, channel, LINEAR_READS)
-        if (named := disturbances.fullmatch(channel.name))
-        else replace(_seen(channel, layout), washed=channel.name in layout.washed)
-        for channel in channels
+        replace(_seen(channel, layout), washed=channel.name in layout.washed)
+        for channel in layout.observation.channels
+        if "@" not in channel.name
     ]
     missing = [one.channel.name for one in found if one.kind == "HELD"]
     if missing and not hold_missing:
@@ -132,6 +135,9 @@ def _seen(channel: Any, layout: EnvLayout) -> Seen:
         return Seen("PREVIOUS_ACTION", layout.action.names.index(name.removeprefix("previous_")), channel, set())
     if parted := re.fullmatch(rf"({'|'.join(_FIXED_FRAME)})_(mean|tilt|yaw)", name):
         return Seen(_FIXED_FRAME[parted[1]], _PARTS[parted[2]], channel, _MOMENTS | {"azimuth"})
+    if parted := re.fullmatch(rf"disturbance_({'|'.join(OUTPUTS)})_(\d+)", name):
+        place = MOST_SEEN_BINS * OUTPUTS.index(parted[1]) + int(parted[2]) - 1
+        return Seen("DISTURBANCE", place, channel, LINEAR_READS)
     if parted := re.fullmatch(rf"linear_pitch_({'|'.join(_LINEAR)})", name):
         return Seen("LINEAR_PITCH", _LINEAR[parted[1]], channel, LINEAR_READS)
     if numbered := re.fullmatch(r"(.+)_(\d)", name):

@@ -29,7 +29,16 @@ if TYPE_CHECKING:
     from wt_gym.control.rotor_table import RotorTable
     from wt_gym.turbines import Turbine
 
-__all__ = ["ACCELERATION", "LINEAR_READS", "SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
+__all__ = [
+    "ACCELERATION",
+    "LINEAR_READS",
+    "MOST_SEEN_BINS",
+    "SUPPORTED",
+    "Parts",
+    "controller_parts",
+    "estimator_values",
+    "note_fade",
+]
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
              "side_side_damper", "tower_dampers", "tuned", "yaw",
@@ -39,6 +48,8 @@ ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
 """Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
 LINEAR_READS = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"} | ACCELERATION
 """Readings of linear optimal pitch."""
+MOST_SEEN_BINS = 100
+"""More than the bins of delays of any design; what the number of a channel counts outputs by."""
 
 
 @dataclass(frozen=True)
@@ -314,7 +325,7 @@ def _linear_pitch(parts: Parts, addition: LinearOptimalPitch, step: float) -> No
         "linear_schedule_time": SCHEDULE_TIME,
     }
     note_fade(parts, offsets.fade, "linear", "linear", "FADE_LINEAR")
-    parts.constants["N_SEEN_BINS"] = len(addition.bins)
+    parts.constants |= {"N_SEEN_BINS": len(addition.bins), "MOST_SEEN_BINS": MOST_SEEN_BINS}
     parts.reads["LINEAR"] = LINEAR_READS
 
 

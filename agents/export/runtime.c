@@ -724,7 +724,7 @@ static double observed(const struct state *s, const struct channel *c, double dt
     case SEE_DEAD_BAND_TURNING: return s->turning;
     case SEE_PREVIOUS_ACTION: return s->action[i];
 #if WITH_LINEAR
-    case SEE_DISTURBANCE: return s->known[i];
+    case SEE_DISTURBANCE: return s->known[i / MOST_SEEN_BINS * N_SEEN_BINS + i % MOST_SEEN_BINS];
     case SEE_LINEAR_PITCH: return s->known[N_OUTPUTS * N_SEEN_BINS + i];
 #endif
     default: return c->offset; /* not on the interface: held where the policy sees zero */

@@ -59,7 +59,8 @@ AGENTS = {
     }),
     "linear, rates": ("PPO", torch.nn.Tanh, {
         "pitch": "cyclic", "action_components": ["pitch", "torque"], "controller": "discon+linear_pitch:gain=0.5",
-        "observation": ["disturbances", "offsets"], "sensor_delay": 0.2,
+        "observation": ["disturbance_flap_tilt_2", "disturbance_rotor_speed_5", "linear_pitch_yaw", "offsets"],
+        "sensor_delay": 0.2,
     }),
     "yaw": ("PPO", torch.nn.Tanh, {
         "action_components": ["yaw"], "controller": "discon+yaw",
