@@ -21,7 +21,7 @@ DT, STEPS, RATED, FULL = 0.1, 400, 5e6, math.radians(8.0)
 SPEEDS = (14.0, 18.0)
 ARGUMENTS = {
     "controller": "linear_optimal", "observation": ["disturbances"], "control_dt": 0.1, "residual_form": "offset",
-    "residual_washout": None,
+    "residual_washout": None, "sensor_washout": None, "relative_reward": False,
 }  # fmt: skip
 
 
@@ -187,7 +187,7 @@ def test_an_episode_of_the_environment_is_recorded_with_the_offsets_that_act():
             return constant[0], state
 
     job = EpisodeJob(
-        "wt_gym/LoadReduction-v1", json.dumps(ARGUMENTS | {"residual_fade": False}), 17.0, 3, 0.0, 4.0, Agent()
+        "wt_gym/LoadReduction-v2", json.dumps(ARGUMENTS | {"residual_fade": False}), 17.0, 3, 0.0, 4.0, Agent()
     )
     found = record_episode(job)
     assert (found.steps, found.flap.shape, found.observations.shape[0]) == (40, (3, 41), 40)
@@ -212,7 +212,7 @@ def test_an_episode_of_the_environment_is_recorded_with_the_offsets_that_act():
     ],
 )
 def test_environments_that_cannot_be_pretrained_on(changes, message):
-    env = gym.make("wt_gym/LoadReduction-v1", **(ARGUMENTS | changes)).unwrapped
+    env = gym.make("wt_gym/LoadReduction-v2", **(ARGUMENTS | changes)).unwrapped
     with pytest.raises(ValueError, match=message):
         check_environment(env)
 
