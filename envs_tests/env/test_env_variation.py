@@ -441,25 +441,30 @@ def test_a_vector_of_turbines_is_single_ones():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"variation": {"pitch_gain": (1.2, 0.8)}}, ValueError, r"variation\.pitch_gain must be a number or a range"),
+        ({"variation": {"pitch_gain": (1.2, 0.8)}}, ValueError, r"vary_pitch_gain must be a number or a range"),
         ({"variation": {"pitch_gain": 0.0}}, ValueError, "within 0.2 to 3, got 0.0"),
-        ({"variation": {"drive_lag": "fast"}}, ValueError, r"variation\.drive_lag must be .* to 5 s, got 'fast'"),
-        ({"variation": {"plants": 0}}, ValueError, r"variation\.plants must be a whole number from 1 to 64, got 0"),
+        ({"variation": {"drive_lag": "fast"}}, ValueError, r"vary_drive_lag must be .* to 5 s, got 'fast'"),
+        ({"variation": {"plants": 0}}, ValueError, r"vary_plants must be a whole number from 1 to 64, got 0"),
         ({"variation": {"pitch": 1.0}}, ValueError, "variation has no option 'pitch'"),
         ({"variation": "training"}, ValueError, "variation must be a Variation, a mapping or one of train, held_back"),
         ({"variation": {"turbulence_class": ("D",)}}, InflowError, "D"),
-        ({"variation": {"turbulence_class": ()}}, ValueError, r"variation\.turbulence_class must have names"),
+        ({"variation": {"turbulence_class": ()}}, ValueError, r"vary_turbulence_class must have names"),
         ({"sensors": "nobody"}, ValueError, r"sensors must be one of \('agent', 'all'\) or None, got 'nobody'"),
+        (
+            {"sensors": "all", "sensor_delay": 200.0},
+            ValueError,
+            "sensor_delay must be 0 to 1000 steps of the simulator",
+        ),
         ({"sensors": "all", "sensor_delay": 0.05}, ValueError, "sensor_delay must be a multiple"),
         (
             {"variation": {"shear_exponent": 0.1}, "inflow": SteadyInflow(9.0), "wind_speed": None, "wind_seeds": (1,)},
             InflowError,
-            r"variation\.shear_exponent must be left out",
+            r"vary_shear_exponent must be left out",
         ),
         (
             {"variation": {"shear_exponent": 0.1}, "roughness_length": 0.03},
             InflowError,
-            r"variation\.shear_exponent and roughness_length exclude each other",
+            r"vary_shear_exponent and roughness_length exclude each other",
         ),
     ],
 )

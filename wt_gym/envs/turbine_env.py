@@ -184,7 +184,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         model = isinstance(options.turbine, str) and options.turbine.lower().endswith(".fst")
         if model and options.simulator != OWN and any(name in STRUCTURAL for name in variation.varies):
             raise ValueError(
-                f"variation of {', '.join(STRUCTURAL)} must be left out where OpenFAST simulates a model of its own"
+                f"variation: {', '.join(STRUCTURAL)} must be left out where OpenFAST simulates a model of its own"
             )
         return VariationDraws(variation, self.turbine, action, lidar, options.observations, everyone, step)
 

@@ -21,11 +21,12 @@ import numpy as np
 from wt_gym.envs.arguments import check_whole_steps
 from wt_gym.envs.instruments import DRIFTING, Instruments, InstrumentTable
 from wt_gym.envs.observable import Observable
+from wt_gym.envs.options.observations import MOST_READINGS
 from wt_gym.envs.options.variation import CHOICES, HELD_BACK, NO_SENSOR, PRESETS, RANGES, STRUCTURAL, TRAIN, Variation
 from wt_gym.envs.pitch_gain import PitchGain
 from wt_gym.envs.readers import LIDAR_NOISE
 from wt_gym.envs.varied_turbine import varied_turbine
-from wt_gym.errors import InflowError
+from wt_gym.errors import ActionError, InflowError
 from wt_gym.simulation.drivetrain.faults import SensorBias
 from wt_gym.wind import TurningInflow
 
@@ -183,9 +184,14 @@ class VariationDraws:
         self._n_gates = len(lidar.ranges)
         for name in variation.dead_sensor or ():
             if name != NO_SENSOR:
-                SensorBias(0.0, (name,)).places(turbine.n_blades)
+                try:
+                    SensorBias(0.0, (name,)).places(turbine.n_blades)
+                except ActionError as error:
+                    raise ActionError(f"vary_dead_sensor: {error}") from error
         self._noise = observed.noise if everyone else 0.0
         self._delay = check_whole_steps("sensor_delay", observed.delay, step, least=0) if everyone else 0
+        if self._delay > MOST_READINGS:
+            raise ValueError(f"sensor_delay must be 0 to {MOST_READINGS} steps of the simulator, got {self._delay}")
         self._reads = everyone or any(name.startswith("sensor_") for name in variation.varies)
         channels = Observable(turbine, action, lidar).of_signals() if self._reads else {}
         self._table = InstrumentTable(turbine, channels, LIDAR_NOISE) if self._reads else None
@@ -251,11 +257,11 @@ def check_winds(variation: Variation, wind: WindOptions) -> None:
     names = [name for name in ("turbulence_class", "shear_exponent") if getattr(variation, name) is not None]
     if names and (not wind.made_here or wind.extreme):
         raise InflowError(
-            f"variation.{names[0]} must be left out: it belongs to the inflows 'steady', 'turbulent' and 'gusts'"
+            f"vary_{names[0]} must be left out: it belongs to the inflows 'steady', 'turbulent' and 'gusts'"
         )
     for name in ("roughness_length", "reference_height"):
         if variation.shear_exponent is not None and getattr(wind, name) is not None:
-            raise InflowError(f"variation.shear_exponent and {name} exclude each other; got both")
+            raise InflowError(f"vary_shear_exponent and {name} exclude each other; got both")
 
 
 def _pick(share: float, count: int) -> int:

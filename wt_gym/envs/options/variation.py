@@ -9,7 +9,7 @@ from typing import Any
 
 from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
 from wt_gym.envs.options.group import OptionGroup, option, option_group
-from wt_gym.errors import did_you_mean
+from wt_gym.errors import InflowError, did_you_mean
 from wt_gym.wind.iec import reference_intensity
 
 __all__ = ["CHOICES", "HELD_BACK", "NO_SENSOR", "PRESETS", "RANGES", "STRUCTURAL", "TRAIN", "Variation"]
@@ -123,22 +123,23 @@ class Variation(OptionGroup):
         for name, allowed in RANGES.items():
             value = getattr(self, name)
             if value is not None:
-                self._set(name, _checked_range(f"variation.{name}", value, allowed))
+                self._set(name, _checked_range(f"vary_{name}", value, allowed))
         for name in CHOICES:
             value = getattr(self, name)
             if value is None:
                 continue
-            names = check_names(f"variation.{name}", (value,) if isinstance(value, str) else value)
+            names = check_names(f"vary_{name}", (value,) if isinstance(value, str) else value)
             if not names or len(set(names)) < len(names):
-                raise ValueError(f"variation.{name} must have names, each once, got {shown(names)}")
+                raise ValueError(f"vary_{name} must have names, each once, got {shown(names)}")
             self._set(name, names)
         for name in self.turbulence_class or ():
-            reference_intensity(name)
+            try:
+                reference_intensity(name)
+            except InflowError as error:
+                raise InflowError(f"vary_{error}") from error
         plants = real_number(self.plants)
-        if plants is None or plants != math.floor(plants) or not 1 <= plants <= MOST_PLANTS:
-            raise ValueError(
-                f"variation.plants must be a whole number from 1 to {MOST_PLANTS}, got {shown(self.plants)}"
-            )
+        if plants is None or not 1 <= plants <= MOST_PLANTS or plants != math.floor(plants):
+            raise ValueError(f"vary_plants must be a whole number from 1 to {MOST_PLANTS}, got {shown(self.plants)}")
         self._set("plants", int(plants))
 
     @property
