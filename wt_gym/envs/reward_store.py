@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import zipfile
+from array import array
 from collections import OrderedDict
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ MOST_FILES = 4096
 _BETWEEN = 64
 """Files written between two looks at how many there are."""
 _courses: OrderedDict[str, Course] = OrderedDict()
-_lock = threading.Lock()
+_lock, _one_writes = threading.Lock(), threading.Lock()
 _written = 0
 
 
@@ -49,21 +50,22 @@ class Course:
 
     def __init__(self, key: str | None, names: tuple[str, ...]):
         self.key, self.names, self.ended = key, names, False
-        self._rows: list[tuple[float, ...]] = []
+        self._numbers = array("d")  # step after step
         self._kept = 0  # steps that stand on the disk
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self._numbers) // len(self.names)
 
     def terms(self, step: int) -> dict[str, float]:
         """Terms of a step, or of the last one."""
-        return dict(zip(self.names, self._rows[min(step, len(self._rows) - 1)], strict=True))
+        first = min(step, len(self) - 1) * len(self.names)
+        return dict(zip(self.names, self._numbers[first : first + len(self.names)], strict=True))
 
     def append(self, step: int, terms: Mapping[str, float], ended: bool) -> None:
         """Add the terms of a step, unless another turbine has come there first: it has earned the same."""
         with _lock:
-            if step == len(self._rows) and not self.ended:
-                self._rows.append(tuple(float(terms[name]) for name in self.names))
+            if step == len(self) and not self.ended:
+                self._numbers.extend([terms[name] for name in self.names])
                 self.ended = ended
 
     def load(self, path: Path) -> None:
@@ -71,29 +73,35 @@ class Course:
         try:
             with np.load(path, allow_pickle=False) as file:
                 names, rows, ended = tuple(file["names"].tolist()), file["rows"], bool(file["ended"])
-            if names != self.names or rows.ndim != 2 or rows.dtype != np.float64 or not np.isfinite(rows).all():
+            if (
+                names != self.names
+                or rows.shape[1:] != (len(names),)
+                or rows.dtype != np.float64
+                or not np.isfinite(rows).all()
+            ):
                 raise ValueError(f"it holds {names}, an array {rows.dtype}{rows.shape}")
         except FileNotFoundError:
             return
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             _log.warning("recorded rewards %s are unreadable (%s); they are recorded again", path, error)
             return
-        self._rows, self.ended, self._kept = [tuple(row) for row in rows.tolist()], ended, len(rows)
+        self._numbers, self.ended, self._kept = array("d", rows.ravel().tolist()), ended, len(rows)
 
     def save(self, path: Path) -> None:
         """Write what has been added since it was read or written; a file that cannot be written costs another run."""
-        with _lock:
-            rows, ended = self._rows[:], self.ended
-        if len(rows) <= self._kept:
-            return
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(path) as partial, partial.open("wb") as file:
-                np.savez(file, names=np.array(self.names), rows=np.array(rows), ended=ended)
-            self._kept = len(rows)
-            _tidy(path.parent)
-        except OSError as error:
-            _log.warning("recorded rewards could not be kept in %s (%s)", path.parent, error)
+        with _one_writes:  # turbines in several threads may have the same course
+            with _lock:
+                rows, ended = np.array(self._numbers).reshape(-1, len(self.names)), self.ended
+            if len(rows) <= self._kept:
+                return
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with whole_file(path) as partial, partial.open("wb") as file:
+                    np.savez(file, names=np.array(self.names), rows=rows, ended=ended)
+                self._kept = len(rows)
+                _tidy(path.parent)
+            except OSError as error:
+                _log.warning("recorded rewards could not be kept in %s (%s)", path.parent, error)
 
 
 def new_course(names: tuple[str, ...]) -> Course:
