@@ -255,7 +255,7 @@ def test_other_fingerprints_are_refused_with_the_way_out(reference):
 
 def test_other_versions_and_missing_winds_are_refused(reference):
     made = results(dataclasses.replace(TASK, version=1))
-    with pytest.raises(BenchmarkError, match=r"load-reduction-15-v1 has no score in load-reduction-15-v2"):
+    with pytest.raises(BenchmarkError, match=r"load-reduction-15-v1 has no score in load-reduction-15-v3"):
         score(TASK, made, reference)
     made = results(TASK)
     del made[TASK.winds[3].label]

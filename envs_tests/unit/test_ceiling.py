@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +23,18 @@ from wt_gym.agents.linear_design.oracle import (
     optimal_change,
 )
 from wt_gym.agents.linear_design.recording import Recording
-from wt_gym.benchmark import BenchmarkTask, Ceiling, ceiling_of, leaderboard, load_task, to_markdown, write_ceiling
+from wt_gym.benchmark import (
+    BenchmarkTask,
+    Ceiling,
+    ceiling_of,
+    into_page,
+    leaderboard,
+    load_task,
+    task_names,
+    to_markdown,
+    write_ceiling,
+)
+from wt_gym.benchmark.ceiling import ceiling_table, ladder_table
 from wt_gym.benchmark.tasks import earlier_ids, task_file
 from wt_gym.control import Demand
 from wt_gym.control.optimal.offsets import PitchOffsets
@@ -411,6 +423,30 @@ def test_ceilings_of_the_package_are_above_the_yardstick(path):
     for row in found.winds.values():
         assert row["improvement"] == max(value for value in row["passes"] if value is not None)
         assert row["changes"]["captured_power"] >= -0.005
+
+
+def test_the_page_has_the_ceilings_as_they_are():
+    known = {load_task(name).id: ceiling_of(load_task(name)) for name in task_names()}
+    there = {name: found for name, found in known.items() if found is not None}
+    page = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    assert into_page(ceiling_table(there), page, "ceilings") == page
+    assert into_page(ladder_table(there), page, "ladder") == page
+
+
+def test_tables_have_ceilings_and_rungs():
+    changes = {
+        "captured_power": -0.001, "blade_flap_del": -0.4, "tower_fore_aft_del": -0.3, "tower_side_side_del": -0.2,
+        "pitch_travel": 4.0,
+    }  # fmt: skip
+    rungs = [{"name": "feedback", "improvement": 0.1}, {"name": "the whole wind", "improvement": 0.2}]
+    found = {"x-v1": made(winds={"a": {"changes": changes}, "b": {"changes": changes}}, ladder=rungs)}
+    assert (
+        "| `x-v1` | +18.0 % | +12.0 % | 150 | -0.1 % | -40.0 % | -30.0 % | -20.0 % | × 5.0 | 2 × 600 s, 2026-01-02 |"
+        in ceiling_table(found)
+    )
+    rows = ladder_table(found | {"y-v1": made()}).splitlines()[2:]
+    assert ladder_table({"y-v1": made()}) == "No ladder is recorded.\n"
+    assert rows == ["| feedback | +10.0 % |", "| the whole wind | +20.0 % |"]
 
 
 @pytest.mark.slow
