@@ -382,8 +382,8 @@ def make_ceiling(
 def _inflow(task: BenchmarkTask, wind: BenchmarkWind) -> Inflow:
     """Inflow of a run of a task: its box is as long as the run asks for."""
     sampler = turbine_env_of(make_env(task, wind)).wind
-    given = {"wind_speed": wind.speed, "wind_seed": wind.seed, "time_offset": 0.0}
-    return sampler.sample(np.random.default_rng(0), **given, length=task.duration).inflow  # type: ignore[arg-type]
+    drawn = sampler.sample(np.random.default_rng(0), wind.speed, wind.seed, 0.0, task.duration)
+    return drawn.inflow
 
 
 def _ladder(

@@ -441,7 +441,7 @@ def test_tables_have_ceilings_and_rungs():
     rungs = [{"name": "feedback", "improvement": 0.1}, {"name": "the whole wind", "improvement": 0.2}]
     found = {"x-v1": made(winds={"a": {"changes": changes}, "b": {"changes": changes}}, ladder=rungs)}
     assert (
-        "| `x-v1` | +18.0 % | +12.0 % | 150 | -0.1 % | -40.0 % | -30.0 % | -20.0 % | × 5.0 | 2 × 600 s, 2026-01-02 |"
+        "| x-v1 | +18.0 % | +12.0 % | 150 | -0.1 % | -40.0 % | -30.0 % | -20.0 % | × 5.0 | 2 × 600 s, 2026-01-02 |"
         in ceiling_table(found)
     )
     rows = ladder_table(found | {"y-v1": made()}).splitlines()[2:]

@@ -158,11 +158,11 @@ def ceiling_table(ceilings: Mapping[str, Ceiling]) -> str:
         rows = list(ceiling.winds.values())
 
         def mean(metric: str, rows: list[dict[str, Any]] = rows) -> float:
-            return sum(row["changes"][metric] for row in rows) / len(rows)
+            return float(sum(row["changes"][metric] for row in rows)) / len(rows)
 
         known = ceiling.yardstick_improvement
         cells = [
-            f"`{name}`",
+            name,
             f"{100 * ceiling.improvement:+.1f} %",
             "–" if known is None else f"{100 * known:+.1f} %",
             "–" if ceiling.score is None else f"{ceiling.score:.0f}",
