@@ -15,6 +15,7 @@ import gymnasium as gym
 import numpy as np
 
 from wt_gym.agents.benchmark_runs import Job, definition_of, entry_of
+from wt_gym.agents.comparison import Case, inflow_of
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.linear_design.design import LinearDesignTask, identified_plant
 from wt_gym.agents.linear_design.ladder import Rung, Seen, climb, known_wind, rungs_of, see
@@ -23,6 +24,7 @@ from wt_gym.agents.linear_design.recording import LOADS, DrawnOffsets, Recording
 from wt_gym.agents.names import BASELINE, RESIDUAL_INTERFACE
 from wt_gym.benchmark import ResultFolder, play, run_definition
 from wt_gym.benchmark.ceiling import Ceiling
+from wt_gym.benchmark.run import make_env
 from wt_gym.control.controllers import Combined
 from wt_gym.control.optimal.measured import OUTPUTS, recorded_outputs, side_sign
 from wt_gym.control.optimal.offsets import PitchOffsets
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller, Readings
     from wt_gym.runs.executors import Executor
     from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
 
 __all__ = ["CeilingOptions", "OffsetsPlayer", "make_ceiling"]
 
@@ -376,6 +379,13 @@ def make_ceiling(
     )
 
 
+def _inflow(task: BenchmarkTask, wind: BenchmarkWind) -> Inflow:
+    """Inflow of a run of a task: its box is as long as the run asks for."""
+    sampler = turbine_env_of(make_env(task, wind)).wind
+    drawn = sampler.sample(np.random.default_rng(0), wind.speed, wind.seed, 0.0, task.duration)
+    return drawn.inflow
+
+
 def _ladder(
     runs: _Runs,
     task: LinearDesignTask,
@@ -393,12 +403,13 @@ def _ladder(
     def both(speed: float) -> tuple[list[Seen], list[Seen]]:
         """Training winds, and those of the task, at a speed."""
         if speed not in seen:
-            fitted = [see(found[speed, seed, False], turbine, speed, seed) for seed in task.seeds]
+            inflows = {seed: inflow_of(turbine, Case(speed, seed)) for seed in task.seeds}
+            fitted = [see(found[speed, seed, False], turbine, inflows[seed]) for seed in task.seeds]
             tested = []
             for wind in winds:
                 if wind.speed == speed:
                     _, recording = runs.offsets(wind, np.zeros((3, 0)))
-                    tested.append(see(cast("Recording", recording), turbine, speed, cast("int", wind.seed)))
+                    tested.append(see(cast("Recording", recording), turbine, _inflow(runs.task, wind)))
             seen[speed] = fitted, tested
         return seen[speed]
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.agents.comparison import Case, inflow_of
 from wt_gym.agents.linear_design.feedback import forecast, forecast_change, minimize_quadratic
 from wt_gym.agents.linear_design.oracle import LoadQuadratic, limited, optimal_change
 from wt_gym.control.optimal.past import bin_means, delay_bins, without_lasting
@@ -114,11 +113,11 @@ def beam_readings(inflow: Inflow, lidar: Lidar, times: NDArray[np.float64], heig
     return -np.einsum("tgbx,bx->gbt", np.array(seen), beams)
 
 
-def see(run: Recording, turbine: Turbine, speed: float, seed: int) -> Seen:
+def see(run: Recording, turbine: Turbine, inflow: Inflow) -> Seen:
     """Look at the wind of a recording that began with it."""
     lidar = Lidar(tuple(ratio * turbine.rotor_diameter for ratio in _GATES))
     times = run.dt * np.arange(run.steps)
-    return Seen(run, beam_readings(inflow_of(turbine, Case(speed, seed)), lidar, times, turbine.hub_height))
+    return Seen(run, beam_readings(inflow, lidar, times, turbine.hub_height))
 
 
 def _bins(rung: Rung, longest: float, dt: float) -> tuple[tuple[int, int], ...]:
@@ -148,7 +147,7 @@ def _features(
         for k, row in enumerate(run.outputs / plant.scale[:, None])
     ]
     mean, turning = ([bin_means(rows[k], bins) for k in reads] for reads in (_MEAN_READS, _TILT_YAW_READS))
-    looks = delay_bins(_LONGEST_LOOK, plant.dt, fine=4, growth=1.4)
+    looks = delay_bins(_LONGEST_LOOK, plant.dt, fine=6, growth=1.2)
     if rung.lidar != "none":
         middle = without_lasting(seen.beams.mean(1), options.washout, plant.dt)
         mean += [bin_means(gate, looks) for gate in middle]
@@ -182,14 +181,20 @@ def _worth(
     runs: Sequence[Seen], plant: Plant, turbine: Turbine, options: FeedbackOptions,
     offsets: Sequence[NDArray[np.float64]],
 ) -> dict[str, float]:  # fmt: skip
-    """Mean improvement by offsets, and the mean changes of what it is made of, as the model forecasts them."""
+    """Mean improvement by offsets, and the mean changes of what it is made of, as the model forecasts them.
+
+    All changes are relative but that of the duty of the drives, which is none in some winds without offsets.
+    """
     full, rated = turbine.pitch.max_rate, turbine.drivetrain.rated_power
     found = []
     for seen, given in zip(runs, offsets, strict=True):
         before, now = (forecast(seen.run, plant, x).metrics(plant.dt, full, options.skip) for x in (0.0 * given, given))
         for metrics in (before, now):
             metrics["captured_power"] = min(metrics["captured_power"], rated)
-        changes = {key: now[key] / before[key] - 1.0 for key in now}
+        changes = {
+            key: value - before[key] if key == "pitch_duty_cycle" else value / before[key] - 1.0
+            for key, value in now.items()
+        }
         found.append({"improvement": -forecast_change(now, before, options.weights)} | changes)
     return {key: float(np.mean([row[key] for row in found])) for key in found[0]}
 
@@ -211,7 +216,8 @@ def climb(
     Returns
     -------
     dict
-        ``improvement`` over the runs without offsets, and the relative change of every metric that is forecast.
+        ``improvement`` over the runs without offsets, and the change of every metric that is forecast: of the duty of
+        the drives as it is, of others relative.
     """
     feedback = options.feedback
     known = [_features(seen, plant, rung, feedback) for seen in fitted]

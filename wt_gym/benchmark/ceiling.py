@@ -21,7 +21,15 @@ if TYPE_CHECKING:
 
     from wt_gym.benchmark.tasks import BenchmarkTask
 
-__all__ = ["Ceiling", "ceiling_file", "ceiling_line", "ceiling_of", "write_ceiling"]
+__all__ = [
+    "Ceiling", "ceiling_file", "ceiling_line", "ceiling_of", "ceiling_table", "ladder_table", "write_ceiling",
+]  # fmt: skip
+
+_SHOWN = {
+    "captured_power": "power", "blade_flap_del": "flap DEL", "tower_fore_aft_del": "tower f-a DEL",
+    "tower_side_side_del": "tower s-s DEL",
+}  # fmt: skip
+"""Changes that a table shows."""
 
 
 @dataclass(frozen=True)
@@ -140,3 +148,43 @@ def ceiling_line(task: BenchmarkTask, ceiling: Ceiling) -> str:
     if known and (parts := differing(known, ceiling.fingerprint)):
         line += f" It was made with another {' and '.join(parts)} than the reference numbers."
     return line
+
+
+def ceiling_table(ceilings: Mapping[str, Ceiling]) -> str:
+    """Table of ceilings by the id of the task, ended by a line break; changes are means over the winds."""
+    head = ["task", "ceiling", "yardstick", "score of the ceiling", *_SHOWN.values(), "pitch travel", "measured in"]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for name, ceiling in ceilings.items():
+        rows = list(ceiling.winds.values())
+
+        def mean(metric: str, rows: list[dict[str, Any]] = rows) -> float:
+            return float(sum(row["changes"][metric] for row in rows)) / len(rows)
+
+        known = ceiling.yardstick_improvement
+        cells = [
+            name,
+            f"{100 * ceiling.improvement:+.1f} %",
+            "–" if known is None else f"{100 * known:+.1f} %",
+            "–" if ceiling.score is None else f"{ceiling.score:.0f}",
+            *(f"{100 * mean(metric):+.1f} %" for metric in _SHOWN),
+            f"× {1.0 + mean('pitch_travel'):.1f}",
+            f"{len(rows)} × {ceiling.how['duration']:g} s, {ceiling.made['date']}",
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def ladder_table(ceilings: Mapping[str, Ceiling]) -> str:
+    """Table of the ladders of those ceilings that have one, or a line where none has, ended by a line break."""
+    ladders = {
+        name: {row["name"]: row for row in ceiling.ladder} for name, ceiling in ceilings.items() if ceiling.ladder
+    }
+    if not ladders:
+        return "No ladder is recorded.\n"
+    names = list(dict.fromkeys(rung for ladder in ladders.values() for rung in ladder))
+    head = ["what is known", *(f"`{name}`" for name in ladders)]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for rung in names:
+        cells = [f"{100 * own[rung]['improvement']:+.1f} %" if rung in own else "–" for own in ladders.values()]
+        lines.append(f"| {rung} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"

@@ -31,9 +31,6 @@ _SHOWN = {
 """Metrics whose mean relative change against the baseline is shown."""
 
 
-_BEGIN, _END = "<!-- leaderboard -->", "<!-- end of the leaderboard -->"
-
-
 def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """Scores of all agents in all tasks.
 
@@ -132,18 +129,19 @@ def to_markdown(board: Mapping[str, Any]) -> str:
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def into_page(table: str, page: str) -> str:
-    """Put a table between the lines ``<!-- leaderboard -->`` and ``<!-- end of the leaderboard -->`` of a page.
+def into_page(table: str, page: str, part: str = "leaderboard") -> str:
+    """Put a table between the lines ``<!-- part -->`` and ``<!-- end of the part -->`` of a page.
 
     Raises
     ------
     wt_gym.errors.BenchmarkError
         If the page has no such lines.
     """
-    before, begin, rest = page.partition(_BEGIN)
-    _, end, after = rest.partition(_END)
+    first, last = f"<!-- {part} -->", f"<!-- end of the {part} -->"
+    before, begin, rest = page.partition(first)
+    _, end, after = rest.partition(last)
     if not (begin and end):
-        raise BenchmarkError(f"the page has no place for a table: it needs the lines {_BEGIN} and {_END}")
+        raise BenchmarkError(f"the page has no place for a table: it needs the lines {first} and {last}")
     return f"{before}{begin}\n\n{table}\n{end}{after}"
 
 

@@ -59,6 +59,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     ceiling.add_argument("--duration", type=float, metavar="S", help="of a run (default: the task's)")
     ceiling.add_argument("--passes", type=int, default=3, metavar="N", help="runs with offsets (default: %(default)s)")
     ceiling.add_argument("--no-ladder", dest="ladder", action="store_false", help="without the ladder of information")
+    ceiling.add_argument("--page", type=Path, metavar="FILE", help="put the tables of all ceilings into this page")
     ceiling.add_argument("--data", type=Path, metavar="DIR", help="folder of the files (default: in the package)")
     front = commands.add_parser(
         "front",
@@ -235,8 +236,10 @@ def ceiling(arguments: argparse.Namespace) -> dict[str, Any]:
 
     from wt_gym.agents.ceiling import CeilingOptions, make_ceiling
     from wt_gym.agents.linear_design.oracle import OracleOptions
-    from wt_gym.benchmark import ceiling_file, write_ceiling
+    from wt_gym.benchmark import ceiling_file, ceiling_of, into_page, write_ceiling
+    from wt_gym.benchmark.ceiling import ceiling_table, ladder_table
     from wt_gym.errors import BenchmarkError
+    from wt_gym.files import write_text_whole
 
     if arguments.data is None and not IN_CLONE:
         raise BenchmarkError(
@@ -256,6 +259,13 @@ def ceiling(arguments: argparse.Namespace) -> dict[str, Any]:
             path = write_ceiling(made, file if arguments.data is None else arguments.data / file.name)
             print(f"{task.id}: with the wind known an improvement of {100 * made.improvement:.2f} % ({path})")
             found[task.name] = asdict(made)
+    if arguments.page is not None:
+        known = {task.id: ceiling_of(task) for task in chosen(["all"])}
+        there = {name: one for name, one in known.items() if one is not None}
+        page = arguments.page.read_text(encoding="utf-8")
+        for part, text in (("ceilings", ceiling_table(there)), ("ladder", ladder_table(there))):
+            page = into_page(text, page, part)
+        write_text_whole(arguments.page, page)
     return found
 
 
