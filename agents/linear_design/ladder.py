@@ -110,13 +110,14 @@ def beam_readings(inflow: Inflow, lidar: Lidar, times: NDArray[np.float64], heig
     beams = np.stack([-np.ones(lidar.n_beams), -side * np.sin(angle), side * np.cos(angle)], axis=1)
     points = np.multiply.outer(np.asarray(lidar.ranges), beams) + np.array([0.0, 0.0, height])
     seen = [velocity_ahead(inflow, points, time, lidar.ranges).reshape(points.shape) for time in times.tolist()]
-    return -np.einsum("tgbx,bx->gbt", np.array(seen), beams)
+    readings: NDArray[np.float64] = -np.einsum("tgbx,bx->gbt", np.array(seen), beams)
+    return readings
 
 
 def see(run: Recording, turbine: Turbine, inflow: Inflow) -> Seen:
     """Look at the wind of a recording that began with it."""
     lidar = Lidar(tuple(ratio * turbine.rotor_diameter for ratio in _GATES))
-    times = run.dt * np.arange(run.steps)
+    times = run.dt * np.arange(run.steps, dtype=np.float64)
     return Seen(run, beam_readings(inflow, lidar, times, turbine.hub_height))
 
 

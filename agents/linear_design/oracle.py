@@ -189,7 +189,8 @@ class LoadQuadratic:
             loads = [[damage_equivalent_load(row[start:], samples * dt, fatigue) for row in x] for x in (without, at)]
             local = _amplitude_weights(moved, 0.0 if even else exponent, window) * counts
             factor = 0.5 * np.array(shares) * np.array(loads[1]) / np.array(loads[0]) / (local * moved**2).sum(1)
-            return np.sqrt(factor[:, None] * local)
+            found: NDArray[np.float64] = np.sqrt(factor[:, None] * local)
+            return found
 
         flap = [weights.get("blade_flap_del", 0.0) / n_blades] * n_blades
         tower = [weights.get(f"tower_{name}_del", 0.0) for name in ("fore_aft", "side_side")]
@@ -211,7 +212,8 @@ class LoadQuadratic:
     def _without_slow(self, series: NDArray[np.float64]) -> NDArray[np.float64]:
         """Series (..., n) without a smooth mean, still beyond its ends; its own transpose."""
         smooth = fft.irfft(fft.rfft(series, self._smooth_size) * self._smooth, self._smooth_size)
-        return series - smooth[..., self._half : self._half + self.n]
+        left: NDArray[np.float64] = series - smooth[..., self._half : self._half + self.n]
+        return left
 
     def forward(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
         """What changes (..., 3, n) of the offsets do to the rows (..., m)."""

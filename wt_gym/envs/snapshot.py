@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wt_gym.envs.twin import TwinSnapshot
+    from wt_gym.envs.episode_start import Beginning
+    from wt_gym.envs.reward_store import Course
     from wt_gym.envs.wind_sampler import EpisodeWind
 
-__all__ = ["EnvSnapshot"]
+__all__ = ["EnvSnapshot", "TwinSnapshot"]
 
 
 @dataclass(frozen=True)
@@ -44,3 +45,25 @@ class EnvSnapshot:
     variation: dict[str, Any] | None
     twin: TwinSnapshot | None
     pictured: tuple[Any, ...] | None
+
+
+@dataclass(frozen=True)
+class TwinSnapshot:
+    """Where the controller alone is.
+
+    Attributes
+    ----------
+    beginning : Beginning
+        Of the episode.
+    course : Course
+        What it earned from there.
+    steps : int
+        That were simulated.
+    state : EnvSnapshot or None
+        Of the simulation; None where none runs.
+    """
+
+    beginning: Beginning
+    course: Course
+    steps: int
+    state: EnvSnapshot | None

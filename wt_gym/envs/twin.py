@@ -10,10 +10,10 @@ from __future__ import annotations
 import hashlib
 import pickle
 import platform
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import llvmlite
 import llvmlite.binding
@@ -24,45 +24,59 @@ from wt_gym.compiled import digest_of, way_to_compile
 from wt_gym.control.controllers import parts_of
 from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.reward_store import Course, kept_course, new_course, store_course
+from wt_gym.envs.snapshot import TwinSnapshot
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
 
 if TYPE_CHECKING:
+    from wt_gym.envs.ending import Limits
     from wt_gym.envs.episode_start import Beginning
+    from wt_gym.envs.layout import EnvLayout
+    from wt_gym.envs.operation import Operation
     from wt_gym.envs.rewards import RewardTerm
     from wt_gym.envs.snapshot import EnvSnapshot
     from wt_gym.envs.start import Start
-    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import EpisodeWind
+    from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["Twin", "TwinSnapshot"]
+__all__ = ["ControllerAlone", "Twin", "TwinSnapshot"]
 
 _OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs.rewards")
 """Whose objects are told from others by what they remember, and whose sources are known."""
 
 
-@dataclass(frozen=True)
-class TwinSnapshot:
-    """Where the controller alone is.
+class ControllerAlone(Protocol):
+    """The turbine under the base controller alone, as `wt_gym.envs.turbine_env.WindTurbineEnv` is one."""
 
-    Attributes
-    ----------
-    beginning : Beginning
-        Of the episode.
-    course : Course
-        What it earned from there.
-    steps : int
-        That were simulated.
-    state : EnvSnapshot or None
-        Of the simulation; None where none runs.
-    """
+    turbine: Turbine
+    operation: Operation
+    reward_terms: tuple[RewardTerm, ...]
+    layout: EnvLayout
+    limits: Limits
+    fidelity: str | Fidelity
+    control_dt: float
+    _running: bool
 
-    beginning: Beginning
-    course: Course
-    steps: int
-    state: EnvSnapshot | None
+    def _begin(self, beginning: Beginning) -> None: ...
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Advance by one control step."""
+        ...
+
+    def snapshot(self) -> EnvSnapshot:
+        """Where it is."""
+        ...
+
+    def restore(self, snapshot: EnvSnapshot) -> object:
+        """Continue from a snapshot."""
+        ...
+
+    def close(self) -> None:
+        """Release the simulator."""
+        ...
 
 
 class Twin:
@@ -70,21 +84,21 @@ class Twin:
 
     Parameters
     ----------
-    env : WindTurbineEnv
+    env : ControllerAlone
         The turbine under the controller alone: it gets the winds that are drawn elsewhere, and has none itself.
     wind_key : tuple
         What decides on turbulence made here beside its speed, seed and time.
 
     Attributes
     ----------
-    env : WindTurbineEnv
+    env : ControllerAlone
     course : Course
         Of this episode.
     """
 
     course: Course
 
-    def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
+    def __init__(self, env: ControllerAlone, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
         self._identity = _identity(env)
         self._beginning: Beginning | None = None
@@ -162,7 +176,7 @@ class Twin:
         self._simulated = None
 
 
-def _identity(env: WindTurbineEnv) -> str | None:
+def _identity(env: ControllerAlone) -> str | None:
     """What decides on the rewards of a turbine under its controller beside the beginning and the limits.
 
     None where something is from outside of this package: it may do another thing tomorrow, or draw numbers.
