@@ -10,6 +10,7 @@ from wt_gym.analysis.results import Wind
 from wt_gym.envs.arguments import check_duration
 from wt_gym.envs.wind_files import with_whole_paths
 from wt_gym.envs.wind_sampler import LARGEST_WIND_SEED
+from wt_gym.tasks import DEFAULT_ENV
 
 __all__ = ["FIRST_SEED", "LEAST_MEASURED", "EvaluationConfig"]
 
@@ -56,7 +57,7 @@ class EvaluationConfig:
         arguments of the environment hold a length of the episodes.
     """
 
-    env_id: str = "wt_gym/LoadReduction-v1"
+    env_id: str = DEFAULT_ENV
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     winds: tuple[Wind, ...] = tuple(Wind(USUAL_SPEED, seed) for seed in DEFAULT_WIND_SEEDS)
     duration: float = 600.0

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["AgentPool", "Environments", "load_agent", "load_model"]
 
 _ENDLESS = 10**9  # control steps
+_COMPARED = {"relative_reward": False}  # the baseline runs in the same wind and is compared afterwards
 
 
 def load_agent(choice: str, layout: EnvLayout, env: gym.Env | None = None) -> Agent:
@@ -163,7 +164,7 @@ class Environments:
             if choice is not None:
                 more["controller"] = choice.removeprefix(PREFIX)
             self._made[key] = gym.make(
-                self._id, **self._kwargs | more, episode_length=self._length, max_episode_steps=_ENDLESS
+                self._id, **self._kwargs | more | _COMPARED, episode_length=self._length, max_episode_steps=_ENDLESS
             )
             turbine_env_of(self._made[key]).outer_steps = _ENDLESS
         return self._made[key]

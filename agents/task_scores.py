@@ -58,6 +58,18 @@ class Column:
     how: str
 
 
+_SCORED = {
+    "LoadReduction": 1,
+    "FullRange": 1,
+    "MaxPower": 1,
+    "Yaw": 2,
+    "Gusts": 2,
+    "IEA15MW-LoadReduction": 2,
+    "IEA22MW-LoadReduction": 0,
+}
+"""Version of the id in which the studies of a task run: it changes together with the record."""
+
+
 @dataclass(frozen=True)
 class Part:
     """Winds of a study with arguments of the environment of their own."""
@@ -75,7 +87,7 @@ class Study:
     Attributes
     ----------
     task : str
-        Of `wt_gym.tasks.TASKS`, whose newest id runs.
+        Of `wt_gym.tasks.TASKS`.
     agents : tuple of str
         Words and paths as for `wt_gym.agents.pool.load_agent`, or `RANDOM`; the base controller first.
     parts : tuple of Part
@@ -98,8 +110,8 @@ class Study:
 
     @property
     def env_id(self) -> str:
-        """The newest id of the task."""
-        return TASKS[self.task].ids[-1]
+        """Id of the task in which the record was made."""
+        return f"wt_gym/{self.task}-v{_SCORED[self.task]}"
 
 
 def _winds(speeds: Iterable[float], n_seeds: int) -> tuple[Wind, ...]:

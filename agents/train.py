@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import sys
+import time
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import asdict, replace
 from importlib.metadata import version
@@ -12,6 +15,7 @@ import torch
 from stable_baselines3.common.logger import Logger, configure
 
 import wt_gym
+from wt_gym.agents.pretraining.options import PretrainingOptions
 from wt_gym.agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, RECORD_FILE, TrainedAgent
 from wt_gym.agents.trained_environment import resolved_arguments, with_pay
 from wt_gym.agents.training.callbacks import Checkpoints, Evaluations, Watch, stop_on_signals
@@ -22,6 +26,7 @@ from wt_gym.agents.training.models import load_model, make_model, save_model
 from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.agents.training.selection import FIGURES, SelectionEvaluation
 from wt_gym.envs.layout import layout_of
+from wt_gym.runs.executors import executor_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -92,6 +97,8 @@ def train(
             model = make_model(config, venv)
             session = _Session(config, run, venv, model, {}, on_evaluation, learner)
             run.clear()  # nothing can be refused any more
+            if config.pretraining is not None:
+                session.pretrain(progress)
             return session.learn(progress, stop)
 
 
@@ -190,6 +197,7 @@ class _Session:
         self._curve = _curve(before, _CURVE, self._first_step)
         evaluated = _entry(before, "evaluation", dict, None) or {}
         self._evaluation_seconds = _entry(evaluated, "seconds", float, 0.0)
+        self._pretraining = before.get("pretraining")
         self._evaluation = self._evaluations = None
         if config.eval_every:
             self._evaluation = SelectionEvaluation(config, self._wind, evaluated)
@@ -201,6 +209,20 @@ class _Session:
                 self._save_best,
                 on_evaluation,
             )
+
+    def pretrain(self, progress: bool) -> None:
+        """Change the fresh model by gradient on an identified model, before it learns in the environment."""
+        from wt_gym.agents.pretraining.pretrain import pretrain  # for those who ask for it
+
+        config = self._config
+        began = time.monotonic()
+        workers, options = min(config.n_envs, os.cpu_count() or 1), PretrainingOptions.of(config.pretraining or {})
+        say = (lambda line: print(line, file=sys.stderr, flush=True)) if progress else None
+        with executor_for("local", workers, None) as executor:
+            self._pretraining = pretrain(
+                self._model, config.env_id, config.env_kwargs, options, executor, config.seed, say
+            )
+        self._pretraining["seconds"] = round(time.monotonic() - began, 1)
 
     def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:
         """Train until the steps are done, time is over or somebody asks to stop; give the record."""
@@ -277,6 +299,7 @@ class _Session:
             "versions": {name: version(name) for name in self._learner.packages},
             "config": config.to_json(),
             "environment": resolved_arguments(config.env_id, config.env_kwargs),
+            "pretraining": self._pretraining,
             "curve": self._curve,
             "evaluation": self._evaluation_record(),
             "sessions": [*self._sessions, session],

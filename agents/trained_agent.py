@@ -10,7 +10,7 @@ import zipfile
 import zlib
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from sb3_contrib import TQC
@@ -22,6 +22,8 @@ from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_keys
 from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
     from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -213,9 +215,17 @@ class TrainedAgent:
     ):
         self.model, self.normalization, self.record = model, normalization, record
         self._signs: tuple[np.ndarray, np.ndarray] | None = None  # of observation and action, through the mirror
+        self._held, self._steps = 1, 0  # control steps that an action is held for, and those since the start
+        self._last: np.ndarray | None = None
 
     @classmethod
-    def load(cls, path: str | Path, algorithm: str | None = None, trust: bool = False) -> TrainedAgent:
+    def load(
+        cls,
+        path: str | Path,
+        algorithm: str | None = None,
+        trust: bool = False,
+        classes: Mapping[str, type[BaseAlgorithm]] | None = None,
+    ) -> TrainedAgent:
         """Load a model from its zip file or from the folder that training wrote.
 
         The files hold pickled Python objects, which can run any code when they are loaded. What a policy needs of them
@@ -233,6 +243,8 @@ class TrainedAgent:
             Class of the model; default: that of the training record, else what the file itself shows.
         trust : bool
             Load everything as stable-baselines3 does, with whatever code is in it.
+        classes : mapping, optional
+            Class of the model by algorithm; default: `ALGORITHM_CLASSES`.
 
         Returns
         -------
@@ -264,7 +276,7 @@ class TrainedAgent:
         normalization = None if statistics_file is None else read_normalization(statistics_file, trust)
         try:
             objects = None if trust else safe_objects(data, model_file)
-            model = ALGORITHM_CLASSES[name].load(model_file, device="cpu", custom_objects=objects)
+            model = (classes or ALGORITHM_CLASSES)[name].load(model_file, device="cpu", custom_objects=objects)
         except UnsafePickleError:
             raise
         except DAMAGE as error:
@@ -293,10 +305,12 @@ class TrainedAgent:
                         f"environment has {found or 'nothing'} there"
                     )
         trained_at = (self.record or {}).get("control_dt", layout.control_dt)
-        if trained_at != layout.control_dt:
+        held = round(trained_at / layout.control_dt)
+        remembers = any("@" in name for name in layout.observation.names)  # readings of earlier steps
+        if abs(held * layout.control_dt - trained_at) > 1e-9 or held < 1 or (held > 1 and remembers):
             raise ValueError(
-                f"the model was trained with a control step of {trained_at} s, the environment has "
-                f"{layout.control_dt} s"
+                f"the model was trained with a control step of {trained_at} s, that of the environment must be the "
+                f"same{'' if remembers else ' or go into it a whole number of times'}, got {layout.control_dt} s"
             )
         required = (self.model.observation_space.shape, self.model.action_space.shape)
         offered = ((len(layout.observation),), (layout.action.size,))
@@ -309,7 +323,9 @@ class TrainedAgent:
         """Get ready for an environment: check that the model fits, and mirror a rotor that turns the other way.
 
         An agent that was trained on a rotor that turns clockwise sees a counter-clockwise one in a mirror, and acts
-        through it: the components of observations and actions change their signs by their parity.
+        through it: the components of observations and actions change their signs by their parity. In an environment
+        with a shorter control step than that of its training an agent acts as often as in its training, and its action
+        is held between; that is for one turbine at a time.
 
         Parameters
         ----------
@@ -321,6 +337,8 @@ class TrainedAgent:
             See `check_fits`.
         """
         self.check_fits(layout)
+        self._held = round((self.record or {}).get("control_dt", layout.control_dt) / layout.control_dt)
+        self._steps = 0
         self._signs = None
         if layout.turbine.rotation != (self.record or {}).get("rotation", "clockwise"):
             signs = layout.observation.parity, layout.action.parity
@@ -338,9 +356,17 @@ class TrainedAgent:
             As the model gives it (None for policies without memory).
         """
         observation = np.asarray(observation)
+        if self._held > 1:
+            if episode_start is not None and np.any(episode_start):
+                self._steps = 0
+            self._steps += 1
+            if (self._steps - 1) % self._held:
+                return cast("np.ndarray", self._last).copy(), state
         if self._signs is not None:
             observation = observation * self._signs[0]
         if self.normalization is not None:
             observation = self.normalization.normalize_obs(observation)
         action, state = self.model.predict(observation, state, episode_start, deterministic)
-        return action if self._signs is None else action * self._signs[1], state
+        action = action if self._signs is None else action * self._signs[1]
+        self._last = action
+        return action, state

@@ -29,11 +29,14 @@ __all__ = [
     "with_pay",
 ]
 
-KEPT = ("action_spans", "residual_fade", "residual_washout", "controller", "sensor_noise", "sensor_delay")
+KEPT = (
+    "action_spans", "residual_fade", "residual_washout", "residual_form", "controller", "sensor_noise", "sensor_delay",
+    "sensor_washout",
+)  # fmt: skip
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
 inflow and wind are not among them: to carry an agent over to others is an experiment."""
-_SEEN = ("observation", "history")
-_MEANT = ("action_spans", "residual_fade", "residual_washout")
+_SEEN = ("observation", "history", "sensor_washout")
+_MEANT = ("action_spans", "residual_fade", "residual_washout", "residual_form")
 
 
 def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:

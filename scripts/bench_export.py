@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DEFAULT = (
     "discon",
     "tsr_tracking+constrained_ipc+tower_dampers+yaw",
+    "linear_optimal",
     str(ROOT / "agents/trained/load_reduction_on_ipc"),
 )
 PROGRAM = r"""

@@ -180,7 +180,7 @@ def total_rate(row: Mapping[str, float], weights: Mapping[str, float] | None = N
 
 def task_weights() -> dict[str, dict[str, float]]:
     """Weights of the reward of each task (`wt_gym.tasks.TASKS`), in its newest version, that changes them."""
-    given = {name: (task.arguments | task.versions[-1]).get("reward", {}) for name, task in TASKS.items()}
+    given = {name: task.newest.get("reward", {}) for name, task in TASKS.items()}
     return {name: rewards.DEFAULT_WEIGHTS | changed for name, changed in given.items() if changed}
 
 

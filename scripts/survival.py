@@ -2,7 +2,7 @@
 """How many episodes a random policy survives: uniform actions, drawn anew in every step or held for a while.
 
     scripts/survival.py                                   # 200 episodes of residual fixed-frame actions, 6 to 18 m/s
-    scripts/survival.py --env wt_gym/FullRange-v1 --episodes 50
+    scripts/survival.py --env wt_gym/FullRange-v2 --episodes 50
 
 It prints how the episodes ended.
 """

@@ -56,5 +56,5 @@ for _record in RECORDS.values():
         _register(_id, _arguments)
 
 for _task in TASKS.values():
-    for _id, _changes in zip(_task.ids, _task.versions, strict=True):
-        _register(_id, {**_task.arguments, **_changes}, max_episode_steps=_task.max_episode_steps)
+    for _id, _arguments in _task.registered.items():
+        _register(_id, _arguments, max_episode_steps=_task.max_episode_steps(_id))

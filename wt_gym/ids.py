@@ -16,7 +16,7 @@ def present_id(env_id: str) -> str:
     Returns
     -------
     str
-        The id itself while it is registered, else the newest one of its name; where there is none, the id as given.
+        The id itself while it is registered, else the next one of its name; where there is none, the id as given.
     """
     name, mark, number = env_id.rpartition("-v")
     if env_id in gym.registry or not mark or not number.isdigit():
@@ -26,4 +26,4 @@ def present_id(env_id: str) -> str:
         for known in gym.registry
         if known.rpartition("-v")[0] == name and int(known.rpartition("-v")[2]) > int(number)
     ]
-    return f"{name}-v{max(newer)}" if newer else env_id
+    return f"{name}-v{min(newer)}" if newer else env_id

@@ -10,9 +10,10 @@ from typing import Any
 
 from wt_gym.turbine_records import RECORDS
 
-__all__ = ["TASKS", "Task"]
+__all__ = ["DEFAULT_ENV", "TASKS", "Task"]
 
 _CONTROL_DT = 0.2
+"""Of the environment, where nothing else is said [s]."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Task:
     episode : float
         Length of an episode [s]; ``max_episode_steps`` of the id.
     arguments : dict
-        Of the environment.
+        Of the environment, in the oldest version.
     first_version : int
         Number of the oldest id: those before it cannot be repeated any more and are gone (``docs/versions.md``).
     versions : tuple of dict
@@ -51,9 +52,18 @@ class Task:
         return tuple(f"wt_gym/{self.name}-v{self.first_version + k}" for k in range(len(self.versions)))
 
     @property
-    def max_episode_steps(self) -> int:
-        """Control steps of an episode."""
-        return round(self.episode / _CONTROL_DT)
+    def registered(self) -> dict[str, dict[str, Any]]:
+        """Arguments of the environment by id, the newest last."""
+        return {name: {**self.arguments, **more} for name, more in zip(self.ids, self.versions, strict=True)}
+
+    @property
+    def newest(self) -> dict[str, Any]:
+        """Arguments of the newest id."""
+        return self.registered[self.ids[-1]]
+
+    def max_episode_steps(self, env_id: str) -> int:
+        """Control steps of an episode of an id."""
+        return round(self.episode / float(self.registered[env_id].get("control_dt", _CONTROL_DT)))
 
 
 _RESIDUAL = {"turbine": "nrel_5mw", "inflow": "turbulent", "action_mode": "residual", "episode_length": None}
@@ -77,6 +87,20 @@ _ENERGY_FIRST = {
     "actuator_use": 0.02,
 }
 
+# What a turbine measures, at the step of the simulator. Two simulators agree on what changes of loads, not on their
+# means, so these are washed out, as is the mean of the blades' offsets, which the integrator of the controller takes
+# back above rated wind. The reward is relative to the controller alone, whose own is recorded once a start: there are
+# as many as make four or five hours of wind.
+_MEASURED = {
+    "observation": ("measurable",),
+    "sensor_washout": 20.0,
+    "control_dt": 0.1,
+    "relative_reward": True,
+    "starts": 256,
+}
+# An early end costs more than the worst operation for as long as the discount of the training looks ahead.
+_ABOVE_RATED = {**_MEASURED, "residual_washout": 15.0, "termination_penalty": 200.0}
+
 TASKS = {
     task.name: task
     for task in (
@@ -87,6 +111,7 @@ TASKS = {
             60.0,
             {**_LOAD_REDUCTION, "wind_speed": (12.0, 20.0)},
             first_version=1,
+            versions=({}, _ABOVE_RATED),
         ),
         Task(
             "FullRange",
@@ -100,6 +125,7 @@ TASKS = {
                 "wind_speed": (5.0, 22.0),
             },
             first_version=1,
+            versions=({}, _ABOVE_RATED),
         ),
         Task(
             "MaxPower",
@@ -114,6 +140,7 @@ TASKS = {
                 "termination_penalty": 100.0,
             },
             first_version=1,
+            versions=({}, {**_MEASURED, "observation": ("measurable", "wind_estimate"), "termination_penalty": 150.0}),
         ),
         Task(
             "Yaw",
@@ -134,6 +161,16 @@ TASKS = {
                 "termination_penalty": 100.0,
             },
             first_version=2,
+            versions=(
+                {},
+                {
+                    **_MEASURED,
+                    "observation": ("measurable", "dead_band"),
+                    "history": 1,
+                    "starts": 64,
+                    "termination_penalty": 800.0,
+                },
+            ),
         ),
         Task(
             "Gusts",
@@ -149,6 +186,7 @@ TASKS = {
                 "gusts": ("EOG", "EDC", "ECD", "EWS", "ETM"),
             },
             first_version=2,
+            versions=({}, _ABOVE_RATED),
         ),
         Task(
             "IEA15MW-LoadReduction",
@@ -157,6 +195,7 @@ TASKS = {
             60.0,
             {**_LOAD_REDUCTION, **RECORDS["iea_15mw"].arguments, "turbine": "iea_15mw", "wind_speed": (11.0, 20.0)},
             first_version=2,
+            versions=({}, _ABOVE_RATED),
         ),
         Task(
             "IEA22MW-LoadReduction",
@@ -164,7 +203,11 @@ TASKS = {
             "as LoadReduction",
             60.0,
             {**_LOAD_REDUCTION, **RECORDS["iea_22mw"].arguments, "turbine": "iea_22mw", "wind_speed": (12.0, 20.0)},
+            versions=({}, _ABOVE_RATED),
         ),
     )
 }
 """Tasks by name."""
+
+DEFAULT_ENV = TASKS["LoadReduction"].ids[-1]
+"""Environment of commands that are not told another one."""

@@ -10,6 +10,7 @@ from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.tune.registry import register_env
 
 from wt_gym.agents.distributed.rllib_environment import make_runner_env
+from wt_gym.agents.training.hyperparameters import of_each_copy
 
 if TYPE_CHECKING:
     from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
@@ -80,7 +81,7 @@ def rllib_config(config: TrainingConfig, runners: int, session: int) -> Algorith
     envs, rest = divmod(config.n_envs, max(1, runners))
     if rest or not envs:
         raise ValueError(f"{config.n_envs} environments cannot be divided among {runners} runners")
-    values = _DEFAULTS[config.algorithm] | config.resolved
+    values = _DEFAULTS[config.algorithm] | of_each_copy(config.resolved, config.n_envs)
     register_env(_ENV, make_runner_env)  # by Ray, in every process that asks for it
     settings, fragment = (_ppo if config.algorithm == "PPO" else _sac)(values, config, runners)
     context = {

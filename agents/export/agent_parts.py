@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.agents.export.controller_parts import ACCELERATION, Parts, estimator_values, note_fade
+from wt_gym.agents.export.controller_parts import (
+    ACCELERATION,
+    LINEAR_READS,
+    MOST_SEEN_BINS,
+    Parts,
+    estimator_values,
+    note_fade,
+)
 from wt_gym.control import NacelleAnemometer
 from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.optimal.measured import OUTPUTS
 
 if TYPE_CHECKING:
     from wt_gym.agents.export.network import Network
@@ -18,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["KINDS", "Seen", "add_agent", "seen_channels"]
 
 _PARTS = {"mean": 0, "tilt": 1, "yaw": 2}
+_LINEAR = _PARTS | {"share": 3, "schedule": 4}
 _PLAIN = {
     "rotor_speed": ("ROTOR_SPEED", {"rotor_speed"}),
     "generator_speed": ("GENERATOR_SPEED", {"generator_speed"}),
@@ -38,6 +47,8 @@ _PLAIN = {
     "controller_torque": ("CONTROLLER_TORQUE", set()),
     "residual_share": ("SHARE", {"rotor_speed"}),
     "residual_mean": ("MEAN_OFFSET", set()),
+    "dead_band_error": ("DEAD_BAND_ERROR", set()),
+    "dead_band_turning": ("DEAD_BAND_TURNING", set()),
 }
 """Channels without a number: how the C source calls them, and the readings that they need."""
 _MOMENTS = {"pitch", "out_of_plane", "in_plane"}
@@ -56,7 +67,7 @@ _FIXED_FRAME = {
 }
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "HELD",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
 
@@ -74,12 +85,15 @@ class Seen:
     channel : Channel
     reads : set of str
         Readings that it needs.
+    washed : bool
+        Whether it passes the high-pass filter of the observation.
     """
 
     kind: str
     index: int
     channel: Any
     reads: set[str]
+    washed: bool = False
 
 
 def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
@@ -96,7 +110,11 @@ def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
     ValueError
         If there are such channels and they are not held.
     """
-    found = [_seen(channel, layout) for channel in layout.observation.channels if "@" not in channel.name]
+    found = [
+        replace(_seen(channel, layout), washed=channel.name in layout.washed)
+        for channel in layout.observation.channels
+        if "@" not in channel.name
+    ]
     missing = [one.channel.name for one in found if one.kind == "HELD"]
     if missing and not hold_missing:
         raise ValueError(
@@ -117,6 +135,11 @@ def _seen(channel: Any, layout: EnvLayout) -> Seen:
         return Seen("PREVIOUS_ACTION", layout.action.names.index(name.removeprefix("previous_")), channel, set())
     if parted := re.fullmatch(rf"({'|'.join(_FIXED_FRAME)})_(mean|tilt|yaw)", name):
         return Seen(_FIXED_FRAME[parted[1]], _PARTS[parted[2]], channel, _MOMENTS | {"azimuth"})
+    if parted := re.fullmatch(rf"disturbance_({'|'.join(OUTPUTS)})_(\d+)", name):
+        place = MOST_SEEN_BINS * OUTPUTS.index(parted[1]) + int(parted[2]) - 1
+        return Seen("DISTURBANCE", place, channel, LINEAR_READS)
+    if parted := re.fullmatch(rf"linear_pitch_({'|'.join(_LINEAR)})", name):
+        return Seen("LINEAR_PITCH", _LINEAR[parted[1]], channel, LINEAR_READS)
     if numbered := re.fullmatch(r"(.+)_(\d)", name):
         index = int(numbered[2]) - 1
         if numbered[1] == "pitch_offset":
@@ -167,6 +190,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "N_OBS": len(layout.observation),
         "N_HISTORY": layout.delay + history,
         "DELAY": layout.delay,
+        "OFFSET_FORM": int(action.residual == "offset"),
         "HAS_YAW": int(action.has_yaw),
         "HAS_TORQUE": int(torque),
         "SUBSTEPS": env.operation.count,
@@ -191,6 +215,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "offset_torque_rate": spans["torque_rate"],
         "offset_yaw_rate": spans["yaw_rate"],
         "offset_lead": action.delay,
+        "sensor_washout": env.options.observations.washout or 0.0,
         "offset_washout": residual._lasting.time_constant if residual is not None and residual._lasting else 0.0,
         "anemometer_time": anemometer._speed.time_constant,
         "vane_time": anemometer._direction.time_constant,

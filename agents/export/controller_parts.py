@@ -17,6 +17,7 @@ from wt_gym.control.controllers import (
     YawByDeadBand,
 )
 from wt_gym.control.controllers.controller import parts_of
+from wt_gym.control.controllers.linear_optimal import SCHEDULE_TIME, LinearOptimalPitch
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
@@ -24,16 +25,49 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers import AboveRated, Controller
     from wt_gym.control.controllers.discon import BaselineParameters
     from wt_gym.control.controllers.wind_estimator import WindEstimator
+    from wt_gym.control.optimal.design_file import LinearDesign
     from wt_gym.control.rotor_table import RotorTable
     from wt_gym.turbines import Turbine
 
-__all__ = ["ACCELERATION", "SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
+__all__ = [
+    "ACCELERATION",
+    "LINEAR_READS",
+    "MOST_SEEN_BINS",
+    "SUPPORTED",
+    "Parts",
+    "controller_parts",
+    "estimator_values",
+    "note_fade",
+]
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
-             "side_side_damper", "tower_dampers", "tuned", "yaw")  # fmt: skip
+             "side_side_damper", "tower_dampers", "tuned", "yaw",
+             "linear_pitch", "linear_optimal")  # fmt: skip
 """Names of controllers that can be exported."""
 ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
 """Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
+LINEAR_READS = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"} | ACCELERATION
+"""Readings of linear optimal pitch."""
+MOST_SEEN_BINS = 100
+"""More than the bins of delays of any design; what the number of a channel counts outputs by."""
+
+
+@dataclass(frozen=True)
+class LinearPitch:
+    """Linear optimal pitch as the C source has it.
+
+    Attributes
+    ----------
+    design : LinearDesign
+    sign : float
+        Of accelerations to the side.
+    bins : tuple of (int, int)
+        Of delays, over which an agent sees means of the disturbances.
+    """
+
+    design: LinearDesign
+    sign: float
+    bins: tuple[tuple[int, int], ...]
 
 
 @dataclass
@@ -54,7 +88,9 @@ class Parts:
     tables : dict
         Rotor tables by the name in the C source.
     reads : dict
-        Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT".
+        Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR".
+    linear : LinearPitch or None
+        Arrays of linear optimal pitch.
     """
 
     turbine: Turbine
@@ -64,6 +100,7 @@ class Parts:
     additions: list[str] = field(default_factory=list)
     tables: dict[str, RotorTable] = field(default_factory=dict)
     reads: dict[str, set[str]] = field(default_factory=dict)
+    linear: LinearPitch | None = None
 
 
 def controller_parts(controller: Controller, turbine: Turbine, step: float) -> Parts:
@@ -104,7 +141,15 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
         "drive_torque_rate": drive.max_torque_rate,
         "drive_yaw_rate": turbine.nacelle.max_yaw_rate,
     }
-    flags = ("GAIN_TABLE", "TRACKS_TIP_SPEED_RATIO", "FADE_IPC", "FADE_FORE_AFT", "N_HARMONICS", "INDIVIDUAL_BLADES")
+    flags = (
+        "GAIN_TABLE",
+        "TRACKS_TIP_SPEED_RATIO",
+        "FADE_IPC",
+        "FADE_FORE_AFT",
+        "FADE_LINEAR",
+        "N_HARMONICS",
+        "INDIVIDUAL_BLADES",
+    )
     parts.constants |= dict.fromkeys(flags, 0)
     base, *additions = parts_of(controller)
     if type(base) is DisconController:  # what is derived from it may do something else
@@ -116,6 +161,8 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
     for addition in additions:
         if type(addition) is IndividualPitch:
             _individual_pitch(parts, addition, step)
+        elif type(addition) is LinearOptimalPitch:
+            _linear_pitch(parts, addition, step)
         elif type(addition) is ForeAftDamper:
             _fore_aft(parts, addition)
         elif type(addition) is SideSideDamper:
@@ -234,6 +281,7 @@ def note_fade(parts: Parts, fade: AboveRated | None, group: str, name: str, cons
         "fade_fine_pitch": fade.fine_pitch,
         f"{name}_fade_pitch": list(p.pitch),
         f"{name}_fade_speed": list(p.speed),
+        f"{name}_fade_fine_speed": [1e3, 2e3] if p.fine_speed is None else list(p.fine_speed),
         f"{name}_fade_time": p.time_constant,
     }
 
@@ -253,6 +301,32 @@ def _individual_pitch(parts: Parts, addition: IndividualPitch, step: float) -> N
     parts.values["ipc_lead"] = lead
     note_fade(parts, addition.fade, "ipc", "ipc", "FADE_IPC")
     parts.reads["IPC"] = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"}
+
+
+def _linear_pitch(parts: Parts, addition: LinearOptimalPitch, step: float) -> None:
+    """Linear optimal pitch: its matrices go into the source, its limits into the parameters."""
+    parts.additions.append("LINEAR_PITCH_ADDED")
+    parts.groups |= {"linear", "acceleration"}
+    design, offsets = addition.design, addition.offsets
+    n_designs, n_outputs, _, n_taps = design.responses.shape
+    parts.linear = LinearPitch(design, addition.sign, addition.bins)
+    parts.constants |= {
+        "N_DESIGNS": n_designs,
+        "N_OUTPUTS": n_outputs,
+        "N_TAPS": n_taps,
+        "N_DELAYS": design.gains.shape[-1],
+        "INDIVIDUAL_BLADES": 1,
+    }
+    parts.values |= {
+        "linear_gain": addition.gain,
+        "linear_limit": offsets.limit,
+        "linear_rate_limit": offsets.rate_limit,
+        "linear_lead": pitch_delay(offsets.drive, step),
+        "linear_schedule_time": SCHEDULE_TIME,
+    }
+    note_fade(parts, offsets.fade, "linear", "linear", "FADE_LINEAR")
+    parts.constants |= {"N_SEEN_BINS": len(addition.bins), "MOST_SEEN_BINS": MOST_SEEN_BINS}
+    parts.reads["LINEAR"] = LINEAR_READS
 
 
 def _fore_aft(parts: Parts, addition: ForeAftDamper) -> None:

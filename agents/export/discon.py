@@ -139,15 +139,22 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
         + (" The yaw needs `YawDOF` True in ElastoDyn." if yaws else ""),
         "", "## Readings", "", "| record | reading | plausible range | needed by |", "|---|---|---|---|",
     ]  # fmt: skip
-    words = {"BASE": "controller", "IPC": "individual pitch", "DAMPER": "dampers", "YAW": "yaw", "AGENT": "agent"}
+    words = {
+        "BASE": "controller",
+        "IPC": "individual pitch",
+        "DAMPER": "dampers",
+        "YAW": "yaw",
+        "AGENT": "agent",
+        "LINEAR": "linear optimal pitch",
+    }
     for kind, record, name, low, high, users in readings(parts):
         needed = sorted(words[user] for user in users) + ["in place of record 20"] * (kind == "rotor_speed")
         if needed:
             lines.append(f"| {record} | {name} | {low:.4g} to {high:.4g} | {', '.join(needed)} |")
     lines += [
         "", "A reading that is not a number or out of its range keeps its last value, and what acts on it rests: the "
-        "agent's offsets and individual pitch return to zero at their greatest rate. Without the generator speed the "
-        "rotor speed stands in. The library says so once.",
+        "agent's offsets, individual and linear optimal pitch return to zero at their greatest rate. Without the "
+        "generator speed the rotor speed stands in. The library says so once.",
         "", "Demands: records 42 to 44 (pitch), 45 (their mean), 47 (torque), 48 (yaw rate). Status -8 writes and -9 "
         "reads a checkpoint: the file that is named in place of the parameter file, as by OpenFAST, else "
         "`OUTNAME.MILLISECONDS.checkpoint`.",

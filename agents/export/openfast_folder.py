@@ -17,15 +17,13 @@ from wt_gym.agents.trained_environment import training_arguments
 from wt_gym.bridges.openfast import ServedController, write_driver_run
 from wt_gym.control.controllers import parse_name
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
+from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["DEFAULT_ENV", "Scene", "export_openfast", "scene_of"]
-
-DEFAULT_ENV = "wt_gym/LoadReduction-v1"
-"""Where controllers fly; a trained agent flies where it was trained."""
+__all__ = ["Scene", "export_openfast", "scene_of"]
 
 
 @dataclass(frozen=True)

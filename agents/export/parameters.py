@@ -36,6 +36,12 @@ def _fade(group: str, what: str) -> tuple[Entry, ...]:
     return (
         Entry(f"{what}_fade_pitch", "rad", "pitch above fine pitch at which it begins and is full", f"{group}_fade"),
         Entry(f"{what}_fade_speed", "-", "rotor speed over rated at which it begins and is full", f"{group}_fade"),
+        Entry(
+            f"{what}_fade_fine_speed",
+            "-",
+            "the same at fine pitch; above any speed: nothing acts there",
+            f"{group}_fade",
+        ),
         Entry(f"{what}_fade_time", "s", "time constant of the filter on the pitch", f"{group}_fade", 0.0),
     )
 
@@ -110,6 +116,12 @@ PARAMETERS = (
     Entry("ipc_rate_limit", "rad/s", "greatest rate of the amplitude", "ipc", 0.0),
     Entry("ipc_lead", "s", "time by which the azimuth leads", "ipc", 0.0),
     *_fade("ipc", "ipc"),
+    Entry("linear_gain", "-", "linear optimal pitch: factor on all offsets", "linear", 0.0, 2.0),
+    Entry("linear_limit", "rad", "largest mean offset, and largest amplitude of tilt and yaw", "linear", 0.0, math.pi),
+    Entry("linear_rate_limit", "rad/s", "largest rate of the mean, and of tilt and yaw together", "linear", 0.0),
+    Entry("linear_lead", "s", "time by which the azimuth leads", "linear", 0.0),
+    Entry("linear_schedule_time", "s", "time constant of the pitch that chooses between designs", "linear", 0.0),
+    *_fade("linear", "linear"),
     Entry("fore_aft_gain", "rad s/m", "fore-aft damper: from velocity to pitch", "fore_aft", 0.0),
     Entry("fore_aft_corner", "rad/s", "of the high-pass filter", "fore_aft", 1e-6),
     Entry("fore_aft_limit", "rad", "greatest pitch added", "fore_aft", 0.0, math.pi),
@@ -131,6 +143,7 @@ PARAMETERS = (
     Entry("offset_yaw_rate", "rad/s", "greatest residual yaw rate", "agent", 0.0),
     Entry("offset_lead", "s", "time by which the azimuth leads", "agent", 0.0),
     Entry("offset_washout", "s", "time constant of the washout of mean residual pitch; 0: none", "agent", 0.0),
+    Entry("sensor_washout", "s", "time constant of the high-pass filter on observed loads; 0: none", "agent", 0.0),
     Entry("anemometer_time", "s", "time constant of the observed wind speed", "agent", 0.0),
     Entry("vane_time", "s", "time constant of the observed yaw error", "agent", 0.0),
     *_fade("agent", "offset"),

@@ -19,6 +19,15 @@ struct second_order { double value, rate; };
 struct integrator { double first, second; };
 struct demand { double pitch[N_BLADES], yaw_rate, torque; };
 struct harmonic { double pitch[2], integral[2]; };
+#if WITH_LINEAR
+/* Offsets of linear optimal pitch as mean, tilt and yaw, and the disturbances that it found; the latest comes first. */
+struct linear {
+    int fresh;
+    double fade, share, slow, age, acted_for; /* age: since the last decision, in intervals */
+    double asked[3], acting[3], wanted[3], sum[3];
+    double acted[3][N_TAPS], past[N_OUTPUTS][N_DELAYS], lasting[N_OUTPUTS];
+};
+#endif
 
 /* Measured values: the last good one of each reading, and those of the pitched blade that follow. */
 struct readings {
@@ -44,6 +53,9 @@ struct state {
     double fade_ipc, fade_fore_aft;
     int fresh_ipc, fresh_fore_aft;
     struct integrator fore_aft, side_side;
+#if WITH_LINEAR
+    struct linear linear;
+#endif
     double yaw_slow, yaw_fast;
     int turning;
     struct demand present, base, demand; /* present: at the first call */
@@ -52,8 +64,11 @@ struct state {
     double from[N_SETPOINT], to[N_SETPOINT], yaw_rate, action[N_ACT];
     double fade, share, lasting, mean;
     double anemometer, vane, sensor_wind, sensor_rotor_speed;
-    double pitch_now[N_BLADES], pitch_before[N_BLADES];
+    double pitch_now[N_BLADES], pitch_before[N_BLADES], lasting_load[N_CHANNELS];
     double history[N_HISTORY][N_CHANNELS];
+#if WITH_LINEAR
+    double known[N_OUTPUTS * N_SEEN_BINS + 5]; /* of the disturbances */
+#endif
     long n_history;
     int has_rate;
 #endif
@@ -182,9 +197,11 @@ static double of_blade(double tilt, double yaw, double azimuth, int harmonic, in
 /* ---- how far additions act: not below rated wind ----------------------------------------------------------------- */
 
 static double above_rated(const struct parameters *p, double pitch, double rotor_speed, const double *pitch_ends,
-                          const double *speed_ends) {
-    return ramp(pitch - p->fade_fine_pitch, pitch_ends[0], pitch_ends[1]) *
-           ramp(rotor_speed / p->rated_rotor_speed, speed_ends[0], speed_ends[1]);
+                          const double *speed_ends, const double *fine_speed_ends) {
+    double pitched = ramp(pitch - p->fade_fine_pitch, pitch_ends[0], pitch_ends[1]);
+    double ratio = rotor_speed / p->rated_rotor_speed;
+    return pitched * ramp(ratio, speed_ends[0], speed_ends[1]) +
+           (1.0 - pitched) * ramp(ratio, fine_speed_ends[0], fine_speed_ends[1]);
 }
 
 /* ---- gain-scheduled proportional-integral law of the collective pitch -------------------------------------------- */
@@ -399,7 +416,8 @@ static void individual_pitch(const struct parameters *p, struct state *s, struct
     if (FADE_IPC) {
         if (s->fresh_ipc) s->fade_ipc = mean_of(d->pitch);
         s->fade_ipc = low_pass(s->fade_ipc, mean_of(d->pitch), dt, p->ipc_fade_time);
-        share = above_rated(p, s->fade_ipc, s->now.rotor_speed, p->ipc_fade_pitch, p->ipc_fade_speed);
+        share = above_rated(p, s->fade_ipc, s->now.rotor_speed, p->ipc_fade_pitch, p->ipc_fade_speed,
+                            p->ipc_fade_fine_speed);
     }
     s->fresh_ipc = 0;
     if (s->bad_users & FOR_IPC) share = 0.0;
@@ -417,7 +435,8 @@ static void fore_aft_damper(const struct parameters *p, struct state *s, struct 
     if (FADE_FORE_AFT) {
         if (s->fresh_fore_aft) s->fade_fore_aft = mean_of(d->pitch);
         s->fade_fore_aft = low_pass(s->fade_fore_aft, mean_of(d->pitch), dt, p->fore_aft_fade_time);
-        share = above_rated(p, s->fade_fore_aft, s->now.rotor_speed, p->fore_aft_fade_pitch, p->fore_aft_fade_speed);
+        share = above_rated(p, s->fade_fore_aft, s->now.rotor_speed, p->fore_aft_fade_pitch, p->fore_aft_fade_speed,
+                            p->fore_aft_fade_fine_speed);
     }
     s->fresh_fore_aft = 0;
     added = share * clip(p->fore_aft_gain * velocity, -p->fore_aft_limit, p->fore_aft_limit);
@@ -434,6 +453,175 @@ static void side_side_damper(const struct parameters *p, struct state *s, struct
     double added = fmin(fmax(p->side_side_gain * velocity, -limit), limit);
     d->torque = fmin(d->torque + added, fmax(p->drive_max_torque, d->torque));
 }
+
+#if WITH_LINEAR
+/* ---- linear optimal pitch: mean, tilt and yaw from the disturbances that the model of the turbine leaves ------------ */
+
+static void shift(double *rows, int n_rows, int n, int steps) {
+    if (steps <= 0 || steps >= n) return;
+    for (int i = 0; i < n_rows; i++) memmove(rows + i * n + steps, rows + i * n, (size_t)(n - steps) * sizeof *rows);
+}
+
+/* Four sums side by side: one alone waits for every addition. */
+static double product(const float *weights, const double *values, int n) {
+    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+    int k = 0;
+    for (; k + 4 <= n; k += 4)
+        for (int i = 0; i < 4; i++) sum[i] += (double)weights[k + i] * values[k + i];
+    for (; k < n; k++) sum[0] += (double)weights[k] * values[k];
+    return sum[0] + sum[1] + (sum[2] + sum[3]);
+}
+
+/* Mean, tilt and yaw of values of the blades at an azimuth. */
+static void to_fixed_frame(const double *x, double azimuth, double *out) {
+    out[0] = mean_of(x);
+    to_harmonic(x, azimuth, 1, &out[1], &out[2]);
+}
+
+/* Place of a slow pitch among the designs: that below, and the share of the one above. */
+static int design_below(double pitch, double *share) {
+    int k = 0;
+    *share = 0.0;
+    if (N_DESIGNS == 1 || pitch <= LINEAR_PITCH[0]) return 0;
+    while (k < N_DESIGNS - 2 && pitch > LINEAR_PITCH[k + 1]) k++;
+    *share = fmin((pitch - LINEAR_PITCH[k]) / (LINEAR_PITCH[k + 1] - LINEAR_PITCH[k]), 1.0);
+    return k;
+}
+
+static void linear_start(struct linear *l) {
+    memset(l, 0, sizeof *l);
+    l->fresh = 1;
+    l->share = 1.0;
+}
+
+/* The mean of the offsets since the last decision, for each of the intervals that passed. */
+static void linear_remember(struct linear *l, int passed) {
+    if (passed <= 0) return;
+    shift(&l->acted[0][0], 3, N_TAPS, passed);
+    for (int j = 0; j < 3; j++) {
+        for (int k = 0; k < passed && k < N_TAPS; k++) l->acted[j][k] = l->sum[j] / l->acted_for;
+        l->sum[j] = 0.0;
+    }
+    l->acted_for = 0.0;
+}
+
+/* Disturbances over their scale: what is measured less what the offsets did. */
+static void linear_find(const struct state *s, const struct linear *l, double *found) {
+    const struct readings *r = &s->now;
+    double measured[N_OUTPUTS], share;
+    int low = design_below(l->slow, &share);
+    to_fixed_frame(r->flap, r->azimuth, measured);
+    measured[3] = r->acceleration_fore_aft;
+    measured[4] = LINEAR_SIDE * r->acceleration_side_side;
+    measured[5] = r->rotor_speed;
+    for (int i = 0; i < N_OUTPUTS; i++) {
+        const float *of_low = &LINEAR_RESPONSES[(low * N_OUTPUTS + i) * 3 * N_TAPS];
+        found[i] = measured[i] / LINEAR_SCALE[i] - (1.0 - share) * product(of_low, &l->acted[0][0], 3 * N_TAPS);
+        if (share > 0.0) found[i] -= share * product(of_low + N_OUTPUTS * 3 * N_TAPS, &l->acted[0][0], 3 * N_TAPS);
+    }
+}
+
+/* Take the disturbances of now into the past, without what lasts. */
+static void linear_take(struct linear *l, const double *found, int passed) {
+    if (!l->fresh) shift(&l->past[0][0], N_OUTPUTS, N_DELAYS, passed);
+    for (int i = 0; i < N_OUTPUTS; i++) {
+        double *past = l->past[i], tau = LINEAR_WASHOUT[i], held = past[0];
+        if (l->fresh) {
+            l->lasting[i] = found[i];
+            for (int k = 0; k < N_DELAYS; k++) past[k] = tau > 0.0 ? 0.0 : found[i];
+        } else { /* nothing was measured between */
+            for (int k = 1; k < passed && k < N_DELAYS; k++) past[k] = held;
+        }
+        l->lasting[i] += (tau > 0.0 ? 1.0 - exp(-passed * LINEAR_INTERVAL / tau) : passed > 0) * (found[i] - l->lasting[i]);
+        past[0] = tau > 0.0 ? found[i] - l->lasting[i] : found[i];
+    }
+}
+
+/* Offsets that the past of the disturbances asks for. */
+static void linear_answer(const struct parameters *p, const struct linear *l, double *wanted) {
+    double share;
+    int low = design_below(l->slow, &share);
+    for (int j = 0; j < 3; j++) {
+        const float *of_low = &LINEAR_GAINS[(low * 3 + j) * N_OUTPUTS * N_DELAYS];
+        wanted[j] = (1.0 - share) * product(of_low, &l->past[0][0], N_OUTPUTS * N_DELAYS);
+        if (share > 0.0) wanted[j] += share * product(of_low + 3 * N_OUTPUTS * N_DELAYS, &l->past[0][0], N_OUTPUTS * N_DELAYS);
+        wanted[j] *= p->linear_gain;
+    }
+}
+
+static void linear_pitch(const struct parameters *p, struct state *s, struct demand *d, double dt) {
+    struct linear *l = &s->linear;
+    double ahead = s->now.azimuth + s->now.rotor_speed * p->linear_lead, reach = p->linear_rate_limit * dt;
+    double slow = mean_of(d->pitch) + l->acting[0], wanted[3], move[2], reached[N_BLADES], found[N_OUTPUTS];
+    int passed = (int)(l->age + 1e-6);
+    if (FADE_LINEAR) {
+        if (l->fresh) l->fade = mean_of(d->pitch);
+        l->fade = low_pass(l->fade, mean_of(d->pitch), dt, p->linear_fade_time);
+        l->share = above_rated(p, l->fade, s->now.rotor_speed, p->linear_fade_pitch, p->linear_fade_speed,
+                               p->linear_fade_fine_speed);
+    }
+    if (s->bad_users & FOR_LINEAR) l->share = 0.0;
+    l->slow = low_pass(l->fresh ? slow : l->slow, slow, dt, p->linear_schedule_time);
+    if (l->fresh || passed > 0) {
+        linear_remember(l, passed);
+        linear_find(s, l, found);
+        linear_take(l, found, passed);
+        linear_answer(p, l, l->wanted);
+        l->age -= passed;
+        l->fresh = 0;
+    }
+    for (int j = 0; j < 3; j++) wanted[j] = l->share * l->wanted[j];
+    wanted[0] = clip(wanted[0], -p->linear_limit, p->linear_limit);
+    shorten(&wanted[1], p->linear_limit);
+    l->asked[0] += clip(wanted[0] - l->asked[0], -reach, reach);
+    for (int j = 0; j < 2; j++) move[j] = wanted[1 + j] - l->asked[1 + j];
+    shorten(move, reach);
+    for (int j = 0; j < 2; j++) l->asked[1 + j] += move[j];
+    for (int b = 0; b < N_BLADES; b++) {
+        double before = d->pitch[b], angle = before + l->asked[0] + of_blade(l->asked[1], l->asked[2], ahead, 1, b);
+        d->pitch[b] = clip(angle, fmin(before, p->drive_min_pitch), fmax(before, p->drive_max_pitch));
+        reached[b] = d->pitch[b] - before;
+    }
+    to_fixed_frame(reached, ahead, l->acting);
+    l->age += dt / LINEAR_INTERVAL;
+    l->acted_for += dt;
+    for (int j = 0; j < 3; j++) l->sum[j] += dt * l->acting[j];
+}
+
+#if WITH_AGENT
+/* What an agent added to a demand, taken for an offset of its own: so the disturbances stay what no offset changes. */
+static void linear_sees(const struct parameters *p, struct state *s, const double *base, const double *demand, double dt) {
+    double added[N_BLADES], turned[3];
+    for (int b = 0; b < N_BLADES; b++) added[b] = demand[b] - base[b];
+    to_fixed_frame(added, s->now.azimuth + s->now.rotor_speed * p->linear_lead, turned);
+    for (int j = 0; j < 3; j++) s->linear.sum[j] += dt * turned[j];
+}
+
+/* What is known of the disturbances at an instant, before it acts: means over bins of delays, output by output, mean, tilt
+ * and yaw that they ask for, share, slow pitch. */
+static void linear_known(const struct parameters *p, const struct state *s, double *known) {
+    struct linear l = s->linear;
+    double found[N_OUTPUTS];
+    int passed = (int)(l.age + 1e-6);
+    if (l.fresh) l.slow = mean_of(s->now.pitch);
+    if (l.fresh || passed > 0) {
+        linear_remember(&l, passed);
+        linear_find(s, &l, found);
+        linear_take(&l, found, passed);
+    }
+    for (int i = 0; i < N_OUTPUTS; i++) {
+        for (int k = 0; k < N_SEEN_BINS; k++) {
+            double sum = 0.0;
+            for (int delay = SEEN_BINS[k]; delay < SEEN_BINS[k + 1]; delay++) sum += l.past[i][delay];
+            *known++ = sum / (SEEN_BINS[k + 1] - SEEN_BINS[k]);
+        }
+    }
+    linear_answer(p, &l, known);
+    known[3] = l.share;
+    known[4] = l.slow;
+}
+#endif
+#endif
 
 /* The nacelle turns only when it has stood wrong for a while, then until it faces the wind. */
 static void yaw_by_dead_band(const struct parameters *p, struct state *s, struct demand *d, double dt) {
@@ -452,6 +640,9 @@ static void yaw_by_dead_band(const struct parameters *p, struct state *s, struct
 static void additions_start(const struct parameters *p, struct state *s) {
     memset(s->harmonics, 0, sizeof s->harmonics);
     s->fresh_ipc = s->fresh_fore_aft = 1;
+#if WITH_LINEAR
+    linear_start(&s->linear);
+#endif
     integrator_reset(&s->fore_aft, s->now.acceleration_fore_aft, p->fore_aft_corner);
     integrator_reset(&s->side_side, s->now.acceleration_side_side, p->side_side_corner);
     s->yaw_slow = wrapped(clip(s->now.yaw_error, -p->yaw_dead_band, p->yaw_dead_band));
@@ -468,6 +659,9 @@ static void controller_step(const struct parameters *p, struct state *s, double 
     for (int k = 0; k < N_ADDITIONS; k++) {
         switch (ADDITIONS[k]) {
         case INDIVIDUAL_PITCH: individual_pitch(p, s, d, dt); break;
+#if WITH_LINEAR
+        case LINEAR_PITCH_ADDED: linear_pitch(p, s, d, dt); break;
+#endif
         case FORE_AFT_DAMPER: fore_aft_damper(p, s, d, dt); break;
         case SIDE_SIDE_DAMPER: side_side_damper(p, s, d, dt); break;
         case YAW: yaw_by_dead_band(p, s, d, dt); break;
@@ -526,8 +720,41 @@ static double observed(const struct state *s, const struct channel *c, double dt
     case SEE_SETPOINT: return s->to[i];
     case SEE_SHARE: return s->share;
     case SEE_MEAN_OFFSET: return s->mean;
+    case SEE_DEAD_BAND_ERROR: return s->yaw_slow;
+    case SEE_DEAD_BAND_TURNING: return s->turning;
     case SEE_PREVIOUS_ACTION: return s->action[i];
+#if WITH_LINEAR
+    case SEE_DISTURBANCE: return s->known[i / MOST_SEEN_BINS * N_SEEN_BINS + i % MOST_SEEN_BINS];
+    case SEE_LINEAR_PITCH: return s->known[N_OUTPUTS * N_SEEN_BINS + i];
+#endif
     default: return c->offset; /* not on the interface: held where the policy sees zero */
+    }
+}
+
+/* What the washout of a channel starts from: of a blade the mean of the blades, of an acceleration zero. */
+static double lasting_at_start(const struct state *s, const struct channel *c, double value) {
+    const struct readings *r = &s->now;
+    double moment[N_BLADES];
+    switch (c->kind) {
+    case SEE_FLAP_MOMENT: return mean_of(r->flap);
+    case SEE_EDGE_MOMENT: return mean_of(r->edge);
+    case SEE_OUT_OF_PLANE_MOMENT: out_of_plane(r, moment); return mean_of(moment);
+    case SEE_ACCELERATION_FORE_AFT:
+    case SEE_ACCELERATION_SIDE_SIDE: return 0.0;
+    default: return value;
+    }
+}
+
+/* A reading of all channels; of loads what does not last. */
+static void observe(const struct parameters *p, struct state *s, double *row) {
+    for (int k = 0; k < N_CHANNELS; k++) {
+        const struct channel *c = &CHANNELS[k];
+        double *lasting = &s->lasting_load[k];
+        row[k] = observed(s, c, p->control_step);
+        if (!c->washed || p->sensor_washout <= 0.0 || c->kind == SEE_HELD) continue;
+        *lasting = s->n_history == 0 ? lasting_at_start(s, c, row[k])
+                                     : low_pass(*lasting, row[k], p->control_step, p->sensor_washout);
+        row[k] -= *lasting;
     }
 }
 
@@ -588,7 +815,8 @@ static void agent_start(const struct parameters *p, struct state *s) {
     s->yaw_rate = s->lasting = s->mean = 0.0;
     s->fade = pitch;
     s->share = 1.0;
-    if (FADE_AGENT) s->share = above_rated(p, pitch, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed);
+    if (FADE_AGENT) s->share = above_rated(p, pitch, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed,
+                                        p->offset_fade_fine_speed);
     s->anemometer = s->now.wind_speed;
     s->vane = wrapped(s->now.yaw_error);
     memcpy(s->pitch_now, s->now.pitch, sizeof s->pitch_now);
@@ -618,18 +846,23 @@ static void sensors_advance(const struct parameters *p, struct state *s) {
 static void agent_act(const struct parameters *p, struct state *s) {
     double action[N_ACT], *row = s->history[s->n_history % N_HISTORY];
     if (s->count > 0) sensors_advance(p, s);
-    for (int k = 0; k < N_CHANNELS; k++) row[k] = observed(s, &CHANNELS[k], p->control_step);
+#if WITH_LINEAR
+    linear_known(p, s, s->known);
+#endif
+    observe(p, s, row);
     s->n_history++;
     policy(s, action);
     if (rests(p, s)) { /* at the greatest rate */
         memset(action, 0, sizeof action);
-        for (int k = 0; k < N_COORDINATES; k++) action[action_of(k)] = clip(-s->to[k] / setpoint_move(p, k), -1.0, 1.0);
+        for (int k = 0; k < N_COORDINATES; k++)
+            action[action_of(k)] = OFFSET_FORM ? 0.0 : clip(-s->to[k] / setpoint_move(p, k), -1.0, 1.0);
     }
     memcpy(s->action, action, sizeof action);
     memcpy(s->from, s->to, sizeof s->from);
     for (int k = 0; k < N_COORDINATES; k++) {
-        double limit = setpoint_limit(p, k);
-        s->to[k] = clip(s->to[k] + action[action_of(k)] * setpoint_move(p, k), -limit, limit);
+        double limit = setpoint_limit(p, k), reach = setpoint_move(p, k), move = action[action_of(k)] * reach;
+        if (OFFSET_FORM) move = clip(action[action_of(k)] * limit - s->to[k], -reach, reach);
+        s->to[k] = clip(s->to[k] + move, -limit, limit);
     }
     s->yaw_rate = HAS_YAW ? action[N_PITCH] * p->offset_yaw_rate : 0.0;
 }
@@ -640,7 +873,8 @@ static void agent_add(const struct parameters *p, struct state *s, double part, 
     for (int k = 0; k < N_COORDINATES; k++) offset[k] = s->from[k] + part * (s->to[k] - s->from[k]);
     if (N_PITCH > 0 && FADE_AGENT) {
         s->fade = low_pass(s->fade, mean_of(s->base.pitch), dt, p->offset_fade_time);
-        s->share = above_rated(p, s->fade, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed);
+        s->share = above_rated(p, s->fade, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed,
+                                        p->offset_fade_fine_speed);
     }
     if (N_PITCH > 0 && N_MEAN > 0 && p->offset_washout > 0.0) {
         double mean = 0.0, count = N_MEAN;
@@ -666,6 +900,9 @@ static void agent_add(const struct parameters *p, struct state *s, double part, 
         torque += offset[N_SETPOINT - 1];
         if (speed > 0.0) torque = fmin(torque, fmax(s->base.torque, p->most_shaft_power / speed));
     }
+#if WITH_LINEAR
+    linear_sees(p, s, s->base.pitch, s->demand.pitch, dt);
+#endif
     s->demand.torque = clip(torque, 0.0, p->drive_max_torque);
     s->demand.yaw_rate = clip(s->yaw_rate + s->base.yaw_rate, -p->drive_yaw_rate, p->drive_yaw_rate);
 }

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from wt_gym.agents.export.agent_parts import Seen
-    from wt_gym.agents.export.controller_parts import Parts
+    from wt_gym.agents.export.controller_parts import LinearPitch, Parts
     from wt_gym.agents.export.network import Network
     from wt_gym.control.rotor_table import RotorTable
 
@@ -26,8 +26,8 @@ __all__ = ["c_source", "readings"]
 _MARK = "/* DATA */"
 _MAKER = "wt_gym "
 """First bytes of every checkpoint, whichever controller it belongs to."""
-_USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT")
-_ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW")
+_USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR")
+_ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW", "LINEAR_PITCH_ADDED")
 _FORMS = ("NO_PITCH", "COLLECTIVE", "INDIVIDUAL", "FIXED_FRAME", "CYCLIC")
 _ACTIVATIONS = ("NO_ACTIVATION", "TANH", "RELU", "ELU")
 _FIRST = {
@@ -43,7 +43,8 @@ _LISTS = {
     "gain_pitch", "proportional_gains", "integral_gains", "schedule_wind", "schedule_pitch", "ipc_integral_gain",
     "ipc_proportional_gain", "ipc_level", "ipc_leak", "ipc_limit", "ipc_rate_limit", "offset_pitch_limit",
     "ipc_fade_pitch", "ipc_fade_speed", "fore_aft_fade_pitch", "fore_aft_fade_speed", "offset_fade_pitch",
-    "offset_fade_speed",
+    "offset_fade_speed", "linear_fade_pitch", "linear_fade_speed",
+    "ipc_fade_fine_speed", "fore_aft_fade_fine_speed", "offset_fade_fine_speed", "linear_fade_fine_speed",
 }  # fmt: skip
 """Parameters with several values."""
 
@@ -135,17 +136,33 @@ def _table(name: str, table: RotorTable) -> list[str]:
     ]
 
 
+def _linear(linear: LinearPitch) -> list[str]:
+    """Arrays of a design of linear optimal pitch."""
+    design = linear.design
+    return [
+        f"static const double LINEAR_INTERVAL = {_number(design.interval)}, LINEAR_SIDE = {_number(linear.sign)};",
+        "#if WITH_AGENT",
+        f"static const int SEEN_BINS[] = {{0{''.join(f', {last}' for _, last in linear.bins)}}};",
+        "#endif",
+        _array("double", "LINEAR_PITCH", design.pitch),
+        _array("double", "LINEAR_SCALE", design.scale),
+        _array("double", "LINEAR_WASHOUT", design.washout),
+        _array("float", "LINEAR_RESPONSES", design.responses),
+        _array("float", "LINEAR_GAINS", design.gains),
+    ]
+
+
 def _agent(network: Network, seen: list[Seen]) -> list[str]:
     """Channels and network."""
     lines = [
         _enum(f"SEE_{kind}" for kind in KINDS),
-        "struct channel { int kind, index; double offset, scale, low, high; };",
+        "struct channel { int kind, index, washed; double offset, scale, low, high; };",
         "static const struct channel CHANNELS[N_CHANNELS] = {",
     ]
     for one in seen:
         c = one.channel
         numbers = ", ".join(_number(x) for x in (c.offset, c.scale, c.low, c.high))
-        lines.append(f"    {{SEE_{one.kind}, {one.index}, {numbers}}}, /* {c.name}, {c.unit} */")
+        lines.append(f"    {{SEE_{one.kind}, {one.index}, {int(one.washed)}, {numbers}}}, /* {c.name}, {c.unit} */")
     lines.append("};")
     n = network.normalization
     count = len(network.channels)
@@ -180,6 +197,7 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
         "N_BLADES": parts.turbine.n_blades,
         "WITH_AGENT": int(network is not None),
         "SENSES_WIND": 0,
+        "WITH_LINEAR": int(parts.linear is not None),
         "N_GAINS": len(values.get("gain_pitch", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_SCHEDULE": len(values.get("schedule_wind", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_ADDITIONS": len(parts.additions),
@@ -208,6 +226,8 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
         )
         for name, table in parts.tables.items():
             lines += _table(name, table)
+    if parts.linear is not None:
+        lines += _linear(parts.linear)
     if network is not None and seen is not None:
         lines += [_enum(_FORMS), _enum(_ACTIVATIONS), *_agent(network, seen)]
     runtime = Path(__file__).with_name("runtime.c").read_text(encoding="utf-8")

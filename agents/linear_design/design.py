@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ from wt_gym.agents.linear_design.identification import explained_share, identify
 from wt_gym.agents.linear_design.recording import LOADS, Excitation, Recording, record
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
-from wt_gym.control.optimal.design_file import LinearDesign
+from wt_gym.control.optimal.design_file import LinearDesign, offset_fade
 from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.control.optimal.offsets import PitchOffsets
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
@@ -38,6 +38,10 @@ if TYPE_CHECKING:
 
 __all__ = ["LinearDesignTask", "change_of_power", "default_speeds", "design", "identified_plant"]
 
+_LEAST_EXPLAINED = 0.3
+"""Share of the changes of power in an unseen run that a linear model must explain to be used [-]."""
+_DOUBLINGS = 5
+"""Most doublings of the cost of power for its limit."""
 _EXCITATION_SEED = 100
 """First seed of the drawn offsets; that of the wind is added."""
 
@@ -62,6 +66,9 @@ class LinearDesignTask:
         Of the offsets [rad], [rad/s].
     fade : float
         Collective pitch above fine pitch from which on offsets act in full [rad].
+    fine_speed : (float, float) or None
+        Rotor speed over the rated one at which offsets begin and act in full at fine pitch [-]; None: they do not act
+        there.
     memory : float
         Length of the impulse responses [s].
     ridge, decay : float
@@ -69,6 +76,9 @@ class LinearDesignTask:
     fidelity : str
     excitation : Excitation
     feedback : FeedbackOptions
+    least_power : float
+        Change of power [-] that the forecast of a feedback must keep at every wind speed: where it does not, the cost
+        of power is doubled until it does.
 
     Raises
     ------
@@ -84,12 +94,14 @@ class LinearDesignTask:
     limit: float = math.radians(4.0)
     rate_limit: float = math.radians(3.0)
     fade: float = math.radians(3.0)
+    fine_speed: tuple[float, float] | None = (0.97, 1.02)
     memory: float = 25.0
     ridge: float = 1e-3
     decay: float = 4.0
     fidelity: str = "training"
     excitation: Excitation = field(default_factory=Excitation)
     feedback: FeedbackOptions = field(default_factory=FeedbackOptions)
+    least_power: float = -0.003
 
     def __post_init__(self) -> None:
         if not self.speeds or any(b <= a for a, b in zip(self.speeds, self.speeds[1:], strict=False)):
@@ -104,6 +116,8 @@ class LinearDesignTask:
                 f"there must be at least 2 different seeds, of which 2 or more are excited; got seeds {self.seeds} and "
                 f"{self.excited} excited"
             )
+        if not -1.0 <= self.least_power <= 0.0:
+            raise ValueError(f"least_power must be from -1 to 0, got {self.least_power!r}")
         if not (self.memory > 0.0 and self.feedback.skip + 2.0 * self.memory <= self.duration < math.inf):
             raise ValueError(
                 f"a run must last at least {self.feedback.skip + 2.0 * self.memory:g} s (start and twice the memory of "
@@ -139,7 +153,7 @@ def definition(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, 
         "base": task.base,
         "wind": {"speed": speed, "seed": seed},
         "duration": task.duration,
-        "fade": task.fade,
+        "fade": asdict(offset_fade(task.fade, task.fine_speed)),
         "excitation": asdict(task.excitation) | {"limit": task.limit, "rate_limit": task.rate_limit}
         if excited
         else None,
@@ -149,7 +163,7 @@ def definition(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, 
 def _make(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, bool]) -> Recording:
     """Do one run."""
     speed, seed, excited = run
-    offsets = PitchOffsets(turbine, task.limit, task.rate_limit, task.fade)
+    offsets = PitchOffsets(turbine, task.limit, task.rate_limit, offset_fade(task.fade, task.fine_speed))
     drawn = (task.excitation, _EXCITATION_SEED + seed) if excited else None
     return record(turbine, task.base, speed, seed, task.duration, offsets, drawn, task.fidelity)
 
@@ -190,6 +204,8 @@ def identified_plant(
         Fitted to all runs.
     explained : numpy.ndarray, shape (9,)
         Share of the mean square of the changes in the last run that a fit to the others explains: `OUTPUTS`, `LOADS`.
+        Where it explains less than `_LEAST_EXPLAINED` of power, offsets have no linear effect on it in the plant, and
+        all that they take counts by their square: about rated wind power is no linear matter.
     """
     dt = still[0].dt
     taps = round(task.memory / dt)
@@ -203,6 +219,8 @@ def identified_plant(
     responses = identify(inputs, changes, taps, task.ridge, task.decay)
     skip = round(task.feedback.skip / dt)
     power = len(OUTPUTS) + LOADS.index("power")
+    if explained[power] < _LEAST_EXPLAINED:
+        responses[power] = 0.0
     curvature = change_of_power(
         [change[power] for change in changes],
         [respond(responses, given)[power] for given in inputs],
@@ -274,6 +292,7 @@ def design(
         limit=task.limit,
         rate_limit=task.rate_limit,
         fade=task.fade,
+        fine_speed=task.fine_speed,
         record={
             "turbine": turbine.name,
             "version": wt_gym.__version__,
@@ -282,6 +301,10 @@ def design(
             "speeds": [part["record"] for part in parts],
         },
     )
+
+
+def _mean_change(now: Sequence[dict[str, float]], before: Sequence[dict[str, float]], key: str) -> float:
+    return float(np.mean([a[key] / b[key] - 1.0 for a, b in zip(now, before, strict=True)]))
 
 
 def _at_speed(
@@ -300,13 +323,21 @@ def _at_speed(
             f"({turbine.rated_wind_speed:g} m/s) or above"
         )
     plant, explained = identified_plant(task, turbine, still, excited)
-    gains, offsets = fit_feedback(still, plant, turbine, task.feedback)
-    skip, full = task.feedback.skip, turbine.pitch.max_rate
-    now = [forecast(r, plant, u).metrics(r.dt, full, skip) for r, u in zip(still, offsets, strict=True)]
-    before = [
-        forecast(r, plant, np.zeros_like(u)).metrics(r.dt, full, skip) for r, u in zip(still, offsets, strict=True)
-    ]
-    changes = {key: float(np.mean([a[key] / b[key] - 1.0 for a, b in zip(now, before, strict=True)])) for key in now[0]}
+    skip, full, options = task.feedback.skip, turbine.pitch.max_rate, task.feedback
+    before = [forecast(r, plant, np.zeros((3, r.steps))).metrics(r.dt, full, skip) for r in still]
+    for doubled in range(_DOUBLINGS + 1):
+        options = replace(task.feedback, power_weight=task.feedback.power_weight * 2.0**doubled)
+        gains, offsets = fit_feedback(still, plant, turbine, options)
+        now = [forecast(r, plant, u).metrics(r.dt, full, skip) for r, u in zip(still, offsets, strict=True)]
+        changes = {key: _mean_change(now, before, key) for key in now[0]}
+        if changes["captured_power"] >= task.least_power or options.power_weight == 0.0:
+            break
+    else:
+        raise ValueError(
+            f"at {speed:g} m/s offsets must keep power above {100.0 * task.least_power:+.2f} % in the forecast, got "
+            f"{100.0 * changes['captured_power']:+.2f} % with {2**_DOUBLINGS} times the cost of power; lower "
+            "least_power, or let offsets act less at fine pitch (fade, fine_speed)"
+        )
     cost = float(np.mean([forecast_change(a, b, task.feedback.weights) for a, b in zip(now, before, strict=True)]))
     shares = dict(zip((*OUTPUTS, *LOADS), np.round(explained, 4).tolist(), strict=True))
     say(
@@ -323,6 +354,7 @@ def _at_speed(
             "speed": speed,
             "explained": shares,
             "power_curvature": plant.power_curvature,
+            "power_weight": options.power_weight,
             "forecast": {"cost": cost} | changes,
         },
     }

@@ -30,6 +30,7 @@ from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.progress import ProgressLine, clock
 from wt_gym.runs.store import RUNS_FOLDER, RunStore
 from wt_gym.runs.table import make_runs
+from wt_gym.tasks import DEFAULT_ENV
 from wt_gym.wind.iec import AVERAGE_OVER_REFERENCE_SPEED, REFERENCE_SPEED
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class LoadCaseConfig:
         decide, or no turbine could operate in the wind climate.
     """
 
-    env_id: str = "wt_gym/LoadReduction-v1"
+    env_id: str = DEFAULT_ENV
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     cases: tuple[str, ...] = tuple(CASES)
     quick: bool = False

@@ -14,6 +14,7 @@ from wt_gym.control.controllers.own_class import load_class
 from wt_gym.envs.options.environment import flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import ControllerError
+from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,10 +22,9 @@ if TYPE_CHECKING:
     from wt_gym.bridges.rosco.server import Answers
     from wt_gym.control.controllers import Name
 
-__all__ = ["DEFAULT_ENV", "answers_of"]
+__all__ = ["answers_of"]
 
 _log = logging.getLogger(__name__)
-DEFAULT_ENV = "wt_gym/LoadReduction-v1"
 _NOT_RUN = {
     "controller": "discon", "start": "steady", "sensor_noise": 0.0, "relative_reward": False, "episode_length": None,
 }  # fmt: skip

@@ -152,7 +152,7 @@ class _Turbine:
         observed = options.observations
         self._observer = Observer(
             env.turbine, self._action, observed.channels or RESIDUAL_GROUPS, 0.0, layout.delay, observed.history,
-            residual=self._residual,
+            residual=self._residual, washout=observed.washout,
         )  # fmt: skip
         self._needed = _needed(layout.observation.names, self._action.turns_with_rotor, self._n_blades)
         values, _ = new_values(self._n_blades)

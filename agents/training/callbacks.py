@@ -98,7 +98,7 @@ class Watch(BaseCallback):
                 self.curve["steps"].append(int(self.num_timesteps))
                 self.curve["episode_return"].append(float(info["episode"]["r"]))
                 self.curve["episode_length"].append(float(info["episode"]["l"]) * self._control_dt)
-        self._line.show(self.text())
+        self._line.show(self.text)
         limit = self._config.max_seconds
         if self._stop.signal_number is not None:
             self.ended = "interrupted"

@@ -6,10 +6,12 @@ import importlib.util
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
+from wt_gym.agents.pretraining.options import PretrainingOptions
 from wt_gym.agents.training.hyperparameters import RENAMED, check_hyperparameters, hyperparameters_for
 from wt_gym.deprecated import renamed_keys
 from wt_gym.envs.wind_files import with_whole_paths
 from wt_gym.files import json_values
+from wt_gym.tasks import DEFAULT_ENV
 
 __all__ = ["TrainingConfig"]
 
@@ -31,11 +33,12 @@ class TrainingConfig:
     hyperparameters : dict
         Of the algorithm; those left out come from ``agents/hyperparameters``.
     total_steps : int
-        Environment steps over all copies; the last rollout of PPO's ``n_steps`` a copy is finished beyond them.
+        Environment steps over all copies; the last rollout of PPO is finished beyond them.
     max_seconds : float or None
         Wall time after which training stops, whatever the steps; counted from zero when it is resumed.
     n_envs : int
-        Copies of the environment: threads step several of this package, processes those of others.
+        Copies of the environment: threads step several of this package, processes those of others. They share
+        ``rollout_steps`` and ``update_every`` of the hyperparameters.
     seed : int
     checkpoint_steps : int
         Steps between checkpoints.
@@ -47,6 +50,9 @@ class TrainingConfig:
         Number of these winds.
     eval_seconds : float
         Length of each [s].
+    pretraining : dict or None
+        Options of `wt_gym.agents.pretraining.options.PretrainingOptions`, those left out by default; None for no
+        pretraining.
     tensorboard : bool or None
         Write figures for TensorBoard; None: if it is installed.
 
@@ -57,22 +63,23 @@ class TrainingConfig:
     """
 
     algorithm: str = "PPO"
-    env_id: str = "wt_gym/LoadReduction-v1"
+    env_id: str = DEFAULT_ENV
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     hyperparameters: dict[str, Any] = field(default_factory=dict)
     total_steps: int = 200_000
     max_seconds: float | None = None
-    n_envs: int = 1
+    n_envs: int = 8
     seed: int = 0
     checkpoint_steps: int = 50_000
     checkpoint_minutes: float = 10.0
     eval_every: int = 20_000
     eval_winds: int = 2
     eval_seconds: float = 60.0
+    pretraining: dict[str, Any] | None = None
     tensorboard: bool | None = None
 
     def __post_init__(self) -> None:
-        self._check_whole("total_steps", 1, _MOST_STEPS)
+        self._check_whole("total_steps", 1 if self.pretraining is None else 0, _MOST_STEPS)
         self._check_whole("n_envs", 1, _MOST_ENVS)
         self._check_whole("seed", 0, _SEEDS)
         self._check_whole("checkpoint_steps", 1, _MOST_STEPS)
@@ -89,6 +96,11 @@ class TrainingConfig:
         if not isinstance(self.env_kwargs, dict):
             raise ValueError(f"env_kwargs must map names to values, got {self.env_kwargs!r}")
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
+        if self.pretraining is not None:
+            options = PretrainingOptions.of(self.pretraining)
+            if self.algorithm != "PPO":
+                raise ValueError(f"pretraining needs the algorithm PPO, got {self.algorithm!r}")
+            object.__setattr__(self, "pretraining", asdict(options))
         if self.env_kwargs.get("vector_reward"):
             raise ValueError("the reward of a training must be one number, got its terms: leave out vector_reward")
         object.__setattr__(self, "hyperparameters", check_hyperparameters(self.algorithm, self.hyperparameters))

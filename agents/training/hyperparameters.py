@@ -21,11 +21,14 @@ from wt_gym.errors import did_you_mean
 
 __all__ = [
     "ALGORITHMS",
+    "OVER_ALL_COPIES",
     "RENAMED",
     "check_hyperparameters",
     "hyperparameters_for",
+    "of_each_copy",
     "parse_override",
     "read_hyperparameters",
+    "replaced",
 ]
 
 _FOLDER = Path(__file__).resolve().parents[1] / "hyperparameters"
@@ -109,6 +112,7 @@ _OFF_POLICY = _SHARED | {
     "buffer_size": _Number(1, 10_000_000, whole=True),
     "learning_starts": _Number(0, 10_000_000, whole=True),
     "tau": _Number(0.0, 1.0),
+    "update_every": _Number(1, 1_000_000, whole=True),
     "train_freq": _Number(1, 1_000_000, whole=True),
     "gradient_steps": _Number(-1, 1_000_000, whole=True),
     "ent_coef": _Word(("auto",), _Number(0.0, 1e3)),
@@ -117,6 +121,7 @@ _OFF_POLICY = _SHARED | {
 ALGORITHMS: dict[str, dict[str, Any]] = {
     "PPO": _SHARED
     | {
+        "rollout_steps": _Number(2, 1_000_000, whole=True),
         "n_steps": _Number(2, 1_000_000, whole=True),
         "n_epochs": _Number(1, 1000, whole=True),
         "gae_lambda": _Number(0.0, 1.0),
@@ -135,7 +140,11 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
     },
 }
 """Algorithms with the hyperparameters that they take; named as in stable-baselines3, except for the flags
-``normalize_observations`` and ``normalize_rewards``."""
+``normalize_observations`` and ``normalize_rewards`` and those of `OVER_ALL_COPIES`."""
+
+OVER_ALL_COPIES = {"rollout_steps": "n_steps", "update_every": "train_freq"}
+"""Steps between updates, over all copies of the environment; and the hyperparameter of stable-baselines3 that counts
+them for each copy. One replaces the other."""
 
 
 RENAMED = {
@@ -172,6 +181,12 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
             )
         if not known[name].allows(value):
             raise ValueError(f"{where}: {name} must be {known[name]}, got {value!r}")
+    for over_all, each in OVER_ALL_COPIES.items():
+        if over_all in present and each in present:
+            raise ValueError(
+                f"{where}: steps must be given once, got {over_all} (over all copies of the environment) and {each} "
+                "(of each)"
+            )
     return present
 
 
@@ -199,7 +214,7 @@ def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[
             entries = {name: _plain(value) if isinstance(value, str) else value for name, value in entries.items()}
         where = f"{path}, section {section!r}"
         sections[section] = check_hyperparameters(algorithm, {} if entries is None else entries, where)
-    return sections.get("default", {}) | sections.get(env_id, {})
+    return replaced(sections.get("default", {}), sections.get(env_id, {}))
 
 
 def hyperparameters_for(
@@ -229,8 +244,32 @@ def hyperparameters_for(
     overrides = check_hyperparameters(algorithm, overrides or {})
     values = read_hyperparameters(_FOLDER / f"{algorithm.lower()}.yml", algorithm, env_id)
     if file is not None:
-        values |= read_hyperparameters(file, algorithm, env_id)
-    return values | overrides
+        values = replaced(values, read_hyperparameters(file, algorithm, env_id))
+    return replaced(values, overrides)
+
+
+def replaced(values: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Hyperparameters with some replaced, steps of each copy by those over all copies too, and the other way round."""
+    pairs = [pair for names in OVER_ALL_COPIES.items() for pair in (names, names[::-1])]
+    gone = {other for name, other in pairs if name in overrides}
+    return {name: value for name, value in values.items() if name not in gone} | dict(overrides)
+
+
+def of_each_copy(values: Mapping[str, Any], n_envs: int) -> dict[str, Any]:
+    """Hyperparameters as stable-baselines3 has them: steps between updates are of each copy of the environment.
+
+    Parameters
+    ----------
+    values : mapping
+        Of `hyperparameters_for`.
+    n_envs : int
+        Copies.
+    """
+    given = dict(values)
+    for over_all, each in OVER_ALL_COPIES.items():
+        if over_all in given:
+            given[each] = max(2 if each == "n_steps" else 1, given.pop(over_all) // n_envs)
+    return given
 
 
 def parse_override(text: str) -> tuple[str, Any]:

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 
 from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
+from wt_gym.agents.training.array_ppo import ArrayPPO
+from wt_gym.agents.training.hyperparameters import of_each_copy
 from wt_gym.files import write_whole
 
 if TYPE_CHECKING:
@@ -20,7 +23,6 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
-    from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.vec_env import VecNormalize
 
     from wt_gym.agents.training.config import TrainingConfig
@@ -30,6 +32,7 @@ __all__ = ["load_model", "make_model", "save_model", "save_replay_buffer"]
 
 _OF_THE_POLICY = ("net_arch", "log_std_init", "activation_fn", "n_quantiles", "n_critics")
 _OF_THE_ENVIRONMENT = ("normalize_observations", "normalize_rewards")
+_LEARNING_CLASSES: dict[str, type[BaseAlgorithm]] = {**ALGORITHM_CLASSES, "PPO": ArrayPPO}
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
 
@@ -41,10 +44,11 @@ def make_model(config: TrainingConfig, venv: VecNormalize) -> BaseAlgorithm:
     ValueError
         If the hyperparameters do not go together.
     """
-    values = {name: _value(entry) for name, entry in config.resolved.items() if name not in _OF_THE_ENVIRONMENT}
+    chosen = of_each_copy(config.resolved, venv.num_envs)
+    values = {name: _value(entry) for name, entry in chosen.items() if name not in _OF_THE_ENVIRONMENT}
     policy = {name: values.pop(name) for name in _OF_THE_POLICY if name in values}
     try:
-        return ALGORITHM_CLASSES[config.algorithm](
+        return _LEARNING_CLASSES[config.algorithm](
             "MlpPolicy", venv, policy_kwargs=policy, seed=config.seed, device="cpu", **values
         )
     except AssertionError as error:  # stable-baselines3's own checks of one value against another
@@ -93,7 +97,8 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, bu
     ValueError
         If something is damaged, or does not fit the environment.
     """
-    agent = TrainedAgent.load(folder.model, config.algorithm, trust=True)  # of its own training
+    # of its own training
+    agent = TrainedAgent.load(folder.model, config.algorithm, trust=True, classes=_LEARNING_CLASSES)
     if agent.normalization is None:
         raise FileNotFoundError(f"{folder.normalization} is missing: resuming a training requires its statistics")
     # there are statistics of observations only where these are normalized

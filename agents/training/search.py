@@ -16,6 +16,7 @@ import yaml
 
 from wt_gym.agents.train import train
 from wt_gym.agents.training.callbacks import stop_on_signals
+from wt_gym.agents.training.hyperparameters import replaced
 from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.files import json_values, write_text_whole
 
@@ -75,12 +76,12 @@ _OFF_POLICY: dict[str, Range | Choice] = _SHARED | {
     "batch_size": Choice((128, 256, 512)),
     "learning_starts": Choice((1000, 2000, 5000, 10_000)),
     "tau": Range(0.001, 0.05, log=True),
-    "train_freq": Choice((1, 4, 8, 16, 32)),  # the updates keep pace with it: gradient_steps is -1
+    "update_every": Choice((1, 4, 8, 16, 32)),  # the updates keep pace with it: gradient_steps is -1
 }
 SPACES: dict[str, dict[str, Range | Choice]] = {
     "PPO": _SHARED
     | {
-        "n_steps": Choice((256, 512, 1024, 2048)),
+        "rollout_steps": Choice((512, 1024, 2048, 4096)),
         "batch_size": Choice((64, 128, 256, 512)),
         "n_epochs": Range(3, 15),
         "gae_lambda": Range(0.85, 1.0),
@@ -113,14 +114,14 @@ def check_search(config: TrainingConfig, trials: int) -> None:
 
 def tried(config: TrainingConfig, hyperparameters: dict[str, Any]) -> TrainingConfig:
     """Configuration of a trial."""
-    return replace(config, hyperparameters=config.resolved | hyperparameters)
+    return replace(config, hyperparameters=replaced(config.resolved, hyperparameters))
 
 
 def write_best(
     config: TrainingConfig, folder: Path, hyperparameters: dict[str, Any], value: float, ended: int
 ) -> dict[str, Any]:
     """Write the hyperparameters of the best trial as training takes them, and give them."""
-    whole = config.resolved | hyperparameters
+    whole = replaced(config.resolved, hyperparameters)
     values = {name: list(entry) if isinstance(entry, tuple) else entry for name, entry in whole.items()}
     text = (
         f"# {config.algorithm}: best of {ended} trials of {config.total_steps} steps, return against the baseline's "

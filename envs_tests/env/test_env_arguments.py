@@ -10,6 +10,7 @@ import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.commands import evaluate
 from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, real_numbers
 from wt_gym.envs.options import env_arguments
+from wt_gym.envs.options.variation import CHOICES, RANGES
 from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.wind_sampler import WindSampler
@@ -32,13 +33,16 @@ JSON_VALUES = {
 NOTHING_IS_ALLOWED = {
     "shear_exponent", "turbulence_class", "wind_wander", "episode_length", "action_components", "action_spans",
     "residual_washout", "reward", "standstill_limit", "observation", "lidar", "render_mode", "generator",
-    "roughness_length", "reference_height", "site",
+    "roughness_length", "reference_height", "site", "sensor_washout", "starts", "sensors",
+    *(f"vary_{name}" for name in (*RANGES, *CHOICES)),
 }  # fmt: skip
 ALLOWED = {
     **{name: {"number"} for name in (
         "overspeed_limit", "termination_penalty", "control_dt", "sensor_noise", "reference_height",
-        "residual_washout", "roughness_length",
+        "residual_washout", "roughness_length", "sensor_washout",
     )},
+    **{f"vary_{name}": {"number", "list"} for name in RANGES},
+    "vary_shear_exponent": {"list"},
     "wind_direction": {"number", "list"},
     "wind_speed": {"number", "list"},
     "residual_fade": {"truth"},

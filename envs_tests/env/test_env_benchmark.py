@@ -220,12 +220,39 @@ def test_another_model_is_another_run(model):
     assert after["agent"]["sha256"] != before["agent"]["sha256"]
 
 
-def test_models_of_another_control_step_are_refused(model):
-    record = json.loads((model / "training.json").read_text(encoding="utf-8"))
-    (model / "training.json").write_text(json.dumps(record | {"control_dt": 0.4}), encoding="utf-8")
-    entry, task = entry_of(str(model)), short()
-    with pytest.raises(ValueError, match=r"control step of 0.4 s, the environment has 0.2 s"):
-        play(task, task.winds[0], entry.make, entry.interface)
+def at_step(model, control_dt):
+    """The model's entry as one that was trained with another control step [s]."""
+    path = model / "training.json"
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | {"control_dt": control_dt}), "utf-8")
+    return entry_of(str(model))
+
+
+def test_a_model_of_a_longer_control_step_holds_its_actions(model):
+    entry, task = at_step(model, 0.6), short()
+    env = make_env(task, task.winds[0], entry.interface)
+    agent, asked = entry.make(env), []
+    predict = agent.model.predict
+    agent.model.predict = lambda *given: asked.append(1) or predict(*given)
+    observation, _ = env.reset(seed=0)
+    for episodes in (1, 2):  # the second one begins amid a hold
+        actions = []
+        for k in range(7):
+            action, _ = agent.predict(observation, episode_start=np.array([k == 0]))
+            observation, *_ = env.step(action)
+            actions.append(action.tolist())
+        assert actions[0] == actions[1] == actions[2] != actions[3] == actions[4] == actions[5] != actions[6]
+        assert len(asked) == 3 * episodes
+
+
+def test_models_whose_control_step_does_not_fit_are_refused(model):
+    task = short()
+    for step in (0.3, 0.1):
+        entry = at_step(model, step)
+        with pytest.raises(ValueError, match=rf"control step of {step} s, that of the environment must be the same or"):
+            play(task, task.winds[0], entry.make, entry.interface)
+    entry = at_step(model, 0.4)
+    with pytest.raises(ValueError, match=r"must be the same, got 0.2 s"):
+        play(task, task.winds[0], entry.make, entry.interface | {"history": 2})
 
 
 @pytest.mark.slow

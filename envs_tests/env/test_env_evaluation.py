@@ -338,14 +338,14 @@ TRANSIENT = """--env-kwargs '{"gusts": ["EOG", "EDC", "ECD", "EWS"]}'"""
     ("words", "speeds", "seeds", "draws"),
     [
         ("", {15.0}, DEFAULT_WIND_SEEDS, {None}),
-        ("--env wt_gym/MaxPower-v1", {7.5}, DEFAULT_WIND_SEEDS, {None}),
-        ("--env wt_gym/Yaw-v2", {10.0}, DEFAULT_WIND_SEEDS, {None}),
+        ("--env wt_gym/MaxPower-v2", {7.5}, DEFAULT_WIND_SEEDS, {None}),
+        ("--env wt_gym/Yaw-v3", {10.0}, DEFAULT_WIND_SEEDS, {None}),
         ("--wind-speed 12 18 --wind-seeds 3", {12.0, 18.0}, (3,), {None}),
         ("--env wt_gym/NREL5MW-Steady-v1", {15.0}, (None,), {None}),
         ("--env wt_gym/NREL5MW-Steady-v1 --env-kwargs '{\"wind_speed\": 9.0}'", {9.0}, (None,), {None}),
-        (f"--env wt_gym/Gusts-v2 {TRANSIENT}", {15.0}, (None,), {1, 2, 3, 4, 5, 6}),
-        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --wind-speed 8 10 --draws 2", {8.0, 10.0}, (None,), {1, 2}),
-        ("--env wt_gym/Gusts-v2", {15.0}, DEFAULT_WIND_SEEDS, {None}),  # of which extreme turbulence has one
+        (f"--env wt_gym/Gusts-v3 {TRANSIENT}", {15.0}, (None,), {1, 2, 3, 4, 5, 6}),
+        (f"--env wt_gym/Gusts-v3 {TRANSIENT} --wind-speed 8 10 --draws 2", {8.0, 10.0}, (None,), {1, 2}),
+        ("--env wt_gym/Gusts-v3", {15.0}, DEFAULT_WIND_SEEDS, {None}),  # of which extreme turbulence has one
         (
             "--env wt_gym/NREL5MW-Steady-v1 --draws 3 --env-kwargs '{\"wind_direction\": [0.1, 0.2]}'",
             {15.0}, (None,), {1, 2, 3},
@@ -374,13 +374,13 @@ def test_the_command_asks_for_winds_that_the_environment_has(words, speeds, seed
     ("words", "message"),
     [
         (
-            f"--env wt_gym/Gusts-v2 {TRANSIENT} --wind-seeds 3",
+            f"--env wt_gym/Gusts-v3 {TRANSIENT} --wind-seeds 3",
             r"has none; got \[3\]: give a number of draws",
         ),
         ("--env wt_gym/NREL5MW-Steady-v1 --wind-seeds 3", r"has none; got \[3\]"),
         ("--draws 2", "draws must be left out: .*; give turbulence seeds"),
         ("--env wt_gym/NREL5MW-Steady-v1 --draws 2", "one run in it is all"),
-        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --draws 0", "draws must be at least 1, got 0"),
+        (f"--env wt_gym/Gusts-v3 {TRANSIENT} --draws 0", "draws must be at least 1, got 0"),
         (
             '--wind-speed 12 --env-kwargs \'{"inflow": "extreme", "standstill_limit": -0.5}\'',
             r"speeds must be left out, .*; got \[12.0\] m/s",

@@ -33,11 +33,11 @@ WIND = {"turbine": "nrel_5mw", "inflow": "turbulent", "wind_speed": 16.0, "start
 AGENTS = {
     "fixed frame": ("PPO", torch.nn.Tanh, {
         "pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": True, "residual_washout": 20.0,
-        "controller": "constrained_ipc+tower_dampers", "history": 3, "sensor_delay": 0.4,
+        "controller": "constrained_ipc+tower_dampers", "history": 3, "sensor_delay": 0.4, "sensor_washout": 10.0,
         "observation": [*ON_INTERFACE, *MOMENTS, "residual_share", "residual_mean"],
     }),
     "individual": ("SAC", torch.nn.ReLU, {
-        "pitch": "individual", "controller": "discon", "sensor_delay": 0.2,
+        "pitch": "individual", "controller": "discon", "sensor_delay": 0.2, "sensor_washout": 20.0,
         "observation": ["azimuth", "rotor", "power", "pitch", "wind", "offsets", "previous_action",
                         *(f"root_{kind}_moment_{b}" for kind in LOADS for b in (1, 2, 3))],
     }),
@@ -52,8 +52,19 @@ AGENTS = {
     "torque": ("A2C", torch.nn.Tanh, {
         "action_components": ["torque"], "controller": "discon", "observation": ["rotor", "power", "offsets", "pitch"],
     }),
+    "linear": ("PPO", torch.nn.Tanh, {
+        "pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": 0.02, "residual_washout": 20.0,
+        "residual_form": "offset", "controller": "linear_optimal", "control_dt": 0.1,
+        "observation": ["rotor", "power", "disturbances"],
+    }),
+    "linear, rates": ("PPO", torch.nn.Tanh, {
+        "pitch": "cyclic", "action_components": ["pitch", "torque"], "controller": "discon+linear_pitch:gain=0.5",
+        "observation": ["disturbance_flap_tilt_2", "disturbance_rotor_speed_5", "linear_pitch_yaw", "offsets"],
+        "sensor_delay": 0.2,
+    }),
     "yaw": ("PPO", torch.nn.Tanh, {
-        "action_components": ["yaw"], "controller": "discon+yaw", "observation": ["rotor", "wind", "previous_action"],
+        "action_components": ["yaw"], "controller": "discon+yaw",
+        "observation": ["rotor", "wind", "previous_action", "dead_band"],
     }),
 }  # fmt: skip
 

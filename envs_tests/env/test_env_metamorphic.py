@@ -104,6 +104,19 @@ def test_a_turned_world_is_the_same_task(name, angle):
     assert_same(straight(name), play(task_env(name), {"yaw": math.radians(angle)}))
 
 
+VARIED = {
+    "pitch_gain": 1.2, "tower_frequency": 0.93, "blade_stiffness": 0.9, "air_density": 0.95, "drive_lag": 0.2,
+    "sensor_delay": 0.1, "sensor_offset": (-0.4, 0.4), "sensor_noise": 1.0,
+}  # fmt: skip
+"""What may vary without a side."""
+
+
+def test_a_turned_world_is_the_same_with_a_variation():
+    variation = {**VARIED, "yaw_error": 0.2, "shear_exponent": -0.1, "turbulence_class": ("A",)}
+    env = gym.make(TASKS["LoadReduction"].ids[-1], wind_seeds=(1,), variation=variation, controller="constrained_ipc")
+    assert_same(play(env), play(env, {"yaw": math.radians(ANGLES[0])}))
+
+
 # libraries get their readings in single precision
 OURS = [name for name in CONTROLLERS if name not in COMPILED]
 
@@ -453,6 +466,14 @@ def test_a_mirrored_world_is_the_same_for_every_controller(name):
     assert_mirrored(envs, *courses)
 
 
+def test_a_mirrored_world_is_the_same_with_a_variation():
+    """Noise and offsets of what has a side are those of the image."""
+    envs = mirrored_envs("LoadReduction", controller="constrained_ipc", wind_seeds=(1,), variation=VARIED)
+    size = envs[0].action_space.shape[0]
+    courses = mirrored_courses(envs, (Waves(size), Mirrored(Waves(size), envs[1].unwrapped.layout)))
+    assert_mirrored(envs, *courses)
+
+
 def test_a_side_side_damper_that_forgot_the_rotation_would_show():
     envs = mirrored_envs("LoadReduction", controller="side_side_damper", wind_seeds=(1,))
     (damper,) = envs[1].unwrapped.controller.additions
@@ -480,8 +501,9 @@ def test_a_mirrored_world_is_the_same_for_every_shipped_agent(folder):
 @pytest.mark.parametrize("pitch", ["collective", "individual", "fixed-frame"])
 def test_every_observation_of_a_mirrored_world(pitch):
     """All groups and all single channels, with noise, delay, memory and a lidar, and every component of an action."""
+    groups = tuple(name for name in OBSERVATION_GROUPS if name != "disturbances")
     arguments = {
-        "action_mode": "residual", "pitch": pitch, "controller": "tsr_tracking", "observation": OBSERVATION_GROUPS,
+        "action_mode": "residual", "pitch": pitch, "controller": "tsr_tracking", "observation": groups,
         "action_components": ("pitch", "yaw", "torque"), "residual_fade": True, "residual_washout": 20.0, **WIND,
     }  # fmt: skip
     with pytest.raises(ValueError, match=r"observation has .*; must be among") as refusal:
@@ -508,6 +530,19 @@ def test_every_observation_of_a_mirrored_world(pitch):
             assert np.abs(second.observations[:, k] + layout.parity[k] * first.observations[:, k]).max() > ROUNDING, (
                 name
             )
+
+
+def test_disturbances_of_a_mirrored_world():
+    """What linear optimal pitch knows, and offsets as actions."""
+    envs = mirrored_envs(
+        "wt_gym/NREL5MW-Turbulent-v1", action_mode="residual", residual_form="offset", pitch="fixed-frame",
+        action_components=("pitch",), controller="linear_optimal", observation=("disturbances",), control_dt=0.1,
+        **(WIND | {"wind_speed": 16.0}),
+    )  # fmt: skip
+    size = envs[0].action_space.shape[0]
+    first, second = mirrored_courses(envs, (Waves(size), Mirrored(Waves(size), envs[1].unwrapped.layout)))
+    assert np.abs(first.observations).max() > 0.5
+    assert_mirrored(envs, first, second)
 
 
 def test_a_twin_and_pictures_of_a_mirrored_world():

@@ -215,7 +215,7 @@ def test_another_simulator_takes_the_place_of_the_own_one(monkeypatch):
     env = WindTurbineEnv(wind_speed=9.0, relative_reward=True, start="steady")
     env.reset(seed=0)
     env.step(np.zeros(3))
-    assert [env.simulator, env._twin.simulator] == made
+    assert [env.simulator, env._twin.env.simulator] == made
     wanted = {name for name in vars(TurbineSimulator) if not name.startswith("_")}
     assert wanted == {"reset", "advance", "state", "restore", "geometry"}
 

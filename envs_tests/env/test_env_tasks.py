@@ -14,6 +14,7 @@ from scripted_simulator import ScriptedSimulator, use
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from wt_gym.agents.pool import Environments
+from wt_gym.agents.training.hyperparameters import hyperparameters_for
 from wt_gym.benchmark.run import make_env
 from wt_gym.benchmark.tasks import load_task
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
@@ -26,7 +27,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table
-from wt_gym.tasks import TASKS
+from wt_gym.tasks import DEFAULT_ENV, TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -82,9 +83,15 @@ def test_tasks_start_step_and_tell_their_length(name):
 
 @pytest.mark.parametrize("name", TASKS)
 def test_ending_a_task_early_never_pays(name):
-    """The worst operation for ever, discounted by 0.99 a step, costs less than the end of the episode."""
+    """The worst operation for ever, discounted as in training, costs less than the end of the episode.
+
+    Of a reward relative to the controller goes what that earns at most: twice the weight of the power.
+    """
     env = gym.make(TASKS[name].ids[-1]).unwrapped
-    assert -rewards.worst_rate(env.reward_terms) * env.control_dt / (1.0 - 0.99) < env.termination_penalty
+    (most,) = (2.0 * term.weight for term in env.reward_terms if term.name == "power")
+    worst = rewards.worst_rate(env.reward_terms) - most * env.options.rewards.relative
+    gamma = hyperparameters_for("PPO", TASKS[name].ids[-1])["gamma"]
+    assert -worst * env.control_dt / (1.0 - gamma) < env.termination_penalty
 
 
 def test_what_tasks_pay():
@@ -94,18 +101,21 @@ def test_what_tasks_pay():
         env = gym.make(task.ids[-1]).unwrapped
         weights = [term.weight for term in env.reward_terms if term.weight]
         paid[name] = (*weights, env.termination_penalty)
-    load_reduction, default = (1.0, 1.5, 1.0, 1.0, 0.5, 0.4, 120.0), (1.0, 1.5, 1.0, 1.0, 0.1, 0.4, 120.0)
+    load_reduction, full = (1.0, 1.5, 1.0, 1.0, 0.5, 0.4, 200.0), (1.0, 1.5, 1.0, 1.0, 0.1, 0.4, 200.0)
     assert paid == {
         "LoadReduction": load_reduction,
-        "FullRange": default,
-        "MaxPower": (1.0, 0.3, 0.2, 0.05, 0.1, 0.4, 100.0),
-        "Yaw": (1.0, 0.3, 0.2, 0.05, 0.02, 0.4, 100.0),
-        "Gusts": default,
+        "FullRange": full,
+        "MaxPower": (1.0, 0.3, 0.2, 0.05, 0.1, 0.4, 150.0),
+        "Yaw": (1.0, 0.3, 0.2, 0.05, 0.02, 0.4, 800.0),
+        "Gusts": full,
         "IEA15MW-LoadReduction": load_reduction,
         "IEA22MW-LoadReduction": load_reduction,
     }
     plain = gym.make("wt_gym/NREL5MW-Steady-v1").unwrapped
-    assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == default
+    assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == (
+        *full[:-1],
+        120.0,
+    )
 
 
 def test_the_time_limit_of_a_task_is_a_truncation():
@@ -147,7 +157,7 @@ def test_evaluations_take_the_limit_away_without_a_warning(monkeypatch):
     use(monkeypatch, ScriptedSimulator)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Environments("wt_gym/LoadReduction-v1", {}, 120.0).plain.reset(seed=0)
+        Environments(DEFAULT_ENV, {}, 120.0).plain.reset(seed=0)
         task = load_task("load-reduction-15")
         make_env(task, task.winds[0]).reset(seed=0)
 
@@ -513,17 +523,17 @@ def test_what_can_be_read_once_is_read_once():
     assert info["wind_speed"] == 9.0
     _, reward, *_, info = env.step(np.zeros(3))
     assert reward == 0.0
-    assert set(info["reward_terms"]) == {term.name for term in env._twin.reward_terms}
+    assert set(info["reward_terms"]) == {term.name for term in env._twin.env.reward_terms}
 
 
 def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
     """The twin's end is no income, and what it earned last goes on being taken off."""
     env = WindTurbineEnv(inflow=SteadyInflow(15.0), relative_reward=True, episode_length=4.0, **RESIDUAL)
+    env._twin.env.limits.overspeed = 0.5
     env.reset(seed=0)
-    env.step(np.zeros(5))
-    env._twin.limits.overspeed = 0.5
-    rewards = [env.step(np.zeros(5))[1] for _ in range(4)]
-    assert not env._twin._running
+    rewards = [env.step(np.zeros(5))[1] for _ in range(5)]
+    assert env._twin.course.ended
+    assert len(env._twin.course) == 1
     assert np.abs(rewards).max() < 0.1
 
 

@@ -35,6 +35,7 @@ SMALL = TrainingConfig(
     env_kwargs={"wind_speed": 12.0, "episode_length": 5.0},
     hyperparameters={"n_steps": 32, "batch_size": 32, "n_epochs": 1, "normalize_observations": True},
     total_steps=64,
+    n_envs=1,
     eval_every=0,
     eval_seconds=15.0,
     tensorboard=False,
@@ -203,7 +204,7 @@ def interrupted(folder, send, number, *options):
 
 
 def test_sigterm_ends_the_training_and_it_goes_on(tmp_path):
-    record = interrupted(tmp_path / "run", os.kill, signal.SIGTERM, "--algo", "sac")
+    record = interrupted(tmp_path / "run", os.kill, signal.SIGTERM, "--algo", "sac", "--n-envs", "1")
     again = resume(tmp_path / "run", max_seconds=0.0, progress=False)
     assert again["status"] == "time limit"
     assert again["steps"] == record["steps"] + 1
@@ -541,6 +542,7 @@ env: wt_gym/NREL5MW-Steady-v1
 env_kwargs: {wind_speed: 12.0, episode_length: 5.0}
 hyper: {n_steps: 32, batch_size: 32, n_epochs: 1, net_arch: [8, 8], learning_rate: 1.0e-3}
 steps: 64
+n_envs: 1
 eval_every: 0
 tensorboard: false
 """

@@ -41,7 +41,7 @@ def agent(tmp_path_factory):
     folder = tmp_path_factory.mktemp("agent") / "run"
     config = TrainingConfig(
         env_kwargs={"observation": "measurable", "controller": BASE, "wind_speed": 15.0, "start": "steady"},
-        total_steps=64, hyperparameters={"n_steps": 64, "batch_size": 64}, eval_every=0, tensorboard=False,
+        total_steps=64, n_envs=1, hyperparameters={"n_steps": 64, "batch_size": 64}, eval_every=0, tensorboard=False,
     )  # fmt: skip
     train(config, folder, progress=False)
     trained = TrainedAgent.load(folder)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.control import ActionMap, Demand
+from wt_gym.control import ActionMap, Demand, torque_curve
 from wt_gym.control.actions import AgentSetpoint
 from wt_gym.errors import ActionError
 from wt_gym.turbines import load_turbine
@@ -48,6 +48,29 @@ def test_a_turbine_without_yaw_drive_has_no_yaw_component(turbine, hold, mode, p
     np.testing.assert_array_equal(demand.pitch, other.pitch)
     assert (demand.yaw_rate, demand.generator_torque) == (0.0, other.generator_torque)
     np.testing.assert_allclose(action_map.encode(demand, hold), action, atol=1e-12)
+
+
+def test_offsets_themselves_are_reached_at_the_greatest_rate(turbine, hold):
+    spans = {"pitch": 0.04, "pitch_mean": 0.02, "pitch_rate": 0.1}
+    action_map = ActionMap(turbine, DT, "residual", "fixed-frame", ("pitch", "torque"), spans, residual="offset")
+    assert action_map.names[0] == "pitch_mean_offset"
+    np.testing.assert_allclose(action_map.high[:3], [0.02, 0.04, 0.04])
+    setpoint, step = action_map.start(hold), 0.1 * DT
+    courses = []
+    for _ in range(4):
+        setpoint = action_map.decode(np.array([1.0, -0.5, 0.1, 1.0]), setpoint)
+        courses.append(setpoint)
+    curve = torque_curve(turbine)
+    torque = 0.05 * curve.rated_power / curve.rated_generator_speed * DT  # 5 % of the rated torque a second
+    for k, one in enumerate(courses, start=1):
+        wanted = [min(k * step, 0.02), max(-k * step, -0.02), min(k * step, 0.004)]
+        np.testing.assert_allclose(one.pitch, wanted, rtol=1e-12)
+        assert one.generator_torque == pytest.approx(k * torque, rel=1e-6)
+
+
+def test_offsets_themselves_need_the_residual_mode(turbine):
+    with pytest.raises(ValueError, match="residual='offset' needs action_mode='residual', got 'rate'"):
+        ActionMap(turbine, DT, residual="offset")
 
 
 def test_zero_rates_hold_the_demands_exactly(turbine, hold):

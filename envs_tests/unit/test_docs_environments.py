@@ -52,7 +52,7 @@ def test_examples_run(left):
     assert isinstance(drawn["env"].unwrapped.episode_wind.inflow, TurbulentInflow)
     assert 13.0 < drawn["info"]["wind_speed"] < 15.0
     assert many["observations"].shape == many["envs"].observation_space.shape
-    assert many["infos"]["time"] == pytest.approx(0.2)
+    assert many["infos"]["time"] == pytest.approx(0.1)
     value, rate = planned["best"]
     assert np.isfinite(value)
     assert rate in (-1.0, 0.0, 1.0)
@@ -66,7 +66,7 @@ def test_every_task_and_every_wind_stands_on_the_page():
 
 def test_lengths_of_episodes_are_those_of_the_tasks():
     lengths = {name: last for name, _, last in TASK_ROWS}
-    assert {name: gym.spec(name).max_episode_steps * 0.2 for name in lengths} == {
+    assert {name: gym.spec(name).max_episode_steps * gym.spec(name).kwargs["control_dt"] for name in lengths} == {
         name: float(length.removesuffix(" s")) for name, length in lengths.items()
     }
 

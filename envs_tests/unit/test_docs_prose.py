@@ -21,7 +21,6 @@ PHRASES = {
     r"(?<!there )(?<!if )\bis no (?!longer|more|less|slower|faster|better|worse|higher|lower|larger)": "is not a",
     r"is told of|are told of": "is described in",
     r"but for": "except for",
-    r"yardstick": "reference",
     r"sources of the morning|better hours?|beside other work|at hand was": "away",
     r"not met again|was tried|were tried|has been tried": "away, or the change log",
     r"whoever|whosoever": "you",
@@ -48,7 +47,9 @@ PAGES += [
     path for path in sorted((ROOT / "docs").rglob("*.md")) if path.relative_to(ROOT).as_posix() not in OTHERS | LATER
 ]
 LONGEST = 60  # words of a sentence
-GENERATED = re.compile(r"<!-- (scores|kinds|leaderboard|crosscheck)[^>]*-->.*?<!-- end[^>]*-->", re.DOTALL)
+GENERATED = re.compile(
+    r"<!-- (scores|kinds|leaderboard|ceilings|ladder|crosscheck)[^>]*-->.*?<!-- end[^>]*-->", re.DOTALL
+)
 
 
 def prose(text):

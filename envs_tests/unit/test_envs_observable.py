@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from wt_gym.control import ActionMap, AgentSetpoint, Demand, Lidar
+from wt_gym.control.controllers import YawByDeadBand
+from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
 from wt_gym.envs.observable import OBSERVATION_GROUPS, Observable
 from wt_gym.envs.observations import Observer
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext
+from wt_gym.envs.start import Trail
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.turbines import load_turbine
 
@@ -22,6 +25,7 @@ SINGLES = (
     "root_edge_moment_yaw", "tower_base_side_side_moment",
 )  # fmt: skip
 CHOICE = (*OBSERVATION_GROUPS, *SINGLES)
+LINEAR = LinearOptimalPitch.of_turbine(TURBINE)
 
 
 def signals(step=0):
@@ -30,17 +34,26 @@ def signals(step=0):
     return Signals(values, 3)
 
 
+def turning():
+    """A yaw drive that has just started to the right, by an error of -0.2 rad behind the slow filter."""
+    drive = YawByDeadBand(0.005, slow=0.0)
+    drive.start({"yaw_error": -0.2})
+    drive.step({"yaw_error": -0.2}, 0.1, Demand(np.zeros(3), 0.0, 0.0))
+    return drive
+
+
 def context(now):
     demand, base = Demand(np.array([0.1, 0.2, 0.3]), 0.0, 3e4), Demand(np.full(3, 0.15), 0.0, 2e4)
     setpoint = AgentSetpoint([0.01, 0.02, 0.03], 0.0, 4e3)
     return ObservationContext(
-        now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0])
-    )
+        now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]), None, turning(),
+        np.arange(6.0 * len(LINEAR.bins) + 5.0),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def observer():
-    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR)
+    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR, yaw_drive=turning(), linear=LINEAR)
 
 
 def observed(observer):
@@ -69,9 +82,18 @@ def test_each_channel_is_read_from_what_it_names(observer):
     assert [values[f"pitch_offset_{k}"] for k in (1, 2, 3)] == case.setpoint.pitch
     assert values["torque_offset"] == 4e3
     assert [values[f"lidar_{k}"] for k in (1, 2, 3)] == [9.0, 10.0, 11.0]
+    n = len(LINEAR.bins)
+    assert [values[f"disturbance_{name}_2"] for name in ("flap_mean", "flap_tilt", "rotor_speed")] == [
+        1,
+        n + 1,
+        5 * n + 1,
+    ]
+    names = ("linear_pitch_mean", "linear_pitch_yaw", "linear_pitch_share", "linear_pitch_schedule")
+    assert [values[name] for name in names] == [6 * n, 6 * n + 2, 6 * n + 3, 6 * n + 4]
     assert [values[f"previous_{name}"] for name in ACTION.names] == case.action.tolist()
     assert values["azimuth_sin"] == math.sin(now["azimuth"])
     assert values["azimuth_cos"] == math.cos(now["azimuth"])
+    assert [values["dead_band_error"], values["dead_band_turning"]] == [-0.2, -1.0]
     psi = now["azimuth"] + 2.0 * math.pi / 3.0 * np.arange(3)
     assert values["root_edge_moment_yaw"] == pytest.approx(2.0 / 3.0 * np.dot(np.sin(psi), now.root_edge_moment))
     assert values["root_flap_moment_mean"] == pytest.approx(now.root_flap_moment.mean())
@@ -79,26 +101,32 @@ def test_each_channel_is_read_from_what_it_names(observer):
 
 
 def test_every_channel_has_a_reader_and_another_name():
-    _, channels = Observable(TURBINE, ACTION, LIDAR).choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR).choose(CHOICE)
     assert len({one.channel.name for one in channels}) == len(channels) > 40
     assert {type(one.reader) for one in channels} == {FromSignals, InFixedFrame, Computed}
     for one in channels:
         if isinstance(one.reader, FromSignals):
             assert one.reader.name == one.channel.name
-    assert [one.channel.name for one in channels if one.circular] == ["yaw_error"]
-    assert [one.channel.name for one in channels if isinstance(one.reader, Computed) and one.reader.needs] == [
+    assert [one.channel.name for one in channels if one.circular] == ["yaw_error", "dead_band_error"]
+    needy = {one.channel.name: one.reader.needs for one in channels if isinstance(one.reader, Computed)}
+    assert [name for name, needs in needy.items() if needs in ("estimator", "lidar")] == [
         "rotor_wind", "lidar_1", "lidar_2", "lidar_3",
     ]  # fmt: skip
+    assert all(
+        (needs == "disturbances") == name.startswith(("disturbance_", "linear_")) for name, needs in needy.items()
+    )
 
 
 def test_parities_of_signals_are_those_of_the_simulator():
     parities = {channel.name: channel.parity for channel in channel_table(3)}
-    _, channels = Observable(TURBINE, ACTION, LIDAR).choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR).choose(CHOICE)
     found = {one.channel.name: one.channel.parity for one in channels}
     assert {name: parities[name] for name in found if name in parities} == {
         name: parity for name, parity in found.items() if name in parities
     }
-    assert [name for name, parity in found.items() if parity < 0 and name not in parities] == ["previous_yaw_rate"]
+    assert [name for name, parity in found.items() if parity < 0 and name not in parities] == [
+        "previous_yaw_rate", "dead_band_error", "dead_band_turning",
+    ]  # fmt: skip
 
 
 def test_the_measurable_group_has_no_channel_that_a_turbine_does_not_measure():
@@ -141,3 +169,79 @@ def test_what_is_not_asked_for_needs_nothing():
     plain = Observer(TURBINE, ACTION, ("rotor",))
     assert not plain.sees_lidar
     assert plain._sensors.estimator is None
+
+
+# ---- washout ----
+
+LOADS = ("root_flap_moment_1", "root_flap_moment_tilt", "root_edge_moment_mean", "tower_base_fore_aft_moment",
+         "nacelle_acceleration_side_side")  # fmt: skip
+
+
+def washed(steps, tau=20.0, trail=None, dt=0.1):
+    """Physical values of `LOADS` and of the rotor speed behind a washout, one row an instant."""
+    observer = Observer(TURBINE, ACTION, (*LOADS, "rotor_speed"), washout=tau)
+    layout, rows = observer.layout, []
+    for k, now in enumerate(steps):
+        if k == 0:
+            observer.reset(context(now), trail)
+        else:
+            observer.advance(now, dt)
+        found, _ = observer.observe(context(now), np.random.default_rng(0))
+        rows.append([layout.value(found.astype(float), name) for name in layout.names])
+    return np.array(rows)
+
+
+def loaded(offset, azimuth=0.3, swing=0.0):
+    """Signals whose loads are an offset and a swing, in the size of real ones."""
+    now = signals(0)
+    for b in range(3):
+        now.set(f"root_flap_moment_{b + 1}", 4e6 + offset * 1e6 + swing * math.cos(azimuth + 2.0 * math.pi * b / 3.0))
+        now.set(f"root_edge_moment_{b + 1}", offset * 1e5)
+    now.set("tower_base_fore_aft_moment", 3e7 + offset * 1e7)
+    now.set("nacelle_acceleration_side_side", 0.1 * swing / 1e6)
+    now.set("azimuth", azimuth)
+    return now
+
+
+def test_a_washout_sees_no_static_offset_and_leaves_the_rest_alone():
+    """Two codes whose loads differ by a constant look the same; a step passes and decays with the time constant."""
+    first, second = washed([loaded(0.0)] * 50), washed([loaded(0.7)] * 50)
+    np.testing.assert_allclose(first[:, :-1], 0.0, atol=1.0)
+    np.testing.assert_allclose(second[:, :-1], 0.0, atol=1.0)
+    np.testing.assert_allclose(first[:, -1], loaded(0.0)["rotor_speed"], rtol=1e-6)
+    step = washed([loaded(0.0)] + [loaded(0.5)] * 200, tau=10.0)
+    expected = 0.5 * np.exp(-0.1 * np.arange(1, 201) / 10.0)
+    np.testing.assert_allclose(step[1:, 2] / 1e5, expected, rtol=1e-4)
+    np.testing.assert_allclose(step[1:, 3] / 1e7, expected, rtol=1e-4)
+
+
+def test_a_blade_starts_from_the_mean_of_the_blades_and_an_acceleration_from_zero():
+    (found,) = washed([loaded(0.0, swing=1e6)])
+    assert found[0] == pytest.approx(1e6 * math.cos(0.3), rel=1e-5)
+    assert found[1] == pytest.approx(0.0, abs=1.0)
+    assert found[4] == pytest.approx(0.1, rel=1e-5)
+
+
+def test_a_washout_starts_from_the_means_of_what_was_recorded_before():
+    """What is not recorded starts from the present value."""
+    rows = np.array([loaded(0.0, azimuth=k, swing=1e6).values for k in range(40)])
+    index = [channel.name for channel in channel_table(3)].index("root_edge_moment_1")
+    rows[:, index : index + 3] = np.nan
+    assert channel_table(3)[index + 2].name == "root_edge_moment_3"
+    (found,) = washed([loaded(0.5, swing=1e6)], trail=Trail(rows, 1.0))
+    assert found[0] == pytest.approx(5e5 + 1e6 * math.cos(0.3), rel=1e-5)
+    assert found[1] == pytest.approx(0.0, abs=10.0)  # tilt was as it is
+    assert found[2] == pytest.approx(0.0, abs=1.0)
+    assert found[3] == pytest.approx(5e6, rel=1e-5)
+    weights = np.exp(-np.arange(2, 0, -1) / 20.0)
+    few = np.array([loaded(x).values for x in (0.0, 1.0)])
+    (found,) = washed([loaded(0.5)], trail=Trail(few, 1.0))
+    assert found[3] == pytest.approx(1e7 * (0.5 - weights[1] / weights.sum()), rel=1e-4)
+
+
+def test_a_washed_channel_says_so_and_has_no_offset():
+    _, channels = Observable(TURBINE, ACTION, LIDAR, washout=15.0).choose(("measurable", "fixed_frame", "tower"))
+    for one in channels:
+        is_load = one.channel.name.startswith(("root_", "tip_", "tower_", "nacelle_"))
+        assert one.washed == is_load == ("high-pass filter of 15 s" in one.channel.description)
+        assert not is_load or one.channel.offset == 0.0

@@ -20,6 +20,7 @@ from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.export import main
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
+from wt_gym.control.optimal.design_file import LinearDesign, save_design
 from wt_gym.turbines import load_turbine
 
 DT = 0.1
@@ -32,6 +33,8 @@ CONTROLLERS = (
     ("tuned", "nrel_5mw"),
     ("ipc:fade=False,proportional_time=0.5", "nrel_5mw"),
     ("constrained_ipc+tower_dampers+yaw", "nrel_5mw"),
+    ("linear_optimal", "nrel_5mw"),
+    ("tsr_tracking+ipc+linear_pitch:gain=0.5", "nrel_5mw"),
     ("tsr_tracking:thrust_limit=0.9", "nrel_5mw"),
     ("tsr_tracking+ipc+yaw:dead_band=0.05", "nrel_5mw"),
     ("discon", "iea_15mw"),  # the published one: table of gains, tip-speed ratio, second-order filter
@@ -185,6 +188,63 @@ def test_the_rotor_speed_stands_in_for_that_of_the_generator_and_the_azimuth_goe
         expected, found = whole.call(k * DT, DT), missing.call(k * DT, DT)
         assert found.pitch == pytest.approx(expected.pitch, abs=1e-5)
         assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
+
+
+def drawn_design(path, knots, interval=DT, fade=0.05):
+    """Design of drawn matrices, with an output that keeps what lasts, and one that has a washout of its own."""
+    rng, n = np.random.default_rng(5), len(knots)
+    design = LinearDesign(
+        pitch=np.array(knots), responses=rng.normal(size=(n, 6, 3, 13)), gains=4e-3 * rng.normal(size=(n, 3, 6, 7)),
+        scale=np.array([3e6, 3e6, 3e6, 0.5, 0.2, 0.3]), washout=np.array([30.0, 0.0, 0.0, 5.0, 30.0, 30.0]),
+        interval=interval, limit=0.07, rate_limit=0.05, fade=fade, fine_speed=(0.9, 1.0),
+    )  # fmt: skip
+    save_design(design, path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("knots", "interval", "name"),
+    [((0.2,), DT, "nrel_5mw"), ((0.0, 0.1, 0.3), 2 * DT, "nrel_5mw"), ((0.1, 0.2), DT / 2, "iea_15mw")],
+)
+def test_linear_pitch_of_any_design_is_that_of_the_controller(knots, interval, name, exported, tmp_path):
+    """One design and several, decisions at every second step, and two intervals within a step."""
+    turbine = load_turbine(name)
+    choice = f"linear_optimal:file={drawn_design(tmp_path / 'drawn.npz', knots, interval)}"
+    _, library, parameters, _ = exported(choice, name)
+    controller, moved = make_controller(choice, turbine), 0.0
+    for k, signals in enumerate(random_readings(turbine, 600, 7, DT)):
+        if k == 0:
+            held = start_demand(signals, turbine)
+            ours = Exported(library, turbine, parameters, held)
+        read = ours.read(signals)
+        if k == 0:
+            controller.start(read, held)
+        expected, found = controller.step(read, DT), ours.call(k * DT, DT)
+        assert ours.flag == 0, ours.message
+        assert found.pitch == pytest.approx(expected.pitch, abs=2e-7)
+        moved = max(moved, float(np.ptp(expected.pitch)))
+    assert moved > 0.01
+
+
+def test_a_missing_reading_rests_linear_pitch(exported, tmp_path):
+    turbine, signals = recorded(400)
+    design = drawn_design(tmp_path / "drawn.npz", (0.2,), fade=0.001)
+    _, library, parameters, _ = exported(f"linear_optimal:file={design}")
+    _, plain, of_plain, _ = exported("side_side_damper")
+    ours, base = Exported(library, turbine, parameters), Exported(plain, turbine, of_plain)
+    apart, said = [], []
+    for k, now in enumerate(signals):
+        now = now | {"rotor_speed": turbine.drivetrain.rated_rotor_speed}
+        ours.read(now)
+        base.read(now)
+        if k >= 200:
+            ours.swap[30] = math.nan  # out-of-plane moment of blade 2
+        apart.append(abs(ours.call(k * DT, DT).pitch - base.call(k * DT, DT).pitch).max())
+        if ours.flag:
+            said.append((k, ours.message))
+    assert max(apart[100:200]) > 0.01
+    assert max(apart[200 + math.ceil(2 * 0.07 / 0.05 / DT) :]) < 1e-6
+    assert [k for k, _ in said] == [200]
 
 
 DAMPERS = "discon+tower_dampers:fade=False"
@@ -689,7 +749,8 @@ def test_every_parameter_of_a_file_is_one_of_the_table(exported):
 
 
 @pytest.mark.parametrize(
-    "choice", ["discon", "tsr_tracking+ipc+yaw:dead_band=0.05", "constrained_ipc+tower_dampers+yaw"]
+    "choice",
+    ["discon", "tsr_tracking+ipc+yaw:dead_band=0.05", "constrained_ipc+tower_dampers+yaw", "linear_optimal"],
 )
 def test_sanitizers_find_nothing(choice, exported, tmp_path):
     source, _, parameters, _ = exported(choice)

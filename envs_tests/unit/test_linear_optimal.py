@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,8 +26,8 @@ from wt_gym.benchmark import load_task
 from wt_gym.benchmark.run import benchmark_metrics
 from wt_gym.commands import design as design_command
 from wt_gym.control import Demand
-from wt_gym.control.coleman import to_fixed_frame
-from wt_gym.control.controllers import Combined, make_controller
+from wt_gym.control.coleman import to_blades, to_fixed_frame
+from wt_gym.control.controllers import Combined, FadeParameters, make_controller
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
 from wt_gym.control.controllers.memory import memory_of, remember
 from wt_gym.control.optimal.design_file import LinearDesign, load_design, save_design
@@ -147,6 +148,33 @@ def toy_recording(seed, offsets=None, n=900):
     flap = both[0] + both[1] * np.cos(angles) + both[2] * np.sin(angles)
     pitch = 0.1 + 0.02 * np.sin(0.1 * azimuth) * np.ones((3, 1))
     return Recording(DT, both[:6], both[6:], flap, 0.0 * flap, pitch, azimuth, given, np.ones(n))
+
+
+def test_a_design_keeps_the_limit_of_power_in_its_forecast(turbine, toy_runs, monkeypatch):
+    """Power that only the square of offsets takes: the cost of power rises until the forecast keeps the limit."""
+    found = designing.identified_plant
+
+    def costly(*given):
+        plant, explained = found(*given)
+        responses = plant.responses.copy()
+        responses[8] = 0.0
+        return replace(plant, responses=responses, power_curvature=20.0), explained
+
+    monkeypatch.setattr(designing, "identified_plant", costly)
+
+    def made(least):
+        task = LinearDesignTask(speeds=(15.0,), excited=2, ridge=0.0, least_power=least, **TOY_TASK)
+        return design(turbine, task).record["speeds"][0]
+
+    free = made(-1.0)
+    taken = free["forecast"]["captured_power"]
+    assert free["power_weight"] == 1.0
+    assert taken < -1e-4
+    held = made(0.5 * taken)
+    assert held["power_weight"] > 1.0
+    assert 0.5 * taken <= held["forecast"]["captured_power"] < 0.0
+    with pytest.raises(ValueError, match="keep power above"):
+        made(0.0)
 
 
 TOY = np.array([3e3, 3e3, 3e3, 1e-4, 1e-4, 1e-5, 1e4, 1e4, 1e3])[:, None, None] * np.ones((1, 3, 30))
@@ -280,6 +308,19 @@ def test_no_blade_is_pitched_below_its_range(turbine):
     assert offsets.acting[1] < 0.05
 
 
+def test_at_fine_pitch_offsets_act_near_rated_speed_alone(turbine):
+    fade = made_design(fine_speed=(0.9, 1.0)).fading
+    offsets = PitchOffsets(turbine, 0.05, 10.0, fade)
+    rated = turbine.drivetrain.rated_rotor_speed
+    for ratio, share in ((0.85, 0.0), (0.95, 0.5), (1.0, 1.0), (1.1, 1.0)):
+        assert offsets.update_share(above_rated(0.0), ratio * rated, DT) == pytest.approx(share)
+    pitched = PitchOffsets(turbine, 0.05, 10.0, fade)  # where the blades are pitched, it is as without
+    plain = PitchOffsets(turbine, 0.05, 10.0, 0.05)
+    for ratio in (0.8, 0.9, 0.95):
+        shares = [one.update_share(above_rated(0.1), ratio * rated, DT) for one in (pitched, plain)]
+        assert shares[0] == shares[1]
+
+
 @pytest.mark.parametrize(("limit", "rate"), [(-1.0, 1.0), (1.0, 0.0), (math.nan, 1.0)])
 def test_offsets_refuse_limits(turbine, limit, rate):
     with pytest.raises(ValueError, match="limit"):
@@ -338,6 +379,9 @@ def test_a_design_comes_back_from_its_file(tmp_path):
         np.testing.assert_allclose(getattr(found, name), getattr(design, name), rtol=1e-7)
     assert (found.interval, found.limit, found.rate_limit, found.fade) == (DT, 0.07, 0.05, 0.05)
     assert found.record == design.record
+    assert found.fine_speed is None
+    save_design(made_design(fine_speed=(0.95, 1.0)), path)
+    assert load_design(path).fading == FadeParameters((0.05 / 6.0, 0.05), fine_speed=(0.95, 1.0))
     assert copy.deepcopy(found) is found
     with pytest.raises(ValueError, match="read-only"):
         found.gains[0] = 0.0
@@ -352,6 +396,7 @@ def test_a_design_comes_back_from_its_file(tmp_path):
         {"scale": np.zeros(6)},
         {"interval": 0.0},
         {"limit": math.nan},
+        {"fine_speed": (1.0, 0.9)},
         {"washout": np.full(6, np.inf)},
     ],
 )
@@ -375,9 +420,9 @@ def test_files_that_are_no_designs(tmp_path):
     save_design(made_design(), newer)
     with np.load(newer) as found:
         arrays = dict(found)
-    arrays["head"] = np.array(str(arrays["head"]).replace('"format": 1', '"format": 99'))
+    arrays["head"] = np.array(str(arrays["head"]).replace('"format": 2', '"format": 99'))
     np.savez(newer, **arrays)
-    with pytest.raises(ControllerError, match="format 1, got 99"):
+    with pytest.raises(ControllerError, match="format 2, got 99"):
         load_design(newer)
 
 
@@ -428,6 +473,58 @@ def test_what_the_model_does_not_explain_is_the_disturbance(turbine):
     acting, found = driven(LinearOptimalPitch(turbine, design), wanted, responses)
     assert np.abs(acting).max() > 1e-3
     np.testing.assert_allclose(found / design.scale[:, None], wanted / design.scale[:, None], atol=1e-6)
+
+
+def driven_with_an_agent(turbine, told=True, n=120):
+    """Disturbances, what the controller finds of them, and what it shows of the past at every step, beside an agent."""
+    design = made_design(knots=(0.15,))
+    responses = design.responses[0] * design.scale[:, None, None] * 0.1
+    design = made_design(knots=(0.15,), responses=responses[None] / design.scale[:, None, None])
+    controller, wanted = LinearOptimalPitch(turbine, design), drawn_disturbances(n)
+    drawn = np.radians(1.0) * np.random.default_rng(9).uniform(-1.0, 1.0, (3, n))
+    acting, found, seen = np.zeros((3, n)), [], []
+    controller.start(signals_of(wanted[:, 0], 0.0))
+    for k in range(n):
+        signals = signals_of(wanted[:, k] + respond(responses, acting)[:, k], k * DT * SPEED) | {
+            "pitch": np.full(3, 0.15)
+        }
+        seen.append(controller.seen(signals))
+        base = controller.step(signals, DT, above_rated(0.15))
+        ahead = signals["azimuth"] + signals["rotor_speed"] * pitch_delay(turbine.pitch, DT)
+        pitch = base.pitch + np.array(to_blades(drawn[:, k].tolist(), ahead, 3))
+        if told:
+            controller.see_demand(base, Demand(pitch, 0.0, base.generator_torque), signals, DT)
+        acting[:, k] = np.array(controller.offsets.acting) + drawn[:, k]
+        found.append(controller.disturbance / design.scale)
+    return controller, wanted / design.scale[:, None], np.array(found).T, np.array(seen)
+
+
+def test_offsets_of_an_agent_are_no_disturbance(turbine):
+    _, wanted, found, _ = driven_with_an_agent(turbine)
+    np.testing.assert_allclose(found, wanted, atol=1e-6)
+    _, _, untold, _ = driven_with_an_agent(turbine, told=False)
+    assert np.abs(untold - wanted).max() > 0.01
+
+
+def test_what_an_agent_sees_is_the_past_with_the_present_instant(turbine):
+    controller, wanted, _, seen = driven_with_an_agent(turbine)
+    design, bins = controller.design, controller.bins
+    assert bins[0] == (0, 1)
+    assert bins[-1][1] == design.gains.shape[-1]
+    past = np.stack([without_lasting(row, tau, DT) for row, tau in zip(wanted, design.washout, strict=True)])
+    expected = np.stack([bin_means(row, bins) for row in past])  # of a past that stood still before
+    started = design.gains.shape[-1]
+    shown = seen[:, : 6 * len(bins)].reshape(-1, 6, len(bins)).transpose(1, 2, 0)
+    np.testing.assert_allclose(shown[..., started:], expected[..., started:], atol=1e-6)
+    np.testing.assert_allclose(seen[:, -2:], [[1.0, 0.15]] * len(seen), atol=0.01)
+
+
+def test_looking_changes_nothing(turbine):
+    controller, *_ = driven_with_an_agent(turbine, n=20)
+    signals = signals_of(drawn_disturbances(1)[:, 0], 1.0)
+    before = memory_of(controller).values
+    controller.seen(signals)
+    np.testing.assert_array_equal(memory_of(controller).values, before)
 
 
 def test_offsets_are_the_filtered_past_times_the_gains(turbine):
@@ -547,6 +644,7 @@ def test_seeds_for_evaluation_never_enter_a_design():
         ({"seeds": (1, 1)}, "different"),
         ({"excited": 1}, "excited"),
         ({"duration": 30.0}, "at least"),
+        ({"least_power": 0.1}, "least_power"),
     ],
 )
 def test_tasks_refuse(wrong, message):

@@ -8,8 +8,16 @@ from stable_baselines3.common.utils import LinearSchedule
 from wt_gym.agents.trained_agent import ALGORITHM_CLASSES
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.environments import make_training_env
-from wt_gym.agents.training.hyperparameters import ALGORITHMS, hyperparameters_for, parse_override, read_hyperparameters
+from wt_gym.agents.training.hyperparameters import (
+    ALGORITHMS,
+    hyperparameters_for,
+    of_each_copy,
+    parse_override,
+    read_hyperparameters,
+)
 from wt_gym.agents.training.models import make_model
+from wt_gym.agents.training.search import tried
+from wt_gym.tasks import TASKS
 
 TASK, STEADY = "wt_gym/LoadReduction-v1", "wt_gym/NREL5MW-Steady-v1"
 
@@ -17,11 +25,20 @@ TASK, STEADY = "wt_gym/LoadReduction-v1", "wt_gym/NREL5MW-Steady-v1"
 def test_ppo_starts_with_what_was_found_for_load_reduction():
     values = hyperparameters_for("PPO", TASK)
     measured = {
-        "gamma": 0.98, "n_steps": 1024, "batch_size": 256, "n_epochs": 6, "learning_rate": 4e-4, "gae_lambda": 0.95,
-        "log_std_init": -1.2, "net_arch": [64, 64], "normalize_observations": False,
+        "gamma": 0.98, "rollout_steps": 1024, "batch_size": 256, "n_epochs": 6, "learning_rate": 4e-4,
+        "gae_lambda": 0.95, "log_std_init": -1.2, "net_arch": [64, 64], "normalize_observations": False,
     }  # fmt: skip
     assert values == measured | {"normalize_rewards": True}
-    assert TrainingConfig().resolved == values
+    assert TrainingConfig(env_id=TASK).resolved == values
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_the_newest_id_of_a_task_looks_ahead_as_long_as_it_takes(name):
+    """20 s for the side-side motion of the tower, 30 s for the energy of the rotor, 200 s for the yaw drive."""
+    task = TASKS[name]
+    least = {"Yaw": 200.0, "MaxPower": 30.0}.get(name, 20.0)
+    gamma = hyperparameters_for("PPO", task.ids[-1])["gamma"]
+    assert task.newest["control_dt"] / (1.0 - gamma) > 0.999 * least
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
@@ -30,7 +47,7 @@ def test_models_are_made_with_what_the_files_say(algorithm):
     venv = make_training_env(config)
     model = make_model(config, venv)
     venv.close()
-    assert type(model) is ALGORITHM_CLASSES[algorithm]
+    assert isinstance(model, ALGORITHM_CLASSES[algorithm])
     assert model.gamma == config.resolved["gamma"] == venv.gamma
     assert model.lr_schedule(0.5) == pytest.approx(0.5e-3)
     assert isinstance(model.learning_rate, LinearSchedule)
@@ -43,8 +60,23 @@ def test_files_lie_on_top_of_the_package_and_options_on_top_of_files(tmp_path):
     file.write_text(f"default:\n  gamma: 0.9\n  n_epochs: 3\n{TASK}:\n  gamma: 0.95\n  learning_rate: 1e-3\n")
     values = hyperparameters_for("PPO", TASK, file, {"n_epochs": 4})
     assert (values["gamma"], values["n_epochs"], values["learning_rate"]) == (0.95, 4, 1e-3)
-    assert values["n_steps"] == 1024
+    assert values["rollout_steps"] == 1024
     assert hyperparameters_for("PPO", STEADY, file)["gamma"] == 0.9
+
+
+def test_steps_between_updates_are_shared_by_the_copies_or_counted_for_each(tmp_path):
+    file = tmp_path / "mine.yml"
+    file.write_text("default: {n_steps: 64}\n")
+    each = hyperparameters_for("PPO", TASK, file)
+    assert each["n_steps"] == 64
+    assert "rollout_steps" not in each
+    over_all = hyperparameters_for("PPO", TASK, file, {"rollout_steps": 600})
+    assert "n_steps" not in over_all
+    assert [of_each_copy(over_all, n)["n_steps"] for n in (1, 8, 7, 1000)] == [600, 75, 85, 2]
+    assert of_each_copy(each, 8)["n_steps"] == 64
+    sac = hyperparameters_for("SAC", TASK, overrides={"update_every": 16})
+    assert [of_each_copy(sac, n)["train_freq"] for n in (1, 8, 100)] == [16, 2, 1]
+    assert tried(TrainingConfig(hyperparameters=each), {"rollout_steps": 512}).resolved.keys() == over_all.keys()
 
 
 @pytest.mark.parametrize(
@@ -81,6 +113,7 @@ def test_options_that_cannot_be_read(text):
         ("default:\n  gamma: .nan", "gamma must be a number from 0 to 1, got nan"),
         ("default:\n  gamma: high", "gamma must be a number from 0 to 1, got 'high'"),
         ("default:\n  n_steps: 10.5", "n_steps must be a whole number"),
+        ("default: {n_steps: 64, rollout_steps: 512}", "steps must be given once, got rollout_steps .* and n_steps"),
         ("default:\n  n_epochs: true", "n_epochs must be a whole number"),
         ("default:\n  learning_rate: lin_fast", "learning_rate must be a number .* or lin_"),
         ("default:\n  net_arch: []", "net_arch must be a list"),

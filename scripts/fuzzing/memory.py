@@ -10,6 +10,7 @@ import numpy as np
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.process_memory import resident_memory
+from wt_gym.tasks import DEFAULT_ENV
 
 __all__ = ["MemoryRecord", "measure_memory"]
 
@@ -42,7 +43,7 @@ class MemoryRecord:
         return float(slope) * 1024.0 * 1000.0
 
 
-def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v1", episode_steps: int = 50) -> MemoryRecord:
+def measure_memory(steps: int, env_id: str = DEFAULT_ENV, episode_steps: int = 50) -> MemoryRecord:
     """Step an environment at random with short episodes.
 
     Parameters

@@ -1,9 +1,10 @@
-"""The benchmark: frozen tasks, runs of agents in them, scores between the baseline controller and the best known.
+"""The benchmark: frozen tasks, runs of agents in them, scores over the baseline controller by a yardstick.
 
 A task (`load_task`) says where an agent runs; `play` makes one run of it; `score` compares the runs of an agent with
 the reference numbers that stand in the task's file. docs/benchmark.md has the rules.
 """
 
+from wt_gym.benchmark.ceiling import Ceiling, ceiling_file, ceiling_of, write_ceiling
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.benchmark.reference import Reference, confirm_reference, make_reference, reference_of, write_reference
 from wt_gym.benchmark.results import ResultFolder, result_key
@@ -16,12 +17,15 @@ __all__ = [
     "INTERFACE",
     "BenchmarkTask",
     "BenchmarkWind",
+    "Ceiling",
     "Limit",
     "Reference",
     "ResultFolder",
     "Score",
     "Term",
     "benchmark_fingerprint",
+    "ceiling_file",
+    "ceiling_of",
     "confirm_reference",
     "into_page",
     "leaderboard",
@@ -34,5 +38,6 @@ __all__ = [
     "score",
     "task_names",
     "to_markdown",
+    "write_ceiling",
     "write_reference",
 ]

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.benchmark.ceiling import ceiling_line, ceiling_of
 from wt_gym.benchmark.reference import reference_of
 from wt_gym.benchmark.scoring import score
-from wt_gym.benchmark.tasks import load_task, task_names
+from wt_gym.benchmark.tasks import earlier_ids, load_task, task_names
 from wt_gym.errors import BenchmarkError
 from wt_gym.runs.definition import digest
 
@@ -30,9 +31,6 @@ _SHOWN = {
 """Metrics whose mean relative change against the baseline is shown."""
 
 
-_BEGIN, _END = "<!-- leaderboard -->", "<!-- end of the leaderboard -->"
-
-
 def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """Scores of all agents in all tasks.
 
@@ -46,24 +44,35 @@ def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     dict
         ``tasks``: name to a list of rows, the best first; a row has ``agent``, ``winds`` (runs made), ``score`` (as
         `wt_gym.benchmark.Score`) or ``refused`` (why there is none), ``changes`` against the baseline and
-        ``pitch_travel`` over that of the baseline. ``references``: name to the best known agent.
+        ``pitch_travel`` over that of the baseline. ``references``: name to the best known agent; ``ceilings``: name to
+        ``improvement`` and ``score`` where the wind is known, and a ``line`` on both.
     """
     runs: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for result in results:
         definition = result["definition"]
         entry = digest({key: value for key, value in definition.items() if key != "wind"})
-        runs.setdefault((definition["task"], entry), []).append(result)
-    unknown = sorted({name for name, _ in runs} - set(task_names()))
+        runs.setdefault((_name_of(definition), entry), []).append(result)
+    unknown = sorted({name for name, _ in runs} - {*task_names(), *earlier_ids()})
     if unknown:
         raise BenchmarkError(f"tasks of results must be among {', '.join(task_names())}, got {', '.join(unknown)}")
-    tasks, references = {}, {}
+    tasks, references, ceilings = {}, {}, {}
     for name in sorted({name for name, _ in runs}):
         task = load_task(name)
         rows = [_row(task, own) for (of, _), own in runs.items() if of == name]
         tasks[name] = sorted(rows, key=lambda row: -row["score"]["score"] if row["score"] else np.inf)
         if task.reference is not None:
             references[name] = {key: task.reference[key] for key in ("best_agent", "best_improvement")}
-    return {"tasks": tasks, "references": references}
+        if (ceiling := ceiling_of(task)) is not None:
+            ceilings[name] = {
+                "improvement": ceiling.improvement, "score": ceiling.score, "line": ceiling_line(task, ceiling),
+            }  # fmt: skip
+    return {"tasks": tasks, "references": references, "ceilings": ceilings}
+
+
+def _name_of(definition: Mapping[str, Any]) -> str:
+    """Name by which the task of a run is loaded: earlier versions have their number in it."""
+    earlier = f"{definition['task']}-v{definition['version']}"
+    return earlier if earlier in earlier_ids() else str(definition["task"])
 
 
 def _row(task: BenchmarkTask, results: list[Mapping[str, Any]]) -> dict[str, Any]:
@@ -110,6 +119,8 @@ def to_markdown(board: Mapping[str, Any]) -> str:
         lines += [f"### {load_task(name).id}", ""]
         if best is not None:
             lines += [f"100 is `{best['best_agent']}`, an improvement of {100 * best['best_improvement']:.2f} %.", ""]
+        if name in board["ceilings"]:
+            lines += [board["ceilings"][name]["line"], ""]
         head = ["agent", "score", "95 % interval", "better in", *_SHOWN.values(), "pitch travel", "penalties"]
         lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
         lines += ["| " + " | ".join(_cells(row)) + " |" for row in rows]
@@ -118,18 +129,19 @@ def to_markdown(board: Mapping[str, Any]) -> str:
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def into_page(table: str, page: str) -> str:
-    """Put a table between the lines ``<!-- leaderboard -->`` and ``<!-- end of the leaderboard -->`` of a page.
+def into_page(table: str, page: str, part: str = "leaderboard") -> str:
+    """Put a table between the lines ``<!-- part -->`` and ``<!-- end of the part -->`` of a page.
 
     Raises
     ------
     wt_gym.errors.BenchmarkError
         If the page has no such lines.
     """
-    before, begin, rest = page.partition(_BEGIN)
-    _, end, after = rest.partition(_END)
+    first, last = f"<!-- {part} -->", f"<!-- end of the {part} -->"
+    before, begin, rest = page.partition(first)
+    _, end, after = rest.partition(last)
     if not (begin and end):
-        raise BenchmarkError(f"the page has no place for a table: it needs the lines {_BEGIN} and {_END}")
+        raise BenchmarkError(f"the page has no place for a table: it needs the lines {first} and {last}")
     return f"{before}{begin}\n\n{table}\n{end}{after}"
 
 

@@ -16,9 +16,12 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["BenchmarkTask", "BenchmarkWind", "Limit", "Term", "load_task", "task_file", "task_names"]
+__all__ = [
+    "BenchmarkTask", "BenchmarkWind", "Limit", "Term", "earlier_ids", "load_task", "task_file", "task_names",
+]  # fmt: skip
 
 _FOLDER = Path(__file__).parent / "data"
+_EARLIER = _FOLDER / "earlier"
 _TRANSIENTS = ("EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal")
 _KEYS = {
     "name", "version", "goal", "env_id", "env_kwargs", "duration", "skip", "winds", "terms", "limits", "clip",
@@ -173,6 +176,7 @@ class BenchmarkTask:
     candidates: tuple[str, ...]
     digest: str
     reference: dict[str, Any] | None = None
+    yardstick: str | None = None
 
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> BenchmarkTask:
@@ -184,7 +188,7 @@ class BenchmarkTask:
             If something is missing, unknown or without meaning.
         """
         name = values.get("name", "?")
-        missing, unknown = sorted(_KEYS - set(values)), sorted(set(values) - _KEYS - {"reference"})
+        missing, unknown = sorted(_KEYS - set(values)), sorted(set(values) - _KEYS - {"reference", "yardstick"})
         if missing or unknown:
             raise BenchmarkError(
                 f"task {name}: fields must be {', '.join(sorted(_KEYS))}; got none of {missing}, and unknown {unknown}"
@@ -194,6 +198,11 @@ class BenchmarkTask:
         low, high = values["clip"]
         if not low < 0.0 < 100.0 <= high:
             raise BenchmarkError(f"task {name}: clip must be a range around 0 and 100, got {values['clip']}")
+        if bool(values["candidates"]) == bool(values.get("yardstick")):
+            raise BenchmarkError(
+                f"task {name}: there must be either a yardstick or candidates, got {values.get('yardstick')!r} and "
+                f"{values['candidates']}"
+            )
         winds = _winds(name, values["winds"])
         if len(winds) < 6 or len({wind.label for wind in winds}) < len(winds):
             raise BenchmarkError(
@@ -214,7 +223,13 @@ class BenchmarkTask:
             candidates=tuple(values["candidates"]),
             digest=digest({key: value for key, value in values.items() if key not in _NOT_FROZEN}),
             reference=values.get("reference"),
+            yardstick=values.get("yardstick"),
         )
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """Agents with which the reference numbers are made: the yardstick, or all candidates for what scores 100."""
+        return self.candidates if self.yardstick is None else (self.yardstick,)
 
     @property
     def id(self) -> str:
@@ -272,23 +287,41 @@ def task_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _FOLDER.glob("*.json")))
 
 
+def earlier_ids() -> tuple[str, ...]:
+    """Names with versions of tasks that have been followed by another version."""
+    return tuple(sorted(path.stem for path in _EARLIER.glob("*.json")))
+
+
 def task_file(name: str) -> Path:
     """Path of a task's file.
+
+    Parameters
+    ----------
+    name : str
+        Of the task, or of an earlier version with ``-v`` and its number behind it.
 
     Raises
     ------
     wt_gym.errors.BenchmarkError
         If there is no such task.
     """
+    if name in earlier_ids():
+        return _EARLIER / f"{name}.json"
     if name not in task_names():
         raise BenchmarkError(
-            f"task must be one of {', '.join(task_names())}, got {name!r}{did_you_mean(name, task_names())}"
+            f"task must be one of {', '.join(task_names())}, or of the earlier {', '.join(earlier_ids())}; got "
+            f"{name!r}{did_you_mean(name, task_names())}"
         )
     return _FOLDER / f"{name}.json"
 
 
 def load_task(name: str) -> BenchmarkTask:
     """Read a task.
+
+    Parameters
+    ----------
+    name : str
+        As of `task_file`.
 
     Raises
     ------

@@ -16,6 +16,7 @@ COMMANDS = {
     "train": "train a policy: PPO, SAC or TQC",
     "search": "search hyperparameters for a training",
     "evaluate": "compare agents and controllers in winds held back from training, with a report",
+    "robustness": "agents on other turbines, with worse sensors and in other winds: what is left of their gain",
     "crosscheck": "the same agents and winds in OpenFAST, changes side by side",
     "loadcases": "design load cases of IEC 61400-1: extreme and fatigue loads, faults",
     "benchmark": "agents in frozen tasks, and their scores",

@@ -2,7 +2,7 @@
 
     wt-gym bench                                # everything, for all three fidelities
     wt-gym bench --fidelity training --no-induction --json
-    wt-gym bench --learning 1000000             # PPO: threads beside processes, for so many steps each
+    wt-gym bench --learning 1000000             # PPO beside the bare environments, for so many steps each
     wt-gym bench --pterasoftware                # with a comparison; installs PteraSoftware for itself (in a clone)
 
 Every measurement runs in a process of its own, after compilation, and on one thread where it does not say otherwise;
@@ -57,7 +57,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--no-induction", action="store_true", help="skip the table of direct sums and tree code")
     parser.add_argument(
         "--learning", type=int, metavar="STEPS",
-        help="train PPO for so many steps with turbines by threads and as many with a process each (extra train)",
+        help="train PPO for so many steps, beside environments without a learner and other ways (extra train)",
     )  # fmt: skip
     parser.add_argument("--pterasoftware", action="store_true", help="set up PteraSoftware and run it side by side")
     parser.add_argument("--json", action="store_true", help="print all figures as JSON at the end")
@@ -252,34 +252,89 @@ def measure_vector(fidelity: str, wall: float) -> dict[str, Any]:
 
 
 def measure_learning(fidelity: str, steps: float) -> dict[str, Any]:
-    """Wall time of so many steps of PPO: turbines by threads of one process, and by a process each.
+    """Wall and processor time of so many steps of turbines: of PPO by threads and by a process each, and of no learner.
 
-    A tenth of the steps in turn, so that a machine that changes its pace changes the ratio little.
+    A tenth of the steps in turn, so that a machine that changes its pace changes the ratios little. ``bare`` steps
+    turbines with the actions of an untrained policy; ``stable_baselines`` learns with the PPO of stable-baselines3.
+    Where threads step turbines, ``learner_over_environment`` is the ratio of the processor time of policy, update,
+    statistics and callbacks to that of the steps of the environments.
     """
+    import numpy as np
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import CallbackList
+    from stable_baselines3.common.logger import Logger
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
+    from wt_gym.agents.training.callbacks import EpisodeFigures, StopRequest, Watch
     from wt_gym.agents.training.config import TrainingConfig
     from wt_gym.agents.training.environments import START_METHOD, make_training_env, monitored, normalized
     from wt_gym.agents.training.models import make_model
 
-    number = min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
-    config = TrainingConfig(env_kwargs={"fidelity": fidelity}, n_envs=number)
+    torch.set_num_threads(1)  # as a training does
+    config = TrainingConfig(env_kwargs={"fidelity": fidelity}, eval_every=0)
+    number = config.n_envs
     processes = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * number, start_method=START_METHOD)
-    environments = {"threads": make_training_env(config), "processes": normalized(processes, config)}
-    models = {way: make_model(config, venv) for way, venv in environments.items()}
-    elapsed, share = dict.fromkeys(models, 0.0), math.ceil(steps / 10)
+    learning: dict[str, Any] = {
+        "threads": make_training_env(config),
+        "stable_baselines": make_training_env(config),
+        "processes": normalized(processes, config),
+    }
+    bare = make_training_env(config).venv.venv  # type: ignore[attr-defined] # without statistics and monitor
+    models = {way: make_model(config, venv) for way, venv in learning.items()}
+    models["stable_baselines"].__class__ = PPO  # which has the same attributes
+    watch = Watch(config, 0.2, {"steps": [], "episode_return": [], "episode_length": []}, StopRequest(), False)
+    within = dict.fromkeys(("threads", "stable_baselines"), 0.0)
+
+    def timed(way: str, venv: Any) -> None:
+        wait = venv.step_wait
+
+        def call() -> Any:
+            start = time.process_time()
+            outcome = wait()
+            within[way] += time.process_time() - start
+            return outcome
+
+        venv.step_wait = call
+
+    for way in within:
+        timed(way, learning[way].venv.venv)
+    rng = np.random.default_rng(0)
+    low, high = bare.action_space.low, bare.action_space.high
+
+    def step_bare(count: int) -> int:
+        for _ in range(math.ceil(count / number)):
+            bare.step(np.clip(0.3 * rng.standard_normal((number, *low.shape), np.float32), low, high))
+        return number * math.ceil(count / number)
+
+    bare.reset()
+    step_bare(1)  # kernels are there
+    for model in models.values():
+        model.set_logger(Logger(None, []))
+    elapsed, used, done = (dict.fromkeys((*models, "bare"), 0.0) for _ in range(3))
+    share = math.ceil(steps / 10)
     for _ in range(10):
-        for way, model in models.items():
-            start = time.perf_counter()
-            model.learn(share, reset_num_timesteps=False)
+        for way in elapsed:
+            start, start_used = time.perf_counter(), time.process_time()
+            if way == "bare":
+                done[way] += step_bare(share)
+            else:
+                before = models[way].num_timesteps
+                models[way].learn(share, callback=CallbackList([watch, EpisodeFigures()]), reset_num_timesteps=False)
+                done[way] += models[way].num_timesteps - before
+            used[way] += time.process_time() - start_used
             elapsed[way] += time.perf_counter() - start
-    for venv in environments.values():
+    for venv in (*learning.values(), bare):
         venv.close()
+    rates = {way: done[way] / elapsed[way] for way in elapsed}
     return {
         "turbines": number,
-        "steps": {way: model.num_timesteps for way, model in models.items()},
+        "steps": done,
         "seconds": elapsed,
-        "steps_per_s": {way: model.num_timesteps / elapsed[way] for way, model in models.items()},
+        "steps_per_s": rates,
+        "over_bare": {way: rates[way] / rates["bare"] for way in models},
+        "learner_over_environment": {way: (used[way] - within[way]) / within[way] for way in within},
+        "learner_us_per_step": {way: 1e6 * (used[way] - within[way]) / done[way] for way in within},
     }
 
 
@@ -511,10 +566,21 @@ def measure(arguments: argparse.Namespace) -> None:
         print(f"reference, one step: {one * 1e3:.1f} ms on one thread, {two * 1e3:.1f} ms on two ({one / two:.2f} x)")
     if arguments.learning:
         figures["learning"] = learned = in_process("learning", "training", arguments.learning)
-        for way, rate in learned["steps_per_s"].items():
+        ways = {
+            "bare": "no learner, threads",
+            "threads": "PPO, threads",
+            "stable_baselines": "PPO of stable-baselines3, threads",
+            "processes": "PPO, a process each",
+        }
+        for way, label in ways.items():
+            share = learned["learner_over_environment"].get(way)
             print(
-                f"PPO, {learned['turbines']} turbines by {way}: {learned['steps'][way]} steps in "
-                f"{learned['seconds'][way]:.0f} s, {rate:.0f} a second"
+                f"{learned['turbines']} turbines, {label}: {learned['steps_per_s'][way]:.0f} steps/s"
+                + (
+                    f"; learner {100 * share:.1f} % of the processor time of the environment"
+                    if share is not None
+                    else ""
+                )
             )
     if IN_CLONE and not arguments.no_induction:
         figures["induction"] = beside("bench_induction.py")

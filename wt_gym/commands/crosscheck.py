@@ -22,6 +22,7 @@ from wt_gym.commands.engine_options import add_engine_options, add_model_options
 from wt_gym.commands.evaluation_options import add_other_environment_option
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
 from wt_gym.commands.site_options import OWN_SIMULATOR, add_simulator_option, add_site_option, with_options
+from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
     import argparse
@@ -33,7 +34,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("crosscheck", description=__doc__, epilog=UNSAFE)
     parser.add_argument("agents", nargs="+", help="agents; the first is the baseline")
-    parser.add_argument("--env", default="wt_gym/LoadReduction-v1", help="environment id (default: %(default)s)")
+    parser.add_argument("--env", default=DEFAULT_ENV, help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/crosscheck", help="folder for the results (default: %(default)s)")
     parser.add_argument("--overwrite", action="store_true", help="remove the crosscheck that is in the folder")
     parser.add_argument(

@@ -42,8 +42,13 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--rate-limit", type=float, metavar="DEG/S", help="largest rate of offsets, deg/s (default: 3)")
     parser.add_argument("--fade", type=float, metavar="DEG", help="collective pitch above fine pitch from which on "
                         "offsets act in full, deg (default: 3)")  # fmt: skip
+    parser.add_argument("--fine-speed", nargs=2, type=float, metavar=("LOW", "HIGH"), help="rotor speed over the "
+                        "rated one at which offsets begin and act in full at fine pitch; 0 0: they do not act there "
+                        "(default: 0.97 1.02)")  # fmt: skip
     parser.add_argument("--travel-weight", type=float, help="factor on the cost of pitch travel (default: 1)")
     parser.add_argument("--power-weight", type=float, help="factor on the cost of power (default: 1)")
+    parser.add_argument("--least-power", type=float, metavar="PERCENT", help="change of power that the forecast must "
+                        "keep at every wind speed, %% (default: -0.3)")  # fmt: skip
     parser.add_argument("--fidelity", default="training", help=FIDELITIES_HELP)
     add_engine_options(parser, "runs")
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
@@ -76,12 +81,19 @@ def main(words: list[str] | None = None) -> None:
             "rate_limit": None if arguments.rate_limit is None else math.radians(arguments.rate_limit),
             "fade": None if arguments.fade is None else math.radians(arguments.fade),
         }
+        if arguments.fine_speed is not None:
+            low, high = arguments.fine_speed
+            given["fine_speed"] = (low, high)
+        if arguments.least_power is not None:
+            given["least_power"] = arguments.least_power / 100.0
         weights = {"travel_weight": arguments.travel_weight, "power_weight": arguments.power_weight}
         task = LinearDesignTask(
             speeds=tuple(speeds), fidelity=arguments.fidelity,
             feedback=replace(FeedbackOptions(), **{k: v for k, v in weights.items() if v is not None}),
             **{key: value for key, value in given.items() if value is not None},
         )  # fmt: skip
+        if arguments.fine_speed == [0.0, 0.0]:
+            task = replace(task, fine_speed=None)
         require_writable(out.resolve().parent)
         store = RecordingStore(out.with_name(f"{out.name}.runs"))
         with executor_of(arguments) as executor:

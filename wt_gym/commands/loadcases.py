@@ -23,6 +23,7 @@ from wt_gym.commands.engine_options import add_engine_options, add_model_options
 from wt_gym.commands.evaluation_options import add_climate_options, add_other_environment_option
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option, with_options
+from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
     from wt_gym.agents.loadcases.study import LoadCaseConfig
@@ -40,7 +41,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--turbulence", choices=("kaimal", "mann"), default="kaimal", help="spectra of the winds (default: %(default)s)"
     )
-    parser.add_argument("--env", default="wt_gym/LoadReduction-v1", help="environment id (default: %(default)s)")
+    parser.add_argument("--env", default=DEFAULT_ENV, help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/loadcases", help="folder for the results (default: %(default)s)")
     parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     kwargs_help = "more arguments of the environment, e.g. '{\"overspeed_limit\": 1.5}'; winds are the cases'"

@@ -16,6 +16,7 @@ import logging
 
 from wt_gym.commands.engine_options import add_model_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, stoppable, user_errors
+from wt_gym.tasks import DEFAULT_ENV
 
 IDLE = 600.0
 """Time without a message after which the server ends [s], unless it stays."""
@@ -28,7 +29,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--port", type=int, default=5555, help="on this machine alone (default: %(default)s)")
     where.add_argument("--address", help="of ZeroMQ, as tcp://*:5555 for turbines on other machines")
-    parser.add_argument("--env", metavar="ID", help="environment of a class (default: wt_gym/LoadReduction-v1)")
+    parser.add_argument("--env", metavar="ID", help=f"environment of a class (default: {DEFAULT_ENV})")
     parser.add_argument("--turbine", metavar="NAME", help="of a class (default: that of the environment)")
     parser.add_argument(
         "--lead", type=float, metavar="S", help="time by which the azimuth of pitch in the fixed frame leads (default: "

@@ -50,6 +50,10 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     )  # fmt: skip
     options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
     options.add_argument("--steps", type=int, help="environment steps (default: 200000)")
+    options.add_argument(
+        "--pretrain", nargs="*", metavar="NAME=VALUE", help="first follow the gradient of the cost on an identified "
+        "linear model (PPO on top of linear_optimal); options such as rounds=3 episodes=192"
+    )  # fmt: skip
     options.add_argument("--max-seconds", type=float, metavar="S", help="stop after this wall time")
     seeds = options.add_mutually_exclusive_group()
     seeds.add_argument("--seed", type=int, default=argparse.SUPPRESS, help="of policy and environments (default: 0)")
@@ -108,7 +112,12 @@ def configuration(arguments: argparse.Namespace) -> TrainingConfig:
     names = {"steps": "total_steps"} | {
         name: name for name in ("max_seconds", "seed", "checkpoint_steps", "checkpoint_minutes", "tensorboard")
     }
-    return config_from(arguments, **{field: given[name] for name, field in names.items() if name in given})
+    fields: dict[str, Any] = {}
+    if "pretrain" in given:
+        from wt_gym.agents.training.hyperparameters import parse_override
+
+        fields["pretraining"] = dict(parse_override(text) for text in given["pretrain"])
+    return config_from(arguments, **fields, **{field: given[name] for name, field in names.items() if name in given})
 
 
 def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:

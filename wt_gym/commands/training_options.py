@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.program import FIDELITIES_HELP, json_value
 from wt_gym.commands.site_options import add_site_option, add_wind_option, with_options
+from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
     from wt_gym.agents.training.config import TrainingConfig
@@ -17,7 +18,7 @@ __all__ = ["add_training_options", "config_from"]
 def add_training_options(parser: argparse.ArgumentParser) -> None:
     """Add what a configuration is made of. Options that are not given stay out of the result."""
     options = parser.add_argument_group("what to train on", argument_default=argparse.SUPPRESS)
-    options.add_argument("--env", help="environment id (default: wt_gym/LoadReduction-v1)")
+    options.add_argument("--env", help=f"environment id (default: {DEFAULT_ENV})")
     options.add_argument(
         "--wind-speed", type=float, nargs="+", metavar="M_S", help="mean wind speed, or the range to draw it from [m/s]"
     )
@@ -29,7 +30,7 @@ def add_training_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_site_option(options)
     add_wind_option(options)
-    options.add_argument("--n-envs", type=int, metavar="N", help="environments in parallel (default: 1)")
+    options.add_argument("--n-envs", type=int, metavar="N", help="environments in parallel (default: 8)")
     options = parser.add_argument_group("how", argument_default=argparse.SUPPRESS)
     options.add_argument("--algo", type=str.upper, help="PPO, SAC or TQC (default: PPO)")
     options.add_argument(

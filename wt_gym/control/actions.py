@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "ActionMap", "AgentSetpoint", "Demand"]
+__all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "RESIDUAL_FORMS", "ActionMap", "AgentSetpoint", "Demand"]
 
 if not TYPE_CHECKING:  # which would take every name for one of this module
     __getattr__ = renamed_names(__name__)
 
 ACTION_MODES = ("rate", "absolute", "residual")
+RESIDUAL_FORMS = ("rate", "offset")
 PITCH_FORMS = ("collective", "individual", "fixed-frame", "cyclic")
 _TURNING = ("fixed-frame", "cyclic")
 COMPONENTS = ("pitch", "yaw", "torque")
@@ -96,7 +97,8 @@ class ActionMap:
     - ``"rate"``: rates of the demand, held over a control step: it moves by ``action * rate * control_dt``.
     - ``"absolute"``: the demand itself; pitch from the operating points of the winds and 5 degrees beyond them on both
       sides, within the limits, torque from 0 to the largest. Tilt and yaw are the demands themselves about nothing.
-    - ``"residual"``: rates of an offset from the demand of a base controller; offsets end at their limits.
+    - ``"residual"``: an offset from the demand of a base controller: its rate, or with the residual form ``"offset"``
+      the offset itself, to which the present one moves at no more than the greatest rate. Offsets end at their limits.
 
     The yaw component is a rate in all modes, because a yaw drive turns at a rate and holds otherwise. Demands end at
     the limits of the turbine. What an action has no component for is left to the controller.
@@ -120,6 +122,8 @@ class ActionMap:
     delay : float
         Time from a demand to the pitch, by which the azimuth leads [s]; see
         `wt_gym.simulation.drivetrain.drives.pitch_delay`.
+    residual : {"rate", "offset"}
+        Form of the actions of mode "residual".
 
     Attributes
     ----------
@@ -153,13 +157,22 @@ class ActionMap:
         spans: Mapping[str, float] | None = None,
         wind_speeds: tuple[float, float] | None = None,
         delay: float = 0.0,
+        residual: str = "rate",
     ):
-        for name, value, allowed in (("action_mode", mode, ACTION_MODES), ("pitch", pitch, PITCH_FORMS)):
+        named = (
+            ("action_mode", mode, ACTION_MODES),
+            ("pitch", pitch, PITCH_FORMS),
+            ("residual", residual, RESIDUAL_FORMS),
+        )
+        for name, value, allowed in named:
             if value not in allowed:
                 raise ValueError(f"{name} must be one of {allowed}, got {value!r}{did_you_mean(value, allowed)}")
+        if residual != "rate" and mode != "residual":
+            raise ValueError(f"residual={residual!r} needs action_mode='residual', got {mode!r}")
         if not control_dt > 0:
             raise ValueError(f"control_dt must be positive, got {control_dt!r} s")
         self.mode, self.pitch, self.control_dt, self.delay = mode, pitch, float(control_dt), float(delay)
+        self.residual = residual
         self.n_blades = turbine.n_blades
         if pitch in _TURNING and self.n_blades < 3:
             raise ValueError(f"pitch={pitch!r} needs three blades or more, the turbine has {self.n_blades}")
@@ -282,6 +295,10 @@ class ActionMap:
             if self.pitch == "fixed-frame":
                 pitch[1:] = [(name, "rad", -spans["pitch"], spans["pitch"]) for name in self._coordinates[1:]]
             torque = ("generator_torque", "N m", 0.0, top)
+        elif self.residual == "offset":
+            ends = zip(self._coordinates, self.pitch_low.tolist(), self.pitch_high.tolist(), strict=True)
+            pitch = [(f"{name}_offset", "rad", low, high) for name, low, high in ends]
+            torque = ("generator_torque_offset", "N m", -spans["torque"], spans["torque"])
         if "pitch" in self.components:
             rows += pitch
         if self.has_yaw:
@@ -364,6 +381,8 @@ class ActionMap:
             low + 0.5 * (value + 1.0) * span for value, (low, span) in zip(action.tolist(), self._ranges, strict=True)
         ]
         moves, dt = self.mode != "absolute", self.control_dt
+        if self.residual == "offset":
+            return self._toward(physical, previous)
         pitch, yaw_rate, torque = previous.pitch, 0.0, previous.generator_torque
         if "pitch" in self.components:
             wanted = physical[: self.n_pitch]
@@ -378,6 +397,21 @@ class ActionMap:
             limit = self._spans["torque"]
             low, high = (-limit, limit) if self.mode == "residual" else self.torque_limits
             torque = min(max(torque + wanted * dt if moves else wanted, low), high)
+        return AgentSetpoint(pitch, yaw_rate, torque)
+
+    def _toward(self, wanted: list[float], previous: AgentSetpoint) -> AgentSetpoint:
+        """Setpoint that moves to offsets at no more than the greatest rates; of the yaw component it is the rate."""
+        spans, dt = self._spans, self.control_dt
+        pitch, yaw_rate, torque = previous.pitch, 0.0, previous.generator_torque
+        if "pitch" in self.components:
+            reach = spans["pitch_rate"] * dt
+            pairs = zip(pitch.tolist(), wanted[: self.n_pitch], strict=True)
+            pitch = np.array([now + min(max(aim - now, -reach), reach) for now, aim in pairs])
+        if self.has_yaw:
+            yaw_rate = wanted[self.names.index("yaw_rate")]
+        if "torque" in self.components:
+            reach = spans["torque_rate"] * dt
+            torque += min(max(wanted[-1] - torque, -reach), reach)
         return AgentSetpoint(pitch, yaw_rate, torque)
 
     def demand(

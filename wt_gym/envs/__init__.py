@@ -17,6 +17,7 @@ from wt_gym.envs.rewards import (
     Transition,
 )
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.variation import Variation
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "TowerLoad",
     "TowerSideSideFatigue",
     "Transition",
+    "Variation",
     "WindTurbineEnv",
     "WindTurbineVectorEnv",
     "layout_of",

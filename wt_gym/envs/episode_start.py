@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from wt_gym.control import OperatingPoint
 from wt_gym.control.starting_point import starting_point
@@ -15,9 +17,8 @@ from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from wt_gym.envs.running_start import RunningStart
+    from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
     from wt_gym.turbines import Turbine
 
@@ -28,8 +29,10 @@ _POINT = ("rotor_speed", "pitch", "generator_torque")
 _NUMBERS = (*_POINT, "azimuth", "yaw")
 RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
-    "faults",
+    "faults", "start_number",
 )  # fmt: skip
+_FIRST_START = 40_000_000
+"""Seed of the random numbers of a numbered beginning, beside its number."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +46,15 @@ class Beginning:
     yaw : float
         Of the nacelle [rad].
     faults : tuple
+    drawn : DrawnVariation, optional
+        What the episode has of a variation.
     """
 
     wind: EpisodeWind
     start: Start
     yaw: float
     faults: tuple[DriveFault | SensorBias, ...]
+    drawn: DrawnVariation | None = None
 
 
 class EpisodeStarts:
@@ -60,12 +66,20 @@ class EpisodeStarts:
     winds : WindSampler
     running : RunningStart or None
         Starts of the running turbine; None where all are steady.
+    count : int, optional
+        Of the beginnings that are drawn from; None: every one is another.
     """
 
-    def __init__(self, turbine: Turbine, winds: WindSampler, running: RunningStart | None):
-        self._turbine, self._winds, self.running = turbine, winds, running
+    def __init__(self, turbine: Turbine, winds: WindSampler, running: RunningStart | None, count: int | None = None):
+        self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
 
-    def draw(self, rng: np.random.Generator, options: dict[str, Any] | None, length: float | None) -> Beginning:
+    def draw(
+        self,
+        rng: np.random.Generator,
+        options: dict[str, Any] | None,
+        length: float | None,
+        drawn: DrawnVariation | None = None,
+    ) -> Beginning:
         """Draw a beginning.
 
         Parameters
@@ -75,6 +89,7 @@ class EpisodeStarts:
             Of the reset.
         length : float, optional
             Of the episode, where it is known [s].
+        drawn : DrawnVariation, optional
 
         Raises
         ------
@@ -84,15 +99,35 @@ class EpisodeStarts:
             If a wind is asked for that cannot be had.
         """
         given = _checked(options)
+        rng = self._numbered(rng, given)
         faults = checked_faults(given.get("faults", ()), self._turbine.n_blades)
         yaw = check_number("yaw", given.get("yaw", 0.0), "rad")
         chosen = {name: given[name] for name in _WIND if name in given}
+        winds = self._winds if drawn is None else drawn.sampler(self._winds)
         if "inflow" in given:
-            wind = self._winds.given(given["inflow"], **chosen)
+            wind = winds.given(given["inflow"], **chosen)
         else:
-            wind = self._winds.sample(rng, **chosen, length=length, heading=yaw)
+            wind = winds.sample(rng, **chosen, length=length, heading=yaw)
         azimuth = rng.uniform(0.0, 2.0 * math.pi)
-        return Beginning(wind, self._start(rng, wind, given, yaw, azimuth), yaw, faults)
+        if drawn is None:
+            return Beginning(wind, self._start(rng, wind, given, yaw, azimuth), yaw, faults)
+        wind = drawn.turned(wind)
+        start = self._start(rng, wind, given, yaw, azimuth)
+        if drawn.structural:  # the motion of a structure belongs to it
+            start = replace(start, motion=None)
+        return Beginning(wind, start, yaw, (*faults, *drawn.faults), drawn)
+
+    def _numbered(self, rng: np.random.Generator, given: dict[str, Any]) -> np.random.Generator:
+        """Random numbers of one of the beginnings, where there are so many and no more."""
+        chosen, count = given.get("start_number"), self._count
+        if count is None:
+            if chosen is not None:
+                raise ValueError(f"start_number must be left out without starts, got {chosen!r}")
+            return rng
+        drawn = int(rng.integers(count))  # also where one is chosen: what is drawn later stays as it is
+        if chosen is not None and not (isinstance(chosen, int | np.integer) and 0 <= chosen < count):
+            raise ValueError(f"start_number must be a whole number from 0 to {count - 1}, got {shown(chosen)}")
+        return np.random.default_rng((_FIRST_START, drawn if chosen is None else int(chosen)))
 
     def _start(
         self, rng: np.random.Generator, wind: EpisodeWind, given: dict[str, Any], yaw: float, azimuth: float

@@ -137,6 +137,8 @@ class EnvLayout:
         Control steps by which observations are late.
     lidar : Lidar or None
         What the channels ``lidar_1`` … are read by.
+    washed : tuple of str
+        Channels behind the high-pass filter of the observation.
     """
 
     turbine: Turbine
@@ -145,6 +147,7 @@ class EnvLayout:
     control_dt: float
     delay: int = 0
     lidar: Lidar | None = None
+    washed: tuple[str, ...] = ()
 
     @property
     def sizes(self) -> str:

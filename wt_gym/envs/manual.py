@@ -80,12 +80,16 @@ named in ``info["saturated"]``. ``observation`` names groups and single channels
 | offsets         | residual pitch coordinates, torque         | 0      | half the limit                      |
 | lidar           | wind 0.5, 1 and 1.5 diameters ahead        | 12     | 4      | 0      | 60     | m/s     |
 | previous_action | last action                                | 0      | 1      | -1     | 1      | -       |
+| dead_band       | yaw error behind the controller's filter   | 0      | 4      | -180   | 180    | deg     |
+| dead_band       | direction in which it turns the nacelle    | 0      | 1      | -1     | 1      | -       |
 
 By default residual actions see rotor, power, pitch, wind, fixed_frame, tower, controller and offsets, others rotor,
 power, pitch, wind, blades, tower, azimuth and previous_action. Single channels beyond the groups: the moments of
 the tower base, mean, tilt and yaw of any signal of the blades, for example ``"root_edge_moment_yaw"``, and
 ``"residual_share"`` and ``"residual_mean"`` where residual pitch fades or is washed out.
-``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more.
+``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more; with ``sensors="all"`` the base
+controller reads the same instruments. ``sensor_washout`` passes loads, deflections and accelerations through a
+high-pass filter, after which their offset is zero. ``variation`` draws plant, sensors and wind for every episode.
 ``env.unwrapped.layout`` holds names, units, scales and ranges for every turbine and choice of arguments;
 `wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
 
@@ -137,6 +141,8 @@ than a generator can brake with at the rotor speed (`wt_gym.simulation.drivetrai
 at standstill. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and
 ``faults``, what breaks in it and when (`wt_gym.simulation.drivetrain.faults`): blades that stick, a generator that
 is lost, a shut-down, sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
+With ``starts`` episodes are drawn from so many beginnings, which are the same in every environment with the same
+wind, and ``start_number`` chooses one of them.
 
 ## Episode end
 
@@ -155,7 +161,8 @@ Truncated: ``episode_length`` is over. Either way the environment can be reset a
 ``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
 ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
 control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and
-for constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`).
+for constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`). After a reset
+with a ``variation``, ``variation`` (dict of what was drawn).
 ``env.unwrapped.signals`` has every signal of the simulator.
 """
 """What an agent must know: actions, observations, reward, start, end, info."""

@@ -11,6 +11,7 @@ import numpy as np
 from wt_gym.constants import GRAVITY
 from wt_gym.control import Channel, torque_curve
 from wt_gym.control.coleman import FIXED_FRAME
+from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs import readers
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Quantity
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from wt_gym.control import ActionMap, Lidar
+    from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
+    from wt_gym.control.controllers.yaw import YawByDeadBand
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.turbines import Turbine
 
@@ -28,11 +31,15 @@ __all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observabl
 
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
-    "offsets", "lidar", "previous_action", "measurable",
+    "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
 """What is observed by default on top of a controller, in coordinates that do not turn with the rotor."""
+_LOADS = ("root_", "tip_", "tower_", "nacelle_acceleration_")
+"""Beginnings of the names of what a washout is for: loads, deflections and accelerations of blades and tower."""
+_WASHED_SCALES = {"root_edge_moment_mean": 0.4, "root_edge_moment_tilt": 0.3, "root_edge_moment_yaw": 0.3}
+"""Deviation behind a washout over that before it, where the weight of the blades or the torque makes the latter."""
 
 
 def blade_static_moment(turbine: Turbine) -> float:
@@ -59,10 +66,25 @@ class Observable:
     action : ActionMap
     lidar : Lidar
     residual : ResidualPitch, optional
+    washout : float, optional
+        Time constant of the high-pass filter on loads, deflections and accelerations [s].
+    yaw_drive : YawByDeadBand, optional
+        Dead-band control in the base controller.
+    linear : LinearOptimalPitch, optional
     """
 
-    def __init__(self, turbine: Turbine, action: ActionMap, lidar: Lidar, residual: ResidualPitch | None = None):
+    def __init__(
+        self,
+        turbine: Turbine,
+        action: ActionMap,
+        lidar: Lidar,
+        residual: ResidualPitch | None = None,
+        washout: float | None = None,
+        yaw_drive: YawByDeadBand | None = None,
+        linear: LinearOptimalPitch | None = None,
+    ):
         self._turbine, self._action, self._lidar = turbine, action, lidar
+        self._washout, self._yaw_drive, self._linear = washout, yaw_drive, linear
         self._fades = residual is not None and residual.fades
         self._washes = residual is not None and residual.washes
         self._parities = {channel.name: channel.parity for channel in channel_table(turbine.n_blades)}
@@ -88,6 +110,7 @@ class Observable:
             "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
             "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
             "lidar": self._lidar_channels, "previous_action": self._previous_action, "measurable": self._measurable,
+            "dead_band": self._dead_band, "disturbances": self._disturbances,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
         others = (*self._pitch_forms(), self._every_fixed_frame(), self._out_of_plane(), self._more())
@@ -101,14 +124,35 @@ class Observable:
         empty = [group for group in groups if not builders[group]()]
         if empty:
             raise ValueError(
-                f"observation {empty} must be left out: with this action there is no base controller, or no offset"
+                f"observation {empty} must be left out: with this action or base controller there is no such quantity"
             )
         # groups overlap, and a single channel may be in one of them
         chosen = {observed.channel.name: observed for group in groups for observed in builders[group]()}
         for name in dict.fromkeys(choice):
             if name not in OBSERVATION_GROUPS:
                 chosen.setdefault(name, singles[name])
-        return groups, [self._as_it_turns(observed) for observed in chosen.values()]
+        return groups, [self._washed(self._as_it_turns(observed)) for observed in chosen.values()]
+
+    def _washed(self, observed: Observed) -> Observed:
+        """Of a load behind the washout the channel, whose mean is zero."""
+        channel = observed.channel
+        if self._washout is None or not channel.name.startswith(_LOADS):
+            return observed
+        text = f"{channel.description}, behind a high-pass filter of {self._washout:g} s"
+        scale = _WASHED_SCALES.get(channel.name, 1.0) * channel.scale
+        return replace(observed, channel=replace(channel, offset=0.0, scale=scale, description=text), washed=True)
+
+    def of_signals(self) -> dict[str, Channel]:
+        """Channels by the signal that they read; the mean of the blades as ``NAME_mean``, the anemometer by its name.
+
+        Those of a rotor that turns clockwise. The channel of the mean pitch stands for the pitch of each blade.
+        """
+        rows = [*self._rotor(), *self._power(), *self._blades(), *self._tower(), *self._more()]
+        found = {one.reader.name: one.channel for one in rows if isinstance(one.reader, FromSignals)}
+        found |= {one.channel.name: one.channel for one in self._every_fixed_frame() if one.reader.part == 0}  # type: ignore[union-attr]
+        found |= {one.channel.name: one.channel for one in self._wind()}
+        pitch = self._pitch_forms()[0][0].channel
+        return found | {f"pitch_{b + 1}": pitch for b in range(self._turbine.n_blades)}
 
     def _as_it_turns(self, observed: Observed) -> Observed:
         """Of an odd channel the offset and range that a turbine of this rotation has."""
@@ -309,9 +353,20 @@ class Observable:
 
     def _lidar_channels(self) -> list[Observed]:
         return [
-            self._computed(EVEN, readers.lidar, f"lidar_{k + 1}", "m/s", 12.0, 4.0, 0.0, 60.0, 0.1,
+            self._computed(EVEN, readers.lidar, f"lidar_{k + 1}", "m/s", 12.0, 4.0, 0.0, 60.0, readers.LIDAR_NOISE,
                            f"wind {distance:.0f} m ahead, mean over the beams of a cone", index=k, needs="lidar")
             for k, distance in enumerate(self._lidar.ranges)
+        ]  # fmt: skip
+
+    def _dead_band(self) -> list[Observed]:
+        if self._yaw_drive is None or not self._action.needs_controller:
+            return []
+        scale = 0.5 * self._yaw_drive.dead_band
+        return [
+            self._computed(ODD, readers.dead_band_error, "dead_band_error", "rad", 0.0, scale, -math.pi, math.pi, 0.0,
+                           "yaw error behind the slow filter of the base controller's dead band", circular=True),
+            self._computed(ODD, readers.dead_band_turning, "dead_band_turning", "-", 0.0, 1.0, -1.0, 1.0, 0.0,
+                           "direction in which the base controller turns the nacelle"),
         ]  # fmt: skip
 
     def _previous_action(self) -> list[Observed]:
@@ -337,6 +392,30 @@ class Observable:
             *self._rotor(), *self._power(), *self._pitch(), *self._wind(), *moments, *accelerations, *self._azimuth(),
             *self._controller(), *self._offsets(),
         ]  # fmt: skip
+
+    def _disturbances(self) -> list[Observed]:
+        """What the linear optimal pitch of the base controller makes of what it reads."""
+        if self._linear is None:
+            return []
+        step = self._linear.design.interval
+        rows: list[tuple[Any, ...]] = [
+            (f"disturbance_{name}_{k + 1}", "-", 0.0, 1.0, -20.0, 20.0, 0.0,
+             f"disturbance of {name}, over its scale, mean of {first * step:g} to {last * step:g} s ago")
+            for name in OUTPUTS for k, (first, last) in enumerate(self._linear.bins)
+        ]  # fmt: skip
+        limit, text = 10.0 * self._linear.design.limit, "that the linear optimal pitch asks for"
+        rows += [
+            (f"linear_pitch_{name}", "rad", 0.0, math.radians(1.0), -limit, limit, 0.0, f"{name} pitch {text}")
+            for name in FIXED_FRAME
+        ]
+        low, high = self._action.pitch_limits
+        rows += [
+            ("linear_pitch_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, "share in which the linear optimal pitch acts"),
+            ("linear_pitch_schedule", "rad", 0.1, 0.1, low, high, 0.0, "slow pitch that chooses between its designs"),
+        ]
+        return [
+            self._computed(EVEN, readers.disturbance, *row, index=k, needs="disturbances") for k, row in enumerate(rows)
+        ]
 
     def _more(self) -> list[Observed]:
         """Channels of no group."""

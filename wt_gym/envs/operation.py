@@ -9,6 +9,7 @@ import numpy as np
 
 from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of
+from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import SensorBias
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Lidar
     from wt_gym.control.controllers import Controller, Readings
     from wt_gym.control.residual import ResidualPitch
-    from wt_gym.envs.start import Start
+    from wt_gym.envs.episode_start import Beginning
+    from wt_gym.envs.instruments import Instruments
+    from wt_gym.envs.pitch_gain import PitchGain
+    from wt_gym.envs.variation import DrawnVariation, VariationDraws
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
@@ -27,7 +31,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Operation", "make_simulator"]
 
-_MEMORY = ("signals", "demand", "base", "setpoint", "controller", "residual", "faults")
+_NOMINAL = -1
+"""Plant of the turbine itself."""
+_MEMORY = (
+    "signals", "demand", "base", "setpoint", "controller", "residual", "faults", "drawn", "instruments", "pitch_gain",
+    "_taken",
+)  # fmt: skip
 
 
 def make_simulator(turbine: Turbine, inflow: Inflow, fidelity: str | Fidelity) -> TurbineSimulator:
@@ -54,7 +63,9 @@ class Operation:
     count : int
         Such steps in a control step.
     make : callable
-        Makes the simulator, see `make_simulator`; called at the first start.
+        Makes the simulator, see `make_simulator`; called at the first start of each turbine of a variation.
+    draws : VariationDraws, optional
+        Makes the instruments of episodes with a variation.
 
     Attributes
     ----------
@@ -72,6 +83,12 @@ class Operation:
         What the agent asks for.
     faults : tuple
         What fails, and when.
+    drawn : DrawnVariation or None
+        What the episode has of a variation.
+    instruments : Instruments or None
+        What is read with, where readings are not exact.
+    pitch_gain : PitchGain or None
+        Response to pitch, where it is not that of the model.
     step : float
         Of the simulator [s].
     count : int
@@ -94,11 +111,17 @@ class Operation:
         step: float,
         count: int,
         make: SimulatorMaker,
+        draws: VariationDraws | None = None,
     ):
         self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
         self._lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
         self.step, self.count = step, count
+        self._draws, self._simulators = draws, dict[int, "TurbineSimulator"]()
         self.simulator: TurbineSimulator | None = None
+        self.drawn: DrawnVariation | None = None
+        self.instruments: Instruments | None = None
+        self.pitch_gain: PitchGain | None = None
+        self._taken: Signals | None = None
         self.signals = cast("Signals", None)  # before the first start, for which everything that needs them asks
         self.faults: tuple[DriveFault | SensorBias, ...] = ()
         self._sensor_faults: tuple[SensorBias, ...] = ()
@@ -107,9 +130,13 @@ class Operation:
 
     # ---- starts ----
 
-    def begin(self, wind: EpisodeWind, start: Start, yaw: float, faults: tuple[DriveFault | SensorBias, ...]) -> None:
-        """Start simulator and controller in a wind."""
-        simulator = self._enter(wind, faults)
+    def begin(self, beginning: Beginning) -> None:
+        """Start simulator and controller."""
+        start, yaw, drawn = beginning.start, beginning.yaw, beginning.drawn
+        simulator = self._enter(beginning.wind, beginning.faults, drawn)
+        self.drawn = drawn
+        self.pitch_gain = None if drawn is None else drawn.pitch_gain()
+        self.instruments = None if drawn is None or self._draws is None else self._draws.instruments(drawn)
         self.signals = simulator.reset(
             rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=yaw,
             generator_torque=start.generator_torque, tower_top=start.tower_top, wake_thrust=start.wake_thrust,
@@ -117,25 +144,48 @@ class Operation:
         )  # fmt: skip
         self.demand = self.base = Demand(start.pitch.copy(), 0.0, start.generator_torque)
         self.setpoint = self.action.start(self.demand)
+        if self.pitch_gain is not None:
+            self.pitch_gain.start(start.pitch)
+        self._take()
         if self.controller is not None:
-            start.start(self.controller, self._read_by(self.controller, self.measured(self.signals)), self.demand)
+            start.start(self.controller, self._read_by(self.controller), self.demand)
         if self.residual is not None:
             pitch = start.pitch[0] + float((start.pitch - start.pitch[0]).mean())  # exactly that of equal blades
             self.residual.start(pitch, start.rotor_speed, self.step)
 
-    def _enter(self, wind: EpisodeWind, faults: tuple[DriveFault | SensorBias, ...]) -> TurbineSimulator:
-        """Put the simulator into a wind, at which the lidar has not looked yet, with these faults and no others."""
+    def _enter(
+        self, wind: EpisodeWind, faults: tuple[DriveFault | SensorBias, ...], drawn: DrawnVariation | None
+    ) -> TurbineSimulator:
+        """Put the simulator of the turbine into a wind, with these faults and no others; the lidar has not looked yet.
+
+        Each turbine of a variation has a simulator, which is made when it is drawn for the first time.
+        """
         self.wind, self._look = wind, None
-        if self.simulator is None:
-            self.simulator, self._drive_faults = self.make_simulator(self.turbine, wind.inflow, self._fidelity), ()
+        plant = _NOMINAL if drawn is None or not drawn.structural else drawn.plant
+        kept = self._simulators.get(plant)
+        if kept is None:
+            turbine = self.turbine if drawn is None else drawn.turbine
+            kept, self._drive_faults = self.make_simulator(turbine, wind.inflow, self._fidelity), ()
+            self._simulators[plant] = kept
         else:
-            self.simulator.inflow = wind.inflow
+            kept.inflow = wind.inflow
+            if kept is not self.simulator:
+                self._drive_faults = tuple(kept.faults)
+        self.simulator = kept
         self.faults = faults
         self._sensor_faults = tuple(fault for fault in faults if isinstance(fault, SensorBias))
         drive_faults = tuple(fault for fault in faults if not isinstance(fault, SensorBias))
         if drive_faults != self._drive_faults:
             self.simulator.faults = self._drive_faults = drive_faults
         return self.simulator
+
+    def close(self) -> None:
+        """Release all simulators."""
+        for simulator in self._simulators.values():
+            if (close := getattr(simulator, "close", None)) is not None:
+                close()
+        self._simulators.clear()
+        self.simulator = None
 
     # ---- steps ----
 
@@ -156,20 +206,29 @@ class Operation:
         pitch, torque, yaw_rate = before.pitch, before.generator_torque, setpoint.yaw_rate
         turn, rise = setpoint.pitch - pitch, setpoint.generator_torque - torque
         sees = controller is not None and lidar_of(controller) is not None
-        biased, n_blades = bool(self._sensor_faults), self.turbine.n_blades
+        gain, n_blades = self.pitch_gain, self.turbine.n_blades
+        biased, together = bool(self._sensor_faults) or gain is not None, self._reads_together
+        observer = linear_part(controller)
         for k in range(1, count + 1):
             part = k / count
-            if biased:
+            if together:
+                signals = cast("Signals", self._taken)
+            elif biased:
                 signals = self.measured(signals)
             if controller is not None:
-                read = WithLidar(signals, self.ahead(signals)) if sees else signals
+                read = WithLidar(signals, self.seen() if together else self.ahead(signals)) if sees else signals
                 self.base = checked_demand(controller.step(read, dt), controller, n_blades)
             wanted, speed = pitch + part * turn, signals["rotor_speed"]
             if residual is not None:
                 wanted = residual.acting(wanted, self.base.pitch, speed, dt)
             present = AgentSetpoint(wanted, yaw_rate, torque + part * rise)
             self.demand = demand = demand_of(present, self.base, signals["azimuth"], speed)
-            signals = simulator.advance(dt, demand.pitch, demand.yaw_rate, demand.generator_torque, accumulate=k > 1)
+            if observer is not None:
+                observer.see_demand(self.base, demand, signals, dt)
+            pitch_moved = demand.pitch if gain is None else gain.moved(demand.pitch, dt)
+            signals = simulator.advance(dt, pitch_moved, demand.yaw_rate, demand.generator_torque, accumulate=k > 1)
+            if self.instruments is not None:
+                self._take(signals)
         if not math.isfinite(sum(signals.values.tolist())):  # a third of the time of numpy's
             raise SimulationError(f"the simulator returned values that are not finite at {signals['time']!r} s")
         self.signals, self.setpoint = signals, setpoint
@@ -177,22 +236,58 @@ class Operation:
 
     # ---- what is measured ----
 
+    @property
+    def _reads_together(self) -> bool:
+        """Whether the base controller reads the instruments of the agent."""
+        return self.instruments is not None and self._draws is not None and self._draws.everyone
+
     def measured(self, signals: Signals) -> Signals:
-        """Signals as the sensors read them."""
+        """Signals as sound instruments read them, and sensors that fail."""
+        if self.pitch_gain is not None:
+            signals = self.pitch_gain.read(signals)
+        return self._failing(signals)
+
+    def readings(self) -> Signals:
+        """What an agent reads at the present instant."""
+        return self.measured(self.signals) if self._taken is None else self._taken
+
+    def seen(self) -> np.ndarray:
+        """What the lidar gives an agent at the present instant [m/s]."""
+        if self.instruments is None:
+            return self.ahead(self.readings())
+        return self.instruments.seen(self._looked(self.instruments.instant))
+
+    def _take(self, signals: Signals | None = None) -> None:
+        """Read the instruments, if there are any, at the present instant."""
+        if self.instruments is None:
+            self._taken = None
+            return
+        signals = self.signals if signals is None else signals
+        read = signals if self.pitch_gain is None else self.pitch_gain.read(signals)
+        self._taken = self._failing(self.instruments.take(read))
+
+    def _failing(self, signals: Signals) -> Signals:
+        """Readings with those of failing sensors."""
         for fault in self._sensor_faults:
             signals = fault.read(signals)
         return signals
 
     def ahead(self, signals: Signals) -> np.ndarray:
         """What the lidar sees at an instant [m/s]: a look is for the observation and for the controller's next step."""
-        instant = signals["time"], signals["yaw"]
+        return self._looked((signals["time"], signals["yaw"]))
+
+    def _looked(self, instant: tuple[float, float]) -> np.ndarray:
         if self._look is None or self._look[0] != instant:
             self._look = instant, self._lidar.read(self.wind.inflow, *instant, self.turbine.hub_height)
         return self._look[1]
 
-    def _read_by(self, controller: Controller, signals: Signals) -> Readings:
-        """What a controller reads: measured signals, with those of its lidar if it has one."""
-        return signals if lidar_of(controller) is None else WithLidar(signals, self.ahead(signals))
+    def _read_by(self, controller: Controller) -> Readings:
+        """What a controller reads at the present instant: signals, with those of its lidar if it has one."""
+        together = self._reads_together
+        signals = self.readings() if together else self.measured(self.signals)
+        if lidar_of(controller) is None:
+            return signals
+        return WithLidar(signals, self.seen() if together else self.ahead(signals))
 
     # ---- snapshots ----
 
@@ -202,7 +297,7 @@ class Operation:
 
     def recall(self, memory: dict[str, Any], wind: EpisodeWind, state: Any) -> None:
         """Continue with a memory in a wind from a state of the simulator; None: as the simulator is."""
-        simulator = self._enter(wind, memory["faults"])
+        simulator = self._enter(wind, memory["faults"], memory["drawn"])
         if state is not None:
             simulator.restore(state)
         self.__dict__.update(memory)

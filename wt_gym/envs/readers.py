@@ -15,10 +15,24 @@ from wt_gym.control.coleman import to_fixed_frame
 if TYPE_CHECKING:
     from wt_gym.control import AgentSetpoint, Channel, Demand
     from wt_gym.control.controllers.wind_estimator import WindEstimator
+    from wt_gym.control.controllers.yaw import YawByDeadBand
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.simulation import Signals
 
-__all__ = ["Computed", "FromSignals", "InFixedFrame", "ObservationContext", "Observed", "Quantity", "Reader", "Sensors"]
+__all__ = [
+    "LIDAR_NOISE",
+    "Computed",
+    "FromSignals",
+    "InFixedFrame",
+    "ObservationContext",
+    "Observed",
+    "Quantity",
+    "Reader",
+    "Sensors",
+]
+
+LIDAR_NOISE = 0.1
+"""Of a gate of a lidar, at level 1 [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +54,10 @@ class ObservationContext:
         By the lidar, for an observer that `wt_gym.envs.observations.Observer.sees_lidar` [m/s].
     residual : ResidualPitch, optional
         What residual pitch passes.
+    yaw_drive : YawByDeadBand, optional
+        Dead-band control of the yaw drive in the base controller.
+    disturbances : numpy.ndarray, shape (n,), optional
+        What the linear optimal pitch of the base controller knows, as of `LinearOptimalPitch.seen`.
     """
 
     signals: Signals
@@ -49,6 +67,8 @@ class ObservationContext:
     action: np.ndarray
     lidar: np.ndarray | None = None
     residual: ResidualPitch | None = None
+    yaw_drive: YawByDeadBand | None = None
+    disturbances: np.ndarray | None = None
 
 
 class Sensors:
@@ -133,7 +153,7 @@ class Computed:
         Takes sensors, situation and the index; stands at the top level of a module, so that an observer can be pickled.
     index : int
         Blade, component or gate, from 0.
-    needs : {"", "lidar", "estimator"}
+    needs : {"", "lidar", "estimator", "disturbances"}
         What must be there for it.
     """
 
@@ -155,11 +175,14 @@ class Observed:
     reader : FromSignals, InFixedFrame or Computed
     circular : bool
         Whether it is a direction: with noise it is wrapped around the circle.
+    washed : bool
+        Whether it passes a high-pass filter.
     """
 
     channel: Channel
     reader: Reader
     circular: bool = False
+    washed: bool = False
 
 
 def _mean(of_blades: Sequence[float] | np.ndarray) -> float:
@@ -189,6 +212,16 @@ def wind_speed(sensors: Sensors, context: ObservationContext, _: int) -> float:
 def yaw_error(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Wind vane [rad]."""
     return sensors.yaw_error
+
+
+def dead_band_error(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Yaw error behind the slow filter of the dead-band controller [rad]."""
+    return context.yaw_drive.slow_error  # type: ignore[union-attr]
+
+
+def dead_band_turning(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Direction in which the dead-band controller turns the nacelle."""
+    return float(context.yaw_drive.turning)  # type: ignore[union-attr]
 
 
 def rotor_wind(sensors: Sensors, context: ObservationContext, _: int) -> float:
@@ -278,3 +311,8 @@ def residual_share(sensors: Sensors, context: ObservationContext, _: int) -> flo
 def residual_mean(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean of the residual pitch that acts [rad]."""
     return context.residual.mean  # type: ignore[union-attr]
+
+
+def disturbance(sensors: Sensors, context: ObservationContext, k: int) -> float:
+    """Entry of what the linear optimal pitch of the base controller knows."""
+    return float(context.disturbances[k])  # type: ignore[index]

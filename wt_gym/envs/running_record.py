@@ -26,7 +26,7 @@ from wt_gym.control.controllers import checked_demand, lidar_of, readings_of
 from wt_gym.control.controllers.memory import Memory, changing_parts, memory_of
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.rewards import AVERAGED
-from wt_gym.envs.start import ControllerHistory, Start
+from wt_gym.envs.start import ControllerHistory, Start, Trail
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import channel_table
@@ -77,6 +77,8 @@ NEAREST = 8
 """Instants alike from which one is drawn."""
 _SLOW_TURN = 2.0 * math.pi / 1.267
 """Seconds a turn of a large turbine: times are shorter by as much as a small one turns faster."""
+_TRAIL = 60
+"""Instants before that of a start whose signals are known to the washout of observations."""
 _MEAN_TIME = 10.0
 """Time constant of the running means of loads [s], that of the rewards' filters."""
 _NEEDED = ("rotor_speed", "azimuth", "generator_torque", "aero_thrust", "tower_top_fore_aft", "pitch", *AVERAGED)
@@ -252,6 +254,9 @@ class Record:
         self.memory, self.changing = memory, changing
         self._columns, self._windows, self._steps = recorder.columns, recorder.times(step)[0], recorder.steps(step)
         self._turbine, self._places = recorder.turbine, recorder.places
+        spacing = recorder.times(step)[2]
+        self._spacing = spacing * step
+        self._a_run = math.ceil(round(recorder.time_scale * RECORDING_PLAN.recorded / step) / spacing)
         self._fit()
 
     @classmethod
@@ -358,8 +363,15 @@ class Record:
         return Start(
             float(row[columns.turning.start + 1]), pitch, torque, azimuth,
             row[columns.tower_top], motion, float(self.thrust[chosen]), deviations,
-            self._before(self.before[chosen].astype(float), memory, yaw),
+            self._before(self.before[chosen].astype(float), memory, yaw), self._trail(chosen),
         )  # fmt: skip
+
+    def _trail(self, chosen: int) -> Trail:
+        """Instants of the same run before one of them."""
+        first = max(chosen - chosen % self._a_run, chosen - _TRAIL)
+        signals = np.full((chosen - first, len(channel_table(self._turbine.n_blades))), np.nan)
+        signals[:, self._places] = self.now[first:chosen, self._columns.signals]
+        return Trail(signals, self._spacing)
 
     def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> ControllerHistory:
         """What was read and demanded in the rows before an instant."""

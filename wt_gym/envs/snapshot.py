@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wt_gym.envs.episode_start import Beginning
+    from wt_gym.envs.reward_store import Course
     from wt_gym.envs.wind_sampler import EpisodeWind
 
-__all__ = ["EnvSnapshot"]
+__all__ = ["EnvSnapshot", "TwinSnapshot"]
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,9 @@ class EnvSnapshot:
     wind : EpisodeWind
     random : dict
         State of the random numbers.
-    twin : EnvSnapshot or None
+    variation : dict or None
+        State of those of the variation.
+    twin : TwinSnapshot or None
         Of the turbine under the controller alone, with a relative reward.
     pictured : tuple or None
         Course of the signals in the picture.
@@ -38,5 +42,28 @@ class EnvSnapshot:
     sensors: dict[str, Any]
     wind: EpisodeWind
     random: dict[str, Any]
-    twin: EnvSnapshot | None
+    variation: dict[str, Any] | None
+    twin: TwinSnapshot | None
     pictured: tuple[Any, ...] | None
+
+
+@dataclass(frozen=True)
+class TwinSnapshot:
+    """Where the controller alone is.
+
+    Attributes
+    ----------
+    beginning : Beginning
+        Of the episode.
+    course : Course
+        What it earned from there.
+    steps : int
+        That were simulated.
+    state : EnvSnapshot or None
+        Of the simulation; None where none runs.
+    """
+
+    beginning: Beginning
+    course: Course
+    steps: int
+    state: EnvSnapshot | None

@@ -15,7 +15,23 @@ from wt_gym.simulation import Signals
 if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller, Readings
 
-__all__ = ["ControllerHistory", "Start", "steady_start"]
+__all__ = ["ControllerHistory", "Start", "Trail", "steady_start"]
+
+
+@dataclass(frozen=True)
+class Trail:
+    """Signals at times before the start of an episode, the latest last.
+
+    Attributes
+    ----------
+    signals : numpy.ndarray, shape (n_times, n_channels)
+        Not a number where a signal is not recorded.
+    spacing : float
+        Between the times, and from the last one to the start [s].
+    """
+
+    signals: np.ndarray
+    spacing: float
 
 
 @dataclass(frozen=True)
@@ -85,6 +101,8 @@ class Start:
         Of the running means of channels from their present values, by name.
     before : Before, optional
         What the base controller has read until then.
+    trail : Trail, optional
+        Signals before.
     """
 
     rotor_speed: float
@@ -96,6 +114,7 @@ class Start:
     wake_thrust: float | None = None
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
     before: ControllerHistory | None = None
+    trail: Trail | None = None
 
     def start(self, controller: Controller, readings: Readings, demand: Demand) -> None:
         """Start a controller with the memory of what it has read before; without any, from the present demand.

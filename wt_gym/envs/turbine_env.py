@@ -10,9 +10,11 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from wt_gym.control import ActionMap
+from wt_gym.control import ActionMap, Lidar
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
+from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
+from wt_gym.control.controllers.yaw import yaw_drive_of
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs import rewards
@@ -33,10 +35,13 @@ from wt_gym.envs.options.environment import (
     plain_spec,
     signature,
 )
+from wt_gym.envs.options.variation import STRUCTURAL
 from wt_gym.envs.readers import ObservationContext
 from wt_gym.envs.running_start import RunningStart
 from wt_gym.envs.simulators import OWN, simulator_maker
 from wt_gym.envs.snapshot import EnvSnapshot
+from wt_gym.envs.twin import Twin
+from wt_gym.envs.variation import VariationDraws, check_winds
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation.drivetrain.drives import pitch_delay
@@ -50,9 +55,11 @@ if TYPE_CHECKING:
 
     from gymnasium.envs.registration import EnvSpec
 
-    from wt_gym.control import AgentSetpoint, Demand, Lidar
+    from wt_gym.control import AgentSetpoint, Demand
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.rendering import Renderer
+    from wt_gym.envs.twin import TwinSnapshot
+    from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
@@ -60,7 +67,7 @@ if TYPE_CHECKING:
 __all__ = ["WindTurbineEnv", "turbine_env_of"]
 
 # What an episode remembers beside the turbine in operation, the sensors and the random numbers
-_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed", "_twin_terms")
+_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed")
 
 
 class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -102,25 +109,32 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         chosen = options.actions
         action = ActionMap(
             self.turbine, self.control_dt, chosen.mode, chosen.pitch, chosen.components, chosen.spans, self.wind.speeds,
-            pitch_delay(self.turbine.pitch, step),
+            pitch_delay(self.turbine.pitch, step), chosen.residual,
         )  # fmt: skip
         base, controller = options.controller.base, None
         if action.needs_controller or base not in (BASELINE, *ALIASES):  # a copy: no two share its memory
             controller = copy.deepcopy(make_controller(base, self.turbine))
         residual = self._residual_pitch(action)
+        lidar = _lidar(observed.lidar, controller)
+        self.sensors = observed.sensors or ("all" if options.variation.varies else "agent")
+        self._draws = self._variation_draws(action, lidar or Lidar.for_rotor(self.turbine.rotor_diameter), step)
+        apart = self._draws is None or not (self._draws.everyone or "sensor_noise" in options.variation.varies)
         groups = observed.channels
         if groups is None:
             groups = RESIDUAL_GROUPS if action.mode == "residual" else DEFAULT_GROUPS
-        late = check_whole_steps("sensor_delay", observed.delay, self.control_dt, least=0)
-        lidar = _lidar(observed.lidar, controller)
+        late = self._late_steps()
         self._observer = observer = Observer(
-            self.turbine, action, groups, observed.noise, late, observed.history, lidar, residual
-        )
+            self.turbine, action, groups, observed.noise if apart else 0.0, late, observed.history, lidar, residual,
+            observed.washout, yaw_drive_of(controller), linear_part(controller),
+        )  # fmt: skip
         self.operation = Operation(
-            self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker()
-        )
+            self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker(),
+            self._draws,
+        )  # fmt: skip
         self._costs = Costs(self.turbine, self.control_dt, limits.overspeed)
-        self.layout = EnvLayout(self.turbine, observer.layout, action, self.control_dt, late, observer.lidar)
+        self.layout = EnvLayout(
+            self.turbine, observer.layout, action, self.control_dt, late, observer.lidar, observer.washed
+        )
         self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
         self.observation_space = spaces.Box(observer.layout.low, observer.layout.high, dtype=np.float32)
         self._vector_reward = options.rewards.vector
@@ -131,11 +145,10 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
         self._observation: np.ndarray | None = None
         self._saturated: tuple[str, ...] = ()
-        self._twin = self._make_twin() if options.rewards.relative else None
-        self._twin_terms: dict[str, float] = {}
-        self._starts = EpisodeStarts(self.turbine, self.wind, self._running_start(controller))
+        self._twin = Twin(self._make_twin(), self.wind.turbulence_key) if options.rewards.relative else None
+        self._starts = EpisodeStarts(self.turbine, self.wind, self._running_start(controller), options.starts)
         self._renderer = self._make_renderer()
-        self._running = self._failed = False
+        self._running = self._failed = self._seeded = False
         self._steps = 0
 
     # ---- parts ----
@@ -160,6 +173,27 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
                 f"got {self.control_dt!r} s"
             )
         return step, count
+
+    def _variation_draws(self, action: ActionMap, lidar: Lidar, step: float) -> VariationDraws | None:
+        """What draws the variation of episodes; None where nothing varies and all sensors of controllers are exact."""
+        options = self.options
+        variation, everyone = options.variation, self.sensors == "all"
+        if not (variation.varies or everyone):
+            return None
+        check_winds(variation, options.wind)
+        model = isinstance(options.turbine, str) and options.turbine.lower().endswith(".fst")
+        if model and options.simulator != OWN and any(name in STRUCTURAL for name in variation.varies):
+            raise ValueError(
+                f"variation: {', '.join(STRUCTURAL)} must be left out where OpenFAST simulates a model of its own"
+            )
+        return VariationDraws(variation, self.turbine, action, lidar, options.observations, everyone, step)
+
+    def _late_steps(self) -> int:
+        """Control steps by which the agent's readings are late, beside what the instruments are."""
+        options = self.options
+        if self.sensors == "all" or "sensor_delay" in options.variation.varies:
+            return 0
+        return check_whole_steps("sensor_delay", options.observations.delay, self.control_dt, least=0)
 
     def _residual_pitch(self, action: ActionMap) -> ResidualPitch | None:
         """What residual pitch passes on its way to the blades, if there is such a pitch and anything to pass."""
@@ -186,12 +220,15 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         It is simulated as this one.
         """
         options = self.options
+        observed = options.observations
+        read = {"sensors": "all", "sensor_noise": observed.noise, "sensor_delay": observed.delay}
         twin = WindTurbineEnv(
             turbine=self.turbine, inflow="steady", wind_speed=(self.turbine.cut_in, self.turbine.cut_out),
             fidelity=self.fidelity, control_dt=self.control_dt, episode_length=None, action_mode="residual",
             action_components=("pitch",), controller=copy.deepcopy(options.controller.base), reward=self.reward_terms,
             termination_penalty=self.limits.penalty, overspeed_limit=self.limits.overspeed,
             standstill_limit=self.limits.standstill, observation=("rotor",), start="steady",
+            **(read if self.sensors == "all" else {}),
         )  # fmt: skip
         twin.operation.make_simulator = self.operation.make_simulator
         return twin
@@ -326,23 +363,34 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._running = False
         super().reset(seed=seed)
         longest = self.length.longest(self.spec, self.outer_steps)
-        beginning = self._starts.draw(self.np_random, options, longest)
+        drawn = self._draw(seed)
+        beginning = self._starts.draw(self.np_random, options, longest, drawn)
         self._begin(beginning)
         if self._twin is not None:
-            self._twin._begin(beginning)
+            self._twin.begin(beginning)
         observation, saturated = self._observe()
         if self._renderer is not None:
             self._renderer.reset()
             self._renderer.record(self.signals)
-        return observation, self._info(saturated, tip_clearance(self.signals))
+        info = self._info(saturated, tip_clearance(self.signals))
+        return observation, info if drawn is None else info | {"variation": copy.deepcopy(dict(drawn.values))}
+
+    def _draw(self, seed: int | None) -> DrawnVariation | None:
+        """Draw the variation of an episode; a seed begins its stream, as does the first reset."""
+        if self._draws is None:
+            return None
+        if seed is not None or not self._seeded:
+            self._draws.seed(self.np_random_seed if seed is None else seed)
+            self._seeded = True
+        return self._draws.draw()
 
     def _begin(self, beginning: Beginning) -> None:
         """Start turbine, sensors and reward."""
         start, operation = beginning.start, self.operation
-        operation.begin(beginning.wind, start, beginning.yaw, beginning.faults)
+        operation.begin(beginning)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running, self._failed = 0, True, False
-        self._observer.reset(self._situation())
+        self._observer.reset(self._situation(), start.trail)
         self._observation, self._saturated = None, ()
         rewards.reset(self.reward_terms, self.turbine, operation.signals, start.averaged(operation.signals))
 
@@ -383,7 +431,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             raise
         self._action = values
         self._steps += 1
-        self._observer.advance(operation.measured(after), dt)
+        self._observer.advance(operation.readings(), dt)
         if self._renderer is not None:
             self._renderer.record(after)
 
@@ -418,12 +466,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         info |= {"termination": "failure", "failure": str(error)}
         return observation, self._returned(reward, terms), True, False, info
 
-    def _compared(self, twin: WindTurbineEnv, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
+    def _compared(self, twin: Twin, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
         """Reward and terms less those that the controller alone earns in the same wind."""
-        if twin._running:  # when its episode has ended, what it earned last stands
-            *_, info = twin.step(np.zeros(twin.layout.action.size))
-            self._twin_terms = {name: v for name, v in info["reward_terms"].items() if name != "termination"}
-        other = self._twin_terms
+        other = twin.terms(self._steps - 1)
         return reward - sum(other.values()), {name: value - other.get(name, 0.0) for name, value in terms.items()}
 
     def _returned(self, reward: float, terms: dict[str, float]) -> float | np.ndarray:
@@ -434,9 +479,13 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def _situation(self) -> ObservationContext:
         o = self.operation
-        signals = o.measured(o.signals)
-        seen = o.ahead(signals) if self._observer.sees_lidar else None
-        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual)
+        signals = o.readings()
+        seen = o.seen() if self._observer.sees_lidar else None
+        drive, known = yaw_drive_of(o.controller), None
+        if self._observer.sees_disturbances:
+            part = linear_part(o.controller)
+            known = None if part is None else part.seen(signals)
+        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)
@@ -480,6 +529,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             self._observer.memory(),
             self.episode_wind,
             copy.deepcopy(cast("dict[str, Any]", self.np_random.bit_generator.state)),
+            None if self._draws is None else copy.deepcopy(self._draws.state),
             None if self._twin is None else self._twin.snapshot(),
             None if self._renderer is None else self._renderer.memory(),
         )
@@ -502,8 +552,11 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self.__dict__.update(kept)
         self._observer.recall(snapshot.sensors)
         self.np_random.bit_generator.state = copy.deepcopy(snapshot.random)
+        if self._draws is not None and snapshot.variation is not None:
+            self._draws.state = copy.deepcopy(snapshot.variation)
+            self._seeded = True
         if self._twin is not None:
-            self._twin.restore(cast(EnvSnapshot, snapshot.twin))
+            self._twin.restore(cast("TwinSnapshot", snapshot.twin))
         if self._renderer is not None:  # a snapshot of an environment without pictures holds the present signals only
             self._renderer.recall(snapshot.pictured or ())
             if not snapshot.pictured:
@@ -524,9 +577,10 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def close(self) -> None:
         """Release the simulator and the renderer."""
-        if (close := getattr(self.operation.simulator, "close", None)) is not None:
-            close()
-        self.operation.simulator, self._renderer, self._running = None, None, False
+        self.operation.close()
+        if self._twin is not None:
+            self._twin.close()
+        self._renderer, self._running = None, False
 
 
 def _lidar(given: Lidar | None, controller: Controller | None) -> Lidar | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -129,7 +130,7 @@ class WindSampler:
         self._wander = None if options.wander is None else real_numbers(options.wander)
         self._profile = _profile(options)
         self._to_hub = self._share_at_hub(options.reference_height)
-        self._class = options.turbulence_class or turbine.turbulence_class
+        self._class = self._box_class = options.turbulence_class or turbine.turbulence_class
         self._pool = tuple(options.seeds)
         self._gusts = tuple(form for name in GUSTS if name in options.gusts for form in _FORMS[name])
         self._turbulent = options.turbulent
@@ -268,6 +269,20 @@ class WindSampler:
         """
         return TurbulentInflow(self._box(speed, seed), self._steady(speed))
 
+    def varied(self, turbulence_class: str | None, shear_exponent: float | None) -> WindSampler:
+        """Sampler of the same winds with another turbulence class or power-law profile; None: as here.
+
+        The class scales turbulence, whose lengths do not depend on it: boxes are those of this sampler.
+        """
+        if turbulence_class is None and shear_exponent is None:
+            return self
+        other = copy.copy(self)
+        if turbulence_class is not None:
+            other._class = turbulence_class
+        if shear_exponent is not None:
+            other._profile = {"shear_exponent": shear_exponent}
+        return other
+
     @property
     def turbulence_key(self) -> tuple[Any, ...]:
         """What decides on `turbulence` beside turbine, speed and seed."""
@@ -380,9 +395,9 @@ class WindSampler:
             made_at *= 0.5
         turbine = self._turbine
         make = TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
-        box = make(made_at, turbine.hub_height, turbine.rotor_diameter, self._class, seed=seed)
+        box = make(made_at, turbine.hub_height, turbine.rotor_diameter, self._box_class, seed=seed)
         sigma = self._sigma(speed)
-        intensity = sigma / turbulence_sigma(made_at, self._class)
+        intensity = sigma / turbulence_sigma(made_at, self._box_class)
         if made_at == speed and intensity == 1.0:
             return box
         text = f"{box.description}, carried along at {speed:.4g} m/s with sigma_u {sigma:.3g} m/s"

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 __all__ = ["ProgressLine", "clock"]
 
@@ -30,12 +34,12 @@ class ProgressLine:
         self._interval = 0.1 * interval if self._terminal else interval
         self._last, self._width = -1e9, 0
 
-    def show(self, text: str, *, final: bool = False) -> None:
-        """Show a text if it is time to, and in any case if it is the final one."""
+    def show(self, text: str | Callable[[], str], *, final: bool = False) -> None:
+        """Show a text, or what a function gives, if it is time to, and in any case if it is the final one."""
         now = time.monotonic()
         if not self._shown or (now - self._last < self._interval and not final):
             return
-        self._last = now
+        self._last, text = now, text if isinstance(text, str) else text()
         if self._terminal:
             print("\r" + text.ljust(self._width), end="\n" if final else "", file=sys.stderr, flush=True)
             self._width = 0 if final else len(text)

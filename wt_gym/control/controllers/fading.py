@@ -52,14 +52,18 @@ class FadeParameters:
         Rotor speed over rated speed [-].
     time_constant : float
         Of the low-pass filter on the pitch [s], so that a swing of the collective pitch does not switch.
+    fine_speed : (float, float), optional
+        Rotor speed over rated speed at fine pitch [-], where by default nothing acts. About rated wind the loads are
+        largest, the blades stand at fine pitch and the rotor near its rated speed.
     """
 
     pitch: tuple[float, float] = (math.radians(0.5), math.radians(3.0))
     speed: tuple[float, float] = (0.85, 0.95)
     time_constant: float = 5.0
+    fine_speed: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("pitch", "speed"):
+        for name in ("pitch", "speed") if self.fine_speed is None else ("pitch", "speed", "fine_speed"):
             low, high = getattr(self, name)
             if not low < high:
                 raise ValueError(f"fade {name} must be two rising numbers, got {getattr(self, name)!r}")
@@ -69,7 +73,8 @@ class AboveRated:
     """Factor from 0 (below rated: leave the blades where they make the most power) to 1 (well above it).
 
     The product of a ramp in the collective pitch, low-pass filtered, and one in the rotor speed: blades at fine pitch
-    mean that the wind is too weak for rated power.
+    mean that the wind is too weak for rated power. With ``fine_speed``, a ramp of its own in the rotor speed holds
+    there.
 
     Parameters
     ----------
@@ -122,4 +127,6 @@ class AboveRated:
         """Factor after a step of ``dt`` [s] with these pitch demands [rad] at a rotor speed [rad/s]."""
         p = self.parameters
         filtered = self._pitch.update(sum(pitch) / len(pitch), dt)
-        return _ramp(filtered - self.fine_pitch, *p.pitch) * _ramp(rotor_speed / self.rated_speed, *p.speed)
+        pitched, ratio = _ramp(filtered - self.fine_pitch, *p.pitch), rotor_speed / self.rated_speed
+        share = pitched * _ramp(ratio, *p.speed)
+        return share if p.fine_speed is None else share + (1.0 - pitched) * _ramp(ratio, *p.fine_speed)

@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.control.controllers.controller import parts_of
 from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.control.optimal.design_file import LinearDesign, load_design
 from wt_gym.control.optimal.measured import OUTPUTS, channels_read, measured_outputs, side_sign
 from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.optimal.past import delay_bins
 from wt_gym.control.sensors import LowPass
 from wt_gym.turbines import load_turbine
 
@@ -26,10 +28,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.control.actions import Demand
-    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.control.controllers.controller import Controller, Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "SHIPPED", "LinearOptimalPitch"]
+__all__ = ["PARAMETERS", "SHIPPED", "LinearOptimalPitch", "linear_part", "seen_bins"]
 
 PARAMETERS = (
     Parameter(
@@ -45,6 +47,11 @@ SHIPPED = ("nrel_5mw",)
 
 SCHEDULE_TIME = 10.0
 """Time constant of the pitch that chooses between designs [s]."""
+
+
+def seen_bins(design: LinearDesign) -> tuple[tuple[int, int], ...]:
+    """Bins of delays, first to last without the last, in intervals, over which an agent sees means of disturbances."""
+    return delay_bins(design.gains.shape[-1] * design.interval, design.interval, fine=3, growth=1.6)
 
 
 class LinearOptimalPitch:
@@ -66,7 +73,7 @@ class LinearOptimalPitch:
 
     def __init__(self, turbine: Turbine, design: LinearDesign, gain: float = 1.0) -> None:
         self.design, self.gain = design, gain
-        self.offsets = PitchOffsets(turbine, design.limit, design.rate_limit, design.fade)
+        self.offsets = PitchOffsets(turbine, design.limit, design.rate_limit, design.fading)
         self.channels = channels_read(turbine.n_blades)
         self.sign, self.n_blades = side_sign(turbine), turbine.n_blades
         with np.errstate(divide="ignore"):
@@ -75,8 +82,10 @@ class LinearOptimalPitch:
         self._schedule = LowPass(SCHEDULE_TIME)
         self._acted = np.zeros((3, design.responses.shape[-1]))
         self._past = np.zeros((len(OUTPUTS), design.gains.shape[-1]))
-        self._measured, self._lasting = np.zeros(len(OUTPUTS)), np.zeros(len(OUTPUTS))
+        self._lasting = np.zeros(len(OUTPUTS))
         self.disturbance, self._sum = np.zeros(len(OUTPUTS)), np.zeros(3)
+        self.bins = seen_bins(design)
+        self._first, self._last = np.array(self.bins).T
         self._forget()
 
     @classmethod
@@ -113,6 +122,42 @@ class LinearOptimalPitch:
         self._sum[:] = 0.0
         self._wanted, self._age, self._acted_for, self._fresh = (0.0, 0.0, 0.0), 0.0, 0.0, True
 
+    def see_demand(self, base: Demand, demand: Demand, signals: Readings, dt: float) -> None:
+        """Take what an agent added to the demand of the base controller for an offset of this controller's own.
+
+        So the disturbances stay what no offset changes, and this controller does not answer what the agent does.
+        """
+        self._sum += dt * np.array(self.offsets.between(base, demand, signals["azimuth"], signals["rotor_speed"], dt))
+
+    def seen(self, signals: Readings) -> NDArray[np.float64]:
+        """What is known of the disturbances at an instant, before the controller acts on it.
+
+        Parameters
+        ----------
+        signals : Readings
+
+        Returns
+        -------
+        numpy.ndarray, shape (n,)
+            Means of the disturbances over `bins` of delays, over their scale and without what lasts, output by output;
+            mean, tilt and yaw that they ask for [rad]; share in which offsets act; slow pitch [rad].
+        """
+        passed = int(self._age + 1e-6)
+        past, acted = self._past, self._acted
+        slow = float(np.mean(signals["pitch"])) if self._fresh else self._schedule.value
+        if self._fresh or passed > 0:
+            acted = acted.copy()
+            if passed > 0:
+                _shift(acted, passed)
+                acted[:, :passed] = (self._sum / self._acted_for)[:, None]
+            found = self._found(signals, acted, slow)
+            past, _ = self._moved(found, passed)
+        sums = np.cumsum(past, axis=1)
+        sums = np.concatenate([np.zeros((len(OUTPUTS), 1)), sums], axis=1)
+        means = (sums[:, self._last] - sums[:, self._first]) / (self._last - self._first)
+        wanted = self._answer(past, slow)
+        return np.concatenate([means.reshape(-1), wanted, [self.offsets.share, slow]])
+
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
         """Add the offsets, which are decided at the interval of the design, or at every step where that is longer."""
         speed, azimuth = signals["rotor_speed"], signals["azimuth"]
@@ -144,30 +189,46 @@ class LinearOptimalPitch:
 
     def _decide(self, signals: Readings, pitch: float, passed: int) -> tuple[float, float, float]:
         """Offsets of what is measured now, at a slow pitch [rad], after so many intervals without a decision."""
+        found = self._found(signals, self._acted, pitch)
+        self._past, self._lasting = self._moved(found, passed)
+        self.disturbance[:] = found * self.design.scale
+        mean, tilt, yaw = self._answer(self._past, pitch).tolist()
+        return mean, tilt, yaw
+
+    def _found(self, signals: Readings, acted: NDArray[np.float64], pitch: float) -> NDArray[np.float64]:
+        """Disturbances over their scale (6,): what is measured less what the offsets (3, n_taps) did."""
         design = self.design
+        found = np.empty(len(OUTPUTS))
+        measured_outputs(signals, self.n_blades, self.sign, found)
+        found /= design.scale
         low, weight = _place(design.pitch, pitch)
-        measured_outputs(signals, self.n_blades, self.sign, self._measured)
-        found = self._measured / design.scale
-        acted, past = self._acted.reshape(-1), self._past
         for k, share in ((low, 1.0 - weight), (low + 1, weight)):
             if share > 0.0:
-                found -= share * (design.responses[k].reshape(len(OUTPUTS), -1) @ acted)
+                found -= share * (design.responses[k].reshape(len(OUTPUTS), -1) @ acted.reshape(-1))
+        return found
+
+    def _moved(self, found: NDArray[np.float64], passed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Past (6, n_delays) and what lasts of it (6,), with the disturbances found after so many intervals."""
         if self._fresh:
-            self._lasting[:] = found
-            past[:] = np.where(self._washes, 0.0, found)[:, None]
+            lasting = found.copy()
+            past = np.repeat(np.where(self._washes, 0.0, found)[:, None], self._past.shape[1], axis=1)
         else:
-            held = past[:, :1].copy()
+            past, lasting = self._past.copy(), self._lasting.copy()
             _shift(past, passed)
-            past[:, 1:passed] = held  # nothing was measured between
-        self._lasting += (1.0 - self._kept**passed) * (found - self._lasting)
-        past[:, 0] = np.where(self._washes, found - self._lasting, found)
-        self.disturbance[:] = found * design.scale
+            past[:, 1:passed] = self._past[:, :1]  # nothing was measured between
+        lasting += (1.0 - self._kept**passed) * (found - lasting)
+        past[:, 0] = np.where(self._washes, found - lasting, found)
+        return past, lasting
+
+    def _answer(self, past: NDArray[np.float64], pitch: float) -> NDArray[np.float64]:
+        """Offsets (3,) that the past of the disturbances asks for at a slow pitch [rad]."""
+        design = self.design
+        low, weight = _place(design.pitch, pitch)
         wanted = np.zeros(3)
         for k, share in ((low, 1.0 - weight), (low + 1, weight)):
             if share > 0.0:
                 wanted += share * self.gain * (design.gains[k].reshape(3, -1) @ past.reshape(-1))
-        mean, tilt, yaw = wanted.tolist()
-        return mean, tilt, yaw
+        return wanted
 
 
 def _shift(rows: NDArray[np.float64], steps: int) -> None:
@@ -194,3 +255,9 @@ def _shipped(turbine: Turbine) -> Path:
         f"linear_optimal must be given a design for {turbine.name}: linear_optimal:file=PATH, made by wt-gym design "
         f"linear_optimal; one is shipped for {', '.join(SHIPPED)}"
     )
+
+
+def linear_part(controller: Controller | None) -> LinearOptimalPitch | None:
+    """The linear optimal pitch among the parts of a controller, None where it has none."""
+    parts = () if controller is None else parts_of(controller)
+    return next((part for part in parts if isinstance(part, LinearOptimalPitch)), None)

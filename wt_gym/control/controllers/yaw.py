@@ -11,16 +11,17 @@ import math
 from typing import TYPE_CHECKING
 
 from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.controller import parts_of
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.sensors import AngleLowPass
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.control.controllers.controller import Controller, Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "YawByDeadBand"]
+__all__ = ["PARAMETERS", "YawByDeadBand", "yaw_drive_of"]
 
 PARAMETERS = (
     Parameter("dead_band", "rad", "filtered yaw error beyond which the drive starts", 0.0, math.pi, above=True),
@@ -71,6 +72,11 @@ class YawByDeadBand:
         self.rate, self.dead_band, self.stop = float(rate), float(dead_band), float(stop)
         self._slow, self._fast, self.turning = AngleLowPass(slow), AngleLowPass(fast), 0
 
+    @property
+    def slow_error(self) -> float:
+        """Yaw error behind the slow filter, which starts the drive beyond the dead-band [rad]."""
+        return self._slow.value
+
     @classmethod
     def of_turbine(cls, turbine: Turbine, **parameters: Any) -> YawByDeadBand:
         """With the yaw drive of a turbine; parameters as those of the class."""
@@ -93,3 +99,9 @@ class YawByDeadBand:
             self.turning = 0
             self._slow.reset(fast)
         return Demand(demand.pitch, self.turning * self.rate, demand.generator_torque)
+
+
+def yaw_drive_of(controller: Controller | None) -> YawByDeadBand | None:
+    """Dead-band control among the parts of a controller, None without any."""
+    parts = () if controller is None else parts_of(controller)
+    return next((part for part in parts if isinstance(part, YawByDeadBand)), None)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.control.controllers.fading import FadeParameters
 from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.errors import ControllerError
 from wt_gym.files import whole_file
@@ -19,13 +20,18 @@ from wt_gym.files import whole_file
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["FORMAT", "LinearDesign", "load_design", "save_design"]
+__all__ = ["FORMAT", "LinearDesign", "load_design", "offset_fade", "save_design"]
 
-FORMAT = 1
-"""Version of the files."""
+FORMAT = 2
+"""Version of the files; version 1 has no ``fine_speed``."""
 
 _ARRAYS = ("pitch", "responses", "gains", "scale", "washout")
 _NUMBERS = ("interval", "limit", "rate_limit", "fade")
+
+
+def offset_fade(fade: float, fine_speed: tuple[float, float] | None) -> FadeParameters:
+    """Fade of offsets: in full from a collective pitch above fine pitch on [rad], and at fine pitch by rotor speed."""
+    return FadeParameters(pitch=(fade / 6.0, fade), fine_speed=fine_speed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +63,9 @@ class LinearDesign:
         Of the offsets [rad], [rad/s].
     fade : float
         Collective pitch above fine pitch from which on all acts in full [rad], see `AboveRated.of_turbine`.
+    fine_speed : (float, float), optional
+        Rotor speed over the rated one at which offsets begin and act in full at fine pitch [-]; by default they do not
+        act there.
     record : dict
         How it was made: turbine, base controller, winds, options, what the models explain; JSON values.
 
@@ -76,6 +85,7 @@ class LinearDesign:
     rate_limit: float
     fade: float
     record: dict[str, Any] = field(default_factory=dict)
+    fine_speed: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
@@ -102,6 +112,18 @@ class LinearDesign:
                     f"{name} of a linear design must be finite and positive, got {getattr(self, name)!r}"
                 )
 
+        if self.fine_speed is not None:
+            low, high = self.fine_speed
+            if not 0.0 < low < high < math.inf:
+                raise ControllerError(
+                    f"fine_speed of a linear design must be two rising positive numbers, got {self.fine_speed!r}"
+                )
+
+    @property
+    def fading(self) -> FadeParameters:
+        """How far offsets act."""
+        return offset_fade(self.fade, self.fine_speed)
+
     def __deepcopy__(self, memo: dict[int, Any]) -> LinearDesign:
         return self  # nothing in it changes
 
@@ -120,6 +142,7 @@ def save_design(design: LinearDesign, path: str | Path) -> None:
         If it cannot be written.
     """
     head = {"format": FORMAT, **{name: getattr(design, name) for name in _NUMBERS}, "record": design.record}
+    head["fine_speed"] = None if design.fine_speed is None else list(design.fine_speed)
     arrays = {name: getattr(design, name).astype(np.float32) for name in _ARRAYS}
     with whole_file(Path(path)) as partial, partial.open("wb") as file:
         np.savez_compressed(file, head=np.array(json.dumps(head, allow_nan=False)), **arrays)
@@ -148,9 +171,11 @@ def _load(file: Path, changed: int, size: int) -> LinearDesign:
         with np.load(file, allow_pickle=False) as found:
             head = json.loads(str(found["head"][()]))
             parts: dict[str, Any] = {name: found[name] for name in _ARRAYS}
-        if head["format"] != FORMAT:
+        if head["format"] not in (1, FORMAT):
             raise ControllerError(f"{file} must have format {FORMAT}, got {head['format']!r}")
         parts |= {name: float(head[name]) for name in _NUMBERS}
+        fine_speed = head["fine_speed"] if head["format"] == FORMAT else None
+        parts["fine_speed"] = None if fine_speed is None else (float(fine_speed[0]), float(fine_speed[1]))
         return LinearDesign(**parts, record=head["record"])
     except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
         if isinstance(error, ControllerError):

@@ -113,6 +113,14 @@ class PitchOffsets:
         self.acting = self._in_fixed_frame(reached, ahead)
         return Demand(np.array(pitch), demand.yaw_rate, demand.generator_torque)
 
+    def between(
+        self, before: Demand, after: Demand, azimuth: float, rotor_speed: float, dt: float
+    ) -> tuple[float, float, float]:
+        """Mean, tilt and yaw [rad] by which one demand differs from another, at the azimuth at which it acts."""
+        ahead = azimuth + rotor_speed * pitch_delay(self.drive, dt)
+        pairs = zip(after.pitch.tolist(), before.pitch.tolist(), strict=True)
+        return self._in_fixed_frame([own - base for own, base in pairs], ahead)
+
     def _in_fixed_frame(self, values: list[float], azimuth: float) -> tuple[float, float, float]:
         """Mean, tilt and yaw, numbers one by one: arrays of three are slow."""
         n = self.n_blades

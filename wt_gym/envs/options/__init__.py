@@ -6,6 +6,7 @@ from wt_gym.envs.options.environment import EnvOptions, env_arguments, flat_argu
 from wt_gym.envs.options.limits import LimitOptions
 from wt_gym.envs.options.observations import ObservationOptions
 from wt_gym.envs.options.rewards import RewardOptions
+from wt_gym.envs.options.variation import Variation
 from wt_gym.envs.options.wind import WindOptions
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "LimitOptions",
     "ObservationOptions",
     "RewardOptions",
+    "Variation",
     "WindOptions",
     "env_arguments",
     "flat_arguments",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from wt_gym.control.actions import ACTION_MODES, COMPONENTS, PITCH_FORMS
+from wt_gym.control.actions import ACTION_MODES, COMPONENTS, PITCH_FORMS, RESIDUAL_FORMS
 from wt_gym.envs.arguments import check_mapping, check_names
 from wt_gym.envs.options.group import OptionGroup, option, option_group
 from wt_gym.errors import did_you_mean
@@ -40,15 +40,30 @@ class ActionOptions(OptionGroup):
         allowed="positive, rates at most those of the drives",
     )
 
+    residual: str = option(
+        '{"rate", "offset"}',
+        'What actions of mode "residual" say: the rate of an offset, or the offset itself, to which the present one '
+        "moves at no more than the greatest rate",
+        default="rate",
+        flat="residual_form",
+        allowed='"offset" with mode "residual"',
+    )
+
     def check(self) -> None:
         """Refuse unknown modes, coordinates and components, and spans that are no numbers."""
-        for name, value, allowed in (("action_mode", self.mode, ACTION_MODES), ("pitch", self.pitch, PITCH_FORMS)):
+        for name, value, allowed in (
+            ("action_mode", self.mode, ACTION_MODES),
+            ("pitch", self.pitch, PITCH_FORMS),
+            ("residual_form", self.residual, RESIDUAL_FORMS),
+        ):
             if value not in allowed:
                 raise ValueError(f"{name} must be one of {allowed}, got {value!r}{did_you_mean(value, allowed)}")
         if self.pitch == "cyclic" and self.mode != "residual":
             raise ValueError(
                 f"pitch='cyclic' has no mean of its own: it needs action_mode='residual', got {self.mode!r}"
             )
+        if self.residual != "rate" and self.mode != "residual":
+            raise ValueError(f"residual_form={self.residual!r} needs action_mode='residual', got {self.mode!r}")
         self._set_all(check_names, "components")
         if self.components is not None and not (self.components and set(self.components) <= set(COMPONENTS)):
             raise ValueError(f"action_components must name some of {COMPONENTS}, got {self.components!r}")

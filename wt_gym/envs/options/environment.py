@@ -20,6 +20,7 @@ from wt_gym.envs.options.group import Described, OptionGroup, described, option,
 from wt_gym.envs.options.limits import LimitOptions
 from wt_gym.envs.options.observations import ObservationOptions
 from wt_gym.envs.options.rewards import RewardOptions
+from wt_gym.envs.options.variation import Variation
 from wt_gym.envs.options.wind import WindOptions
 from wt_gym.errors import did_you_mean
 from wt_gym.simulation import Fidelity
@@ -49,9 +50,19 @@ __all__ = [
 STARTS = ("running", "steady")
 """What state an episode in turbulence begins with."""
 RENDER_MODES = ("rgb_array",)
+MOST_STARTS = 1_000_000
+"""Numbered beginnings."""
 GROUPS: dict[str, type[OptionGroup]] = {
     group.title: group
-    for group in (WindOptions, ActionOptions, ObservationOptions, RewardOptions, LimitOptions, ControllerOptions)
+    for group in (
+        WindOptions,
+        ActionOptions,
+        ObservationOptions,
+        RewardOptions,
+        LimitOptions,
+        ControllerOptions,
+        Variation,
+    )
 }
 """Groups by the argument that takes them."""
 _BASE = "controller"  # the one argument that takes a group or the value of a field of it
@@ -97,6 +108,13 @@ class EnvOptions(OptionGroup):
         'What an episode in turbulence begins with, see "Starting state"',
         default="running",
     )
+    starts: int | None = option(
+        "int, optional",
+        "Number of beginnings, each a wind, a time in it and a state of the turbine, that episodes are drawn from; "
+        'None: every episode has another one. ``reset(options={"start_number": 3})`` chooses one, from 0',
+        default=None,
+        allowed=f"1 to {MOST_STARTS}",
+    )
     simulator: str | Mapping[str, Any] | Callable[..., Any] = option(
         '{"wt_gym", "openfast"}, mapping or callable',
         "What simulates the turbine: this package; OpenFAST (`wt_gym.bridges.openfast.OpenFASTSimulator`, slow, "
@@ -116,6 +134,7 @@ class EnvOptions(OptionGroup):
     rewards: RewardOptions = RewardOptions()
     limits: LimitOptions = LimitOptions()
     controller: ControllerOptions = ControllerOptions()
+    variation: Variation = Variation()
 
     def check(self) -> None:
         """Refuse unknown names and numbers of the wrong type."""
@@ -131,6 +150,10 @@ class EnvOptions(OptionGroup):
         self._set_all(check_number, "control_dt", unit="s")
         if self.control_dt <= 0.0:
             raise ValueError(f"control_dt must be positive, got {self.control_dt!r} s")
+        starts = self.starts
+        is_count = isinstance(starts, int) and not isinstance(starts, bool) and 1 <= starts <= MOST_STARTS
+        if starts is not None and not is_count:
+            raise ValueError(f"starts must be a whole number from 1 to {MOST_STARTS} or None, got {shown(starts)}")
         if self.generator is not None and self.generator not in GENERATORS:
             raise ValueError(
                 f"generator must be one of {GENERATORS} or None, got {self.generator!r}"

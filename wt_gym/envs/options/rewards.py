@@ -30,8 +30,9 @@ class RewardOptions(OptionGroup):
     )
     relative: bool = option(
         "bool",
-        "Take off what the base controller alone earns in the same wind: a second turbine runs beside the first, at "
-        "twice the cost",
+        "Take off what the base controller alone earns in the same wind. A second turbine runs beside the first, at "
+        "twice the cost, in the first episode from a beginning; what it earns is kept in memory and in the user's "
+        "cache (see ``starts``), unless controller, reward, simulator or wind are yours",
         default=False,
         flat="relative_reward",
     )

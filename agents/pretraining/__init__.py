@@ -1,0 +1,1 @@
+"""Pretraining of a policy by gradient on an identified model, in recorded winds."""

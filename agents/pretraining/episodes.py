@@ -1,0 +1,241 @@
+"""Episodes as a pretraining needs them: what the agent sees, the offsets that act, and the loads that come of them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+
+from wt_gym.agents.constant import ConstantAgent
+from wt_gym.control.controllers.linear_optimal import linear_part
+from wt_gym.control.controllers.names import BASELINE
+from wt_gym.control.optimal.measured import side_sign
+from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.errors import SimulationError
+from wt_gym.runs.playing import play
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.control.actions import Demand
+    from wt_gym.envs.episode import Agent, EpisodeStep
+    from wt_gym.envs.turbine_env import WindTurbineEnv
+
+__all__ = ["EpisodeJob", "PlayedActions", "RecordedEpisode", "check_environment", "record_episode"]
+
+_ENDLESS = 10**9  # control steps
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedEpisode:
+    """An episode; sample k of the loads is that of the instant at which action k is chosen, the last one has none.
+
+    Attributes
+    ----------
+    speed : float
+        Mean wind [m/s].
+    seed : int
+    dt : float
+        Control step [s].
+    observations : numpy.ndarray, shape (n, n_obs), float32
+    offsets : numpy.ndarray, shape (3, n)
+        Mean, tilt and yaw by which the demands differ from those of the base controller [rad].
+    share : numpy.ndarray, shape (n,)
+        In which offsets of the agent act.
+    flap, pitch : numpy.ndarray, shape (n_blades, n + 1)
+        Root moments [N m], pitch [rad].
+    tower : numpy.ndarray, shape (2, n + 1)
+        Fore-aft and side-side moment at the base [N m].
+    power : numpy.ndarray, shape (n + 1,)
+        Of the generator [W].
+    azimuth : numpy.ndarray, shape (n + 1,)
+        In the sense of rotation [rad].
+    rotor_speed : numpy.ndarray, shape (n + 1,)
+        [rad/s].
+    """
+
+    speed: float
+    seed: int
+    dt: float
+    observations: NDArray[np.float32]
+    offsets: NDArray[np.float64]
+    share: NDArray[np.float64]
+    flap: NDArray[np.float64]
+    pitch: NDArray[np.float64]
+    tower: NDArray[np.float64]
+    power: NDArray[np.float64]
+    azimuth: NDArray[np.float64]
+    rotor_speed: NDArray[np.float64]
+
+    @property
+    def steps(self) -> int:
+        """N."""
+        return int(self.offsets.shape[1])
+
+
+@dataclass(frozen=True)
+class EpisodeJob:
+    """An episode to be recorded.
+
+    Attributes
+    ----------
+    env_id : str
+    arguments : str
+        Of the environment, as JSON.
+    speed : float
+        [m/s].
+    seed : int
+        Of the turbulence.
+    offset : float
+        Time in the turbulence at which the episode begins [s].
+    duration : float
+        [s].
+    agent : Agent or None
+        None: actions of zero.
+    baseline : bool
+        Under the published controller instead of the base controller.
+    """
+
+    env_id: str
+    arguments: str
+    speed: float
+    seed: int
+    offset: float
+    duration: float
+    agent: Agent | None = None
+    baseline: bool = False
+
+
+class PlayedActions:
+    """Agent that plays actions, whatever it sees.
+
+    Parameters
+    ----------
+    actions : numpy.ndarray, shape (n, n_act)
+        After the last come zeros.
+    """
+
+    def __init__(self, actions: NDArray[np.float64]) -> None:
+        self.actions, self._count = actions.astype(np.float32), 0
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Next action."""
+        k = self._count
+        self._count += 1
+        return (self.actions[k] if k < len(self.actions) else np.zeros_like(self.actions[0])), state
+
+
+class _Watched:
+    """Agent whose observations are kept."""
+
+    def __init__(self, agent: Agent) -> None:
+        self.agent = agent
+        self.seen: list[NDArray[np.float32]] = []
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Any, Any]:
+        self.seen.append(np.array(observation, dtype=np.float32))
+        return self.agent.predict(observation, state=state, episode_start=episode_start, deterministic=deterministic)
+
+
+def check_environment(env: WindTurbineEnv) -> None:
+    """Refuse an environment in which actions have an effect on later observations that no model takes away.
+
+    Raises
+    ------
+    ValueError
+    """
+    chosen = env.options.actions
+    if not (chosen.mode == "residual" and chosen.pitch == "fixed-frame" and chosen.residual == "offset"):
+        raise ValueError(
+            "pretraining needs action_mode='residual', pitch='fixed-frame' and residual_form='offset', got "
+            f"{chosen.mode!r}, {chosen.pitch!r} and {chosen.residual!r}"
+        )
+    if tuple(env.layout.action.names) != tuple(f"pitch_{name}_offset" for name in ("mean", "tilt", "yaw")):
+        raise ValueError(f"pretraining needs the actions mean, tilt and yaw alone, got {list(env.layout.action.names)}")
+    if linear_part(env.controller) is None:
+        raise ValueError(
+            "pretraining needs a base controller with linear_pitch, such as controller='linear_optimal': it takes the "
+            "effect of the agent's offsets off what is measured"
+        )
+    names = env.layout.observation.names
+    if foreign := [name for name in names if not name.startswith(("disturbance_", "linear_pitch_"))]:
+        raise ValueError(
+            "pretraining needs observations that do not depend on the actions: observation=['disturbances'], got "
+            f"{', '.join(foreign[:5])}"
+        )
+    if env.operation.count != 1:
+        raise ValueError(f"pretraining needs control_dt={env.operation.step:g}, the step of the simulator")
+    if env.options.observations.history != 1 or env.options.observations.delay:
+        raise ValueError("pretraining needs history=1 and sensor_delay=0")
+
+
+@lru_cache(maxsize=4)
+def _environment(env_id: str, arguments: str, baseline: bool) -> gym.Env[Any, Any]:
+    """Environment that a process keeps."""
+    given: dict[str, Any] = json.loads(arguments) | {"relative_reward": False}
+    if baseline:
+        given |= {"controller": BASELINE, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
+    env = gym.make(env_id, max_episode_steps=_ENDLESS, **given)
+    turbine_env_of(env).outer_steps = _ENDLESS
+    return env
+
+
+def record_episode(job: EpisodeJob) -> RecordedEpisode:
+    """Play an episode and record it.
+
+    Raises
+    ------
+    wt_gym.errors.SimulationError
+        If the episode ends early.
+    """
+    env = _environment(job.env_id, job.arguments, job.baseline)
+    plain = turbine_env_of(env)
+    agent = _Watched(job.agent or ConstantAgent(plain.layout))
+    demands: list[tuple[Demand, Demand]] = []
+    share: list[float] = []
+
+    def told(step: EpisodeStep) -> None:
+        operation = plain.operation
+        share.append(1.0 if operation.residual is None else operation.residual.share)
+        demands.append((operation.base, operation.demand))
+
+    options = {"wind_speed": job.speed, "wind_seed": job.seed, "time_offset": job.offset}
+    done = play(env, agent, seed=job.seed, options=options, duration=job.duration, on_step=told)
+    if done.ending != "time":
+        raise SimulationError(
+            f"the episode at {job.speed:g} m/s, seed {job.seed}, ended after {done.time:g} s ({done.ending}): "
+            "pretraining needs whole episodes; give smaller action_spans"
+        )
+    data, sign = done.data, side_sign(plain.turbine)
+    blades = range(1, plain.turbine.n_blades + 1)
+
+    def series(name: str) -> NDArray[np.float64]:
+        return data[name].values.astype(float)
+
+    azimuth, speed, part = series("azimuth"), series("rotor_speed"), linear_part(plain.controller)
+    offsets = np.zeros((len(demands), 3))
+    if part is not None:
+        for k, (base, demand) in enumerate(demands):
+            offsets[k] = part.offsets.between(base, demand, azimuth[k], speed[k], plain.control_dt)
+    return RecordedEpisode(
+        speed=job.speed,
+        seed=job.seed,
+        dt=plain.control_dt,
+        observations=np.stack(agent.seen[: len(share)]),
+        offsets=offsets.T.copy(),
+        share=np.array(share),
+        flap=np.stack([series(f"root_flap_moment_{b}") for b in blades]),
+        pitch=np.stack([series(f"pitch_{b}") for b in blades]),
+        tower=np.stack([series("tower_base_fore_aft_moment"), sign * series("tower_base_side_side_moment")]),
+        power=series("generator_power"),
+        azimuth=azimuth,
+        rotor_speed=speed,
+    )

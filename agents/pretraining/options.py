@@ -1,0 +1,134 @@
+"""Options of a pretraining."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS
+from wt_gym.errors import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["PretrainingOptions"]
+
+
+@dataclass(frozen=True)
+class PretrainingOptions:
+    """How to pretrain.
+
+    Attributes
+    ----------
+    rounds : int
+        Recordings under the present policy with an optimization behind each; 0: no pretraining.
+    episodes : int
+        Of a round.
+    held_out : int
+        Of these, that take no part in the optimization and choose between its steps.
+    duration : float
+        Of an episode [s].
+    skip : float
+        Start of it that does not count [s].
+    iterations : int
+        Steps of the optimizer in a round.
+    batch : int
+        Episodes of a step.
+    learning_rate : float
+    weight_decay : float
+    noise : float
+        Standard deviation of what is added to the observations, in their normalized units [-].
+    blade_exponent, tower_exponent : float
+        Of the fatigue whose gradient is followed; those of the metrics fit single cycles.
+    plant_speeds : int
+        Mean winds at which the plant is identified.
+    excited : int
+        Winds of each that are run with and without drawn offsets.
+    memory : float
+        Length of the impulse responses [s].
+    ridge, decay : float
+        Of the identification, see `wt_gym.agents.linear_design.identification.identify`.
+    first_wind_seed : int
+        Seed of the first episode's turbulence; each episode has its own.
+
+    Raises
+    ------
+    ValueError
+        For numbers without meaning, or winds held back for evaluations.
+    """
+
+    rounds: int = 2
+    episodes: int = 96
+    held_out: int = 12
+    duration: float = 300.0
+    skip: float = 20.0
+    iterations: int = 300
+    batch: int = 6
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-3
+    noise: float = 0.1
+    blade_exponent: float = 6.0
+    tower_exponent: float = 4.0
+    plant_speeds: int = 4
+    excited: int = 3
+    memory: float = 15.0
+    ridge: float = 1e-3
+    decay: float = 4.0
+    first_wind_seed: int = 1
+
+    def __post_init__(self) -> None:
+        least = {
+            "rounds": 0,
+            "episodes": 2,
+            "held_out": 1,
+            "iterations": 1,
+            "batch": 1,
+            "plant_speeds": 1,
+            "excited": 2,
+        }
+        for name, smallest in least.items():
+            if getattr(self, name) < smallest:
+                raise ValueError(f"{name} must be at least {smallest}, got {getattr(self, name)!r}")
+        for field in fields(self):
+            if not math.isfinite(getattr(self, field.name)) or getattr(self, field.name) < 0:
+                raise ValueError(f"{field.name} must be finite and not negative, got {getattr(self, field.name)!r}")
+        if self.held_out >= self.episodes:
+            raise ValueError(f"held_out must be less than the {self.episodes} episodes, got {self.held_out}")
+        if not 0.0 < self.memory <= 0.5 * (self.duration - self.skip):
+            raise ValueError(
+                f"memory must be positive and at most half of the counted time, {0.5 * (self.duration - self.skip):g} "
+                f"s; got {self.memory!r}"
+            )
+        if taken := sorted(set(self.wind_seeds) & set(EVALUATION_WIND_SEEDS)):
+            raise ValueError(
+                f"the winds of a pretraining must be none of those held back for evaluations, "
+                f"{EVALUATION_WIND_SEEDS[0]} to {EVALUATION_WIND_SEEDS[-1]}; first_wind_seed={self.first_wind_seed} "
+                f"makes {taken[0]} one of them"
+            )
+
+    @property
+    def wind_seeds(self) -> range:
+        """Turbulence seeds of all recordings."""
+        return range(self.first_wind_seed, self.first_wind_seed + self.episodes + self.plant_speeds * self.excited)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> PretrainingOptions:
+        """Options of a mapping; those left out are the default ones.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown or a value has no meaning.
+        """
+        kinds = {field.name: int if isinstance(field.default, int) else float for field in fields(cls)}
+        for name, value in values.items():
+            if name not in kinds:
+                raise ValueError(
+                    f"pretraining has no option {name!r}; must be of {', '.join(kinds)}{did_you_mean(name, kinds)}"
+                )
+            whole = isinstance(value, int) and not isinstance(value, bool)
+            if not (whole or (kinds[name] is float and isinstance(value, float))):
+                raise ValueError(f"{name} must be a {'whole ' if kinds[name] is int else ''}number, got {value!r}")
+        given: dict[str, Any] = {name: kinds[name](value) for name, value in values.items()}
+        return cls(**given)

@@ -1,0 +1,343 @@
+"""Pretrain a policy: record episodes, identify what offsets do, follow the gradient of the cost, record again.
+
+Between two recordings the policy changes only in the model, thousands of times faster than in the simulator; each round
+starts from what the present policy really does, so that errors of the model do not add up. Models that plan in a
+learned latent state do likewise (Hafner et al., arXiv:1912.01603); here the model is the linear one that also designs
+`wt_gym.control.controllers.linear_optimal`.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+import torch
+
+from wt_gym.agents.export.network import activate, network_of
+from wt_gym.agents.linear_design.identification import explained_share, identify
+from wt_gym.agents.linear_design.recording import Excitation
+from wt_gym.agents.pretraining.episodes import (
+    EpisodeJob,
+    PlayedActions,
+    RecordedEpisode,
+    check_environment,
+    record_episode,
+)
+from wt_gym.agents.pretraining.objective import (
+    OUTPUTS,
+    Limits,
+    LinearizedEpisode,
+    Plants,
+    load_metrics,
+    plant_outputs,
+    tensor,
+)
+from wt_gym.agents.trained_agent import TrainedAgent
+from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
+from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.simulation.drivetrain.drives import pitch_delay
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+    from wt_gym.agents.export.network import Network
+    from wt_gym.agents.pretraining.options import PretrainingOptions
+    from wt_gym.envs.turbine_env import WindTurbineEnv
+    from wt_gym.runs.executors import Executor
+
+__all__ = ["Round", "pretrain"]
+
+_MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
+_untrained: dict[tuple[Any, ...], tuple[Any, list[RecordedEpisode]]] = {}
+"""Runs before any policy, of the last pretraining of this process: those of another seed are the same."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """What a round found.
+
+    Attributes
+    ----------
+    recorded : float
+        Mean lifetime cost of the policy that was recorded less that of the published controller, in the held-out winds.
+    forecast : float
+        The same of the policy after it, by the model.
+    fitted : float
+        The same in the winds of the optimization.
+    iteration : int
+        Of the optimizer, at which the held-out winds chose the policy.
+    seconds : float
+        Of recording and optimization.
+    """
+
+    recorded: float
+    forecast: float
+    fitted: float
+    iteration: int
+    seconds: float
+
+
+class _Deployed:
+    """Policy without torch, as it acts in a process that records.
+
+    Parameters
+    ----------
+    network : Network
+    """
+
+    def __init__(self, network: Network) -> None:
+        self._layers = [(layer.weight.T.copy(), layer.bias, layer.activation) for layer in network.layers]
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Any, Any]:
+        """Action of an observation as the environment gives it."""
+        x = np.asarray(observation, dtype=np.float32)
+        for weight, bias, activation in self._layers:
+            x = activate(x @ weight + bias, activation)
+        return np.clip(x, -1.0, 1.0), state
+
+
+def pretrain(
+    model: BaseAlgorithm,
+    env_id: str,
+    env_kwargs: dict[str, Any],
+    options: PretrainingOptions,
+    executor: Executor,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> dict[str, Any]:
+    """Change the actor of a model until it costs least.
+
+    Parameters
+    ----------
+    model : PPO or A2C
+        Fresh; its last layer is set to zero first, so that it begins as the base controller alone.
+    env_id : str
+    env_kwargs : dict
+        JSON values.
+    options : PretrainingOptions
+    executor : Executor
+        Entered.
+    seed : int
+        Of the order of episodes and of the noise.
+    progress : callable, optional
+        Called with lines.
+
+    Returns
+    -------
+    dict
+        Record: options, shares that the plants explain, rounds; JSON values.
+
+    Raises
+    ------
+    ValueError
+        If the environment or the model is of a kind that cannot be pretrained.
+    wt_gym.errors.SimulationError
+        If an episode ends early.
+    """
+    say = progress or (lambda _: None)
+    env = gym.make(env_id, **env_kwargs)
+    plain = turbine_env_of(env)
+    check_environment(plain)
+    policy: Any = model.policy
+    if not (hasattr(policy, "mlp_extractor") and hasattr(policy, "action_net")):
+        raise ValueError(f"pretraining needs a model of PPO or A2C, got {type(model).__name__}")
+    speeds = plain.wind.speeds
+    if speeds is None:
+        raise ValueError("pretraining needs winds with a mean speed: wind_speed=(low, high)")
+
+    def actor(observations: torch.Tensor) -> torch.Tensor:
+        actions: torch.Tensor = policy.action_net(policy.mlp_extractor.forward_actor(observations))
+        return actions
+
+    work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say)
+    with torch.no_grad():
+        policy.action_net.weight.zero_()
+        policy.action_net.bias.zero_()
+    (plants, explained, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
+    high = plain.operation.action.pitch_high
+    limits = Limits(float(high[0]), float(high[1]), plain.options.controller.residual_washout)
+    torch.manual_seed(seed)
+    rng, rounds = np.random.default_rng(seed), []
+    for number in range(options.rounds):
+        began = time.monotonic()
+        recorded = first
+        if number > 0:
+            agent = _Deployed(network_of(TrainedAgent(model, None, {}), plain.layout))
+            recorded = work.recorded(agent, number)
+        made = [
+            LinearizedEpisode(
+                one, actor, plants, limits, _between(baselines, one.speed), plain.turbine.pitch.max_rate,
+                plain.turbine.drivetrain.rated_power, options.skip,
+            )
+            for one in recorded
+        ]  # fmt: skip
+        found = _optimized(actor, policy, made, options, rng, say)
+        rounds.append(Round(*found, seconds=round(time.monotonic() - began, 1)))
+        say(
+            f"round {number + 1} of {options.rounds}: held-out winds {100 * rounds[-1].recorded:+.2f} % of the cost as "
+            f"recorded, {100 * rounds[-1].forecast:+.2f} % forecast"
+        )
+    env.close()
+    return {
+        "options": asdict(options),
+        "explained": {f"{speed:g} m/s": shares for speed, shares in explained.items()},
+        "rounds": [asdict(one) for one in rounds],
+    }
+
+
+def _before_any_policy(
+    work: _Work, env_id: str, env_kwargs: dict[str, Any], options: PretrainingOptions
+) -> tuple[Any, list[RecordedEpisode]]:
+    """Plants, and episodes under the base controller alone."""
+    key = (env_id, json.dumps(env_kwargs, sort_keys=True), options)
+    if key not in _untrained:
+        _untrained.clear()
+        _untrained[key] = work.identified(), work.recorded(None, 0)
+    return _untrained[key]
+
+
+def _between(values: dict[float, dict[str, float]], speed: float) -> dict[str, float]:
+    """Metrics at a wind speed, of those at several."""
+    at = sorted(values)
+    return {name: float(np.interp(speed, at, [values[s][name] for s in at])) for name in values[at[0]]}
+
+
+class _Work:
+    """Recordings of a pretraining."""
+
+    def __init__(
+        self,
+        env_id: str,
+        env_kwargs: dict[str, Any],
+        plain: WindTurbineEnv,
+        options: PretrainingOptions,
+        executor: Executor,
+        speeds: tuple[float, float],
+        say: Callable[[str], None],
+    ) -> None:
+        self._id, self._arguments, self._env = env_id, json.dumps(env_kwargs), plain
+        self._options, self._executor, self._speeds, self._say = options, executor, speeds, say
+
+    def _record(self, jobs: Sequence[EpisodeJob], what: str) -> list[RecordedEpisode]:
+        """Episodes of jobs, in their order."""
+        found: dict[int, RecordedEpisode] = {}
+        for (k, _), episode in self._executor.results(_numbered, list(enumerate(jobs))):
+            found[k] = episode
+            if len(found) % max(len(jobs) // 8, 1) == 0 or len(found) == len(jobs):
+                self._say(f"{what}: {len(found)} of {len(jobs)}")
+        return [found[k] for k in range(len(jobs))]
+
+    def _job(self, speed: float, seed: int, **more: Any) -> EpisodeJob:
+        return EpisodeJob(self._id, self._arguments, speed, seed, 0.0, self._options.duration, **more)
+
+    def identified(self) -> tuple[Plants, dict[float, dict[str, float]], dict[float, dict[str, float]]]:
+        """Plants, shares that they explain in unseen runs, and metrics of the published controller, by wind speed."""
+        options, env = self._options, self._env
+        low, high = self._speeds
+        count = options.plant_speeds if high > low else 1
+        at = tuple(float(v) for v in np.linspace(low, high, count)) if count > 1 else (0.5 * (low + high),)
+        first = options.first_wind_seed + options.episodes
+        winds = [(v, first + i * options.excited + k) for i, v in enumerate(at) for k in range(options.excited)]
+        steps = round(options.duration / env.control_dt)
+        spans = env.operation.action.pitch_high
+        drawn = [
+            PlayedActions((Excitation().draw(steps, env.control_dt, seed) / spans[:, None]).clip(-1.0, 1.0).T)
+            for _, seed in winds
+        ]
+        jobs = [self._job(v, s) for v, s in winds]
+        jobs += [self._job(v, s, agent=agent) for (v, s), agent in zip(winds, drawn, strict=True)]
+        jobs += [self._job(v, s, baseline=True) for v, s in winds]
+        runs = self._record(jobs, "runs to identify the plant")
+        n = len(winds)
+        still, moved, published = runs[:n], runs[n : 2 * n], runs[2 * n :]
+        taps = round(options.memory / env.control_dt)
+        responses, explained, baselines = [], {}, {}
+        for i, v in enumerate(at):
+            own = slice(i * options.excited, (i + 1) * options.excited)
+            inputs = [run.offsets for run in moved[own]]
+            changes = [plant_outputs(a) - plant_outputs(b) for a, b in zip(moved[own], still[own], strict=True)]
+            trial = identify(inputs[:-1], changes[:-1], taps, options.ridge, options.decay)
+            shares = explained_share(trial, inputs[-1:], changes[-1:])
+            explained[v] = dict(zip(OUTPUTS, np.round(shares, 3).tolist(), strict=True))
+            responses.append(identify(inputs, changes, taps, options.ridge, options.decay))
+            metrics = [self._published(run) for run in published[own]]
+            baselines[v] = {name: float(np.mean([m[name] for m in metrics])) for name in metrics[0]}
+            self._say(f"{v:g} m/s: explained " + ", ".join(f"{k} {s:.2f}" for k, s in explained[v].items()))
+        lead = pitch_delay(env.turbine.pitch, env.control_dt)
+        return Plants(at, np.stack(responses), lead), explained, baselines
+
+    def _published(self, run: RecordedEpisode) -> dict[str, float]:
+        """Metrics of the published controller [MN m, MW]."""
+        skip = round(self._options.skip / run.dt)
+        flap, tower, pitch = map(tensor, (run.flap / 1e6, run.tower / 1e6, run.pitch))
+        found = load_metrics(flap, tower, pitch, run.dt, self._env.turbine.pitch.max_rate, skip, _MAIN)
+        power = np.minimum(run.power, self._env.turbine.drivetrain.rated_power)[skip:].mean() / 1e6
+        return {name: float(value) for name, value in found.items()} | {"captured_power": float(power)}
+
+    def recorded(self, agent: _Deployed | None, number: int) -> list[RecordedEpisode]:
+        """Episodes under a policy, in winds spread evenly over the range of the environment; the first are held out."""
+        options = self._options
+        low, high = self._speeds
+        order = np.random.default_rng(options.first_wind_seed).permutation(options.episodes)
+        winds = low + (high - low) * (order + 0.5) / options.episodes
+        jobs = [
+            self._job(round(speed, 2), options.first_wind_seed + n, agent=agent)
+            for n, speed in enumerate(winds.tolist())
+        ]
+        return self._record(jobs, f"episodes of round {number + 1}")
+
+
+def _numbered(job: tuple[int, EpisodeJob]) -> RecordedEpisode:
+    return record_episode(job[1])
+
+
+def _optimized(
+    actor: Callable[[torch.Tensor], torch.Tensor],
+    policy: torch.nn.Module,
+    made: Sequence[LinearizedEpisode],
+    options: PretrainingOptions,
+    rng: np.random.Generator,
+    say: Callable[[str], None],
+) -> tuple[float, float, float, int]:
+    """Follow the gradient; keep what is best in the held-out winds."""
+    held, fitted = made[: options.held_out], made[options.held_out :]
+    parts = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters()]  # type: ignore[union-attr]
+    optimizer = torch.optim.AdamW(parts, lr=options.learning_rate, weight_decay=options.weight_decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimizer, 2.0 * options.learning_rate, total_steps=options.iterations, pct_start=0.1
+    )
+    exponents = (options.blade_exponent, options.tower_exponent)
+
+    def mean_cost(episodes: Sequence[LinearizedEpisode]) -> float:
+        with torch.no_grad():
+            return float(np.mean([float(one.cost(one.offsets(actor))) for one in episodes]))
+
+    recorded = mean_cost(held)
+    best = (recorded, 0, [part.detach().clone() for part in parts])
+    every = max(options.iterations // 10, 1)
+    for number in range(1, options.iterations + 1):
+        for k in rng.choice(len(fitted), min(options.batch, len(fitted)), replace=False):
+            one = fitted[k]
+            cost = one.cost(one.offsets(actor, options.noise), exponents)
+            (cost / options.batch).backward()
+        torch.nn.utils.clip_grad_norm_(parts, 0.5)
+        optimizer.step()
+        optimizer.zero_grad()
+        schedule.step()
+        if number % every == 0 or number == options.iterations:
+            now = mean_cost(held)
+            say(f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds")
+            if now < best[0]:
+                best = (now, number, [part.detach().clone() for part in parts])
+    with torch.no_grad():
+        for part, kept in zip(parts, best[2], strict=True):
+            part.copy_(kept)
+    return recorded, best[0], mean_cost(fitted[: options.held_out]), best[1]

@@ -1,0 +1,130 @@
+"""Agents in conditions that they were not made for: what is left of their gain."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+from wt_gym.agents import robustness
+from wt_gym.agents.evaluation_config import EvaluationConfig
+from wt_gym.agents.robustness import CONDITIONS, COST_TASK, NOMINAL, Gain, Robustness, base_of, chosen, run_robustness
+from wt_gym.analysis.results import Wind
+from wt_gym.benchmark import load_task
+from wt_gym.commands.robustness import main
+from wt_gym.envs.options import Variation
+from wt_gym.runs.store import SWEEP_FILE
+
+TASK = "wt_gym/LoadReduction-v1"
+TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained" / "load_reduction_on_ipc"
+WINDS = (Wind(15.0, 1001), Wind(15.0, 1002), Wind(18.0, 1001))
+TERMS = [term.metric for term in load_task(COST_TASK).terms]
+
+
+def metrics(**changes):
+    return dict.fromkeys(TERMS, 1.0) | changes
+
+
+def test_gains_are_paired_wind_by_wind():
+    runs = {
+        "discon": {wind: metrics() for wind in WINDS},
+        "better": {wind: metrics(blade_flap_del=0.9 - 0.1 * k) for k, wind in enumerate(WINDS)},
+        "late": {wind: None if k == 1 else metrics() for k, wind in enumerate(WINDS)},
+    }
+    gain = robustness._gain(runs, "better", "discon")
+    assert gain.by_wind == pytest.approx((0.02, 0.04, 0.06))  # the flapwise load weighs 0.2
+    assert gain.value == pytest.approx(0.04)
+    assert (gain.low, gain.high) == (None, None)  # one wind at 18 m/s
+    early = robustness._gain(runs, "late", "discon")
+    assert early.value is None
+    assert [one is None for one in early.by_wind] == [False, True, False]
+    enough = {
+        agent: {Wind(15.0, seed): metrics(blade_flap_del=flap - 0.001 * seed * (flap < 1.0)) for seed in range(6)}
+        for agent, flap in (("discon", 1.0), ("better", 0.9))
+    }
+    gain = robustness._gain(enough, "better", "discon")
+    assert gain.low < gain.value < gain.high
+    assert gain.low > 0.0
+
+
+def test_what_is_kept_is_a_share_of_the_nominal_gain_over_the_base():
+    def gain(value):
+        return Gain(value, None, None, (value,))
+
+    conditions = chosen(["delay", "servo"])
+    found = Robustness(
+        {}, "discon", {"discon": None, "agent": "ipc"}, conditions,
+        {one.name: {"agent": gain(0.1)} for one in conditions},
+        {name: {"agent": gain(value)} for name, value in ((NOMINAL, 0.02), ("delay", 0.015), ("servo", None))},
+    )  # fmt: skip
+    assert found.kept(NOMINAL, "agent") == 1.0
+    assert found.kept("delay", "agent") == pytest.approx(0.75)
+    assert found.kept("servo", "agent") is None
+    rows = found.to_markdown().splitlines()
+    assert any(row.startswith("| all readings 0.2 s late | +10.00 % | +1.50 % | 75 % |") for row in rows)
+    assert any("1 runs ended early" in row for row in rows)
+    assert json.loads(json.dumps(found.to_json()))["kept"]["delay"]["agent"] == pytest.approx(0.75)
+
+
+def test_conditions_are_variations_of_one_environment():
+    assert [one.name for one in chosen()] == list(CONDITIONS)
+    assert [one.name for one in chosen(["delay", "delay"])] == [NOMINAL, "delay"]
+    assert len(CONDITIONS) == 17
+    for one in CONDITIONS.values():
+        env = gym.make(TASK, variation=one.variation.as_dict()).unwrapped
+        assert env.options.variation == one.variation
+        assert (env._draws is None) == (one.name == NOMINAL)
+    with pytest.raises(ValueError, match=r"a condition must be one of nominal, class-a, .*, got 'dely'; did you mean"):
+        chosen(["dely"])
+
+
+def test_the_base_of_an_agent():
+    record = json.loads((TRAINED / "training.json").read_text())
+    named = {**gym.spec(TASK).kwargs, **record["config"]["env_kwargs"], **record.get("environment", {})}["controller"]
+    assert base_of(str(TRAINED), TASK, {}) == named != "discon"
+    assert base_of("ipc", TASK, {}) is None
+    assert base_of("zero", TASK, {"controller": "ipc"}) == "ipc"
+    assert base_of("zero", "wt_gym/NREL5MW-Turbulent-v1", {}) is None
+
+
+def test_runs_are_kept_and_the_same_call_resumes(tmp_path):
+    config = EvaluationConfig(TASK, {"start": "steady"}, (Wind(15.0, 1001), Wind(15.0, 1002)), duration=6.0, skip=1.0)
+    agents, conditions, seen = {"discon": "discon", "still": "zero", "ipc": "ipc"}, chosen(["shear-low", "delay"]), []
+    config = replace(config, env_kwargs={**config.env_kwargs, "controller": "ipc"})
+    found = run_robustness(
+        agents, config, conditions, folder=tmp_path, progress=False, told=lambda one: seen.append(one.name)
+    )
+    assert seen == [NOMINAL, "shear-low", "delay"]
+    assert found.bases == {"discon": None, "still": "ipc", "ipc": None}
+    for name in seen:
+        # zero actions are the base controller, whatever the condition
+        assert found.over_base[name]["still"].by_wind == (0.0, 0.0)
+        assert found.over_reference[name]["still"] == found.over_reference[name]["ipc"]
+    gains = {name: found.over_reference[name]["ipc"].by_wind for name in seen}
+    assert len(set(gains.values())) == 3
+    again = run_robustness(agents, config, conditions, folder=tmp_path, progress=False)
+    assert again == found
+    for name in seen:
+        assert json.loads((tmp_path / name / SWEEP_FILE).read_text())[-1]["found"] == 6
+    assert json.loads((tmp_path / "robustness.json").read_text())["conditions"]["delay"] == {"sensor_delay": 0.2}
+    varied = replace(config, env_kwargs={"variation": Variation(pitch_gain=1.1)})
+    with pytest.raises(ValueError, match="variation must be left out of env_kwargs"):
+        run_robustness(agents, varied, conditions, folder=tmp_path)
+    with pytest.raises(ValueError, match="the first condition must be 'nominal'"):
+        run_robustness(agents, config, conditions[1:], folder=tmp_path)
+
+
+def test_the_command(tmp_path, capsys):
+    main(["--list"])
+    assert capsys.readouterr().out.count("\n") == len(CONDITIONS)
+    main([
+        "ipc", "--conditions", "gain-high", "--wind-seeds", "1001", "--duration", "4", "--skip", "1", "--json",
+        "--env-kwargs", '{"start": "steady"}', "--out", str(tmp_path / "out"),
+    ])  # fmt: skip
+    out = capsys.readouterr().out
+    assert "| response to pitch × 1.25 |" in out
+    assert json.loads(out.splitlines()[-1])["conditions"] == {NOMINAL: {}, "gain-high": {"pitch_gain": 1.25}}
+    for words, message in ((["ipc", "--conditions", "x"], "a condition must be one of"), ([], "agents must be named")):
+        with pytest.raises(SystemExit, match=f"error: {message}"):
+            main([*words, "--out", str(tmp_path / "no")])

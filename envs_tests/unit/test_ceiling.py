@@ -1,0 +1,464 @@
+"""Ceilings of the benchmark: learned offsets against exact optima, the ladder of information, files and tables."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wt_gym.agents import ceiling as ceilings
+from wt_gym.agents.ceiling import CeilingOptions, make_ceiling
+from wt_gym.agents.linear_design.feedback import FeedbackOptions, Plant, forecast
+from wt_gym.agents.linear_design.identification import respond
+from wt_gym.agents.linear_design.ladder import Rung, Seen, beam_readings, climb, known_wind, rungs_of
+from wt_gym.agents.linear_design.oracle import (
+    LoadQuadratic,
+    OracleOptions,
+    Played,
+    best_of,
+    learn_offsets,
+    limited,
+    optimal_change,
+)
+from wt_gym.agents.linear_design.recording import Recording
+from wt_gym.benchmark import (
+    BenchmarkTask,
+    Ceiling,
+    ceiling_of,
+    into_page,
+    leaderboard,
+    load_task,
+    task_names,
+    to_markdown,
+    write_ceiling,
+)
+from wt_gym.benchmark.ceiling import ceiling_table, ladder_table
+from wt_gym.benchmark.tasks import earlier_ids, task_file
+from wt_gym.control import Demand
+from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.sensors import Lidar
+from wt_gym.errors import BenchmarkError
+from wt_gym.simulation.drivetrain.drives import pitch_delay
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+
+DT, STEPS = 0.1, 600
+SPEED = 12.1 * math.pi / 30
+TASK = load_task("load-reduction-15")
+ONLY_TOWER = FeedbackOptions(
+    weights={"tower_fore_aft_del": 0.15}, speed_weight=0.0, mean_weight=0.0, tilt_yaw_weight=1e-6, skip=5.0
+)
+GAIN = -8e7
+TAP = np.zeros((9, 3, 4))
+TAP[6, 0, 0] = GAIN
+"""A plant in which the mean offset of one step moves the tower's fore-aft moment of the next, and nothing else."""
+WHOLE = np.zeros((9, 3, 20))
+WHOLE[0, 0] = WHOLE[1, 1] = WHOLE[2, 2] = -2e7 * np.exp(-np.arange(20) / 3.0)
+WHOLE[6, 0] = -8e7 * np.exp(-np.arange(20) / 5.0)
+WHOLE[5, 0], WHOLE[7, 2] = -0.01, 1e6
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel_5mw")
+
+
+def plant_of(responses, turbine):
+    return Plant(responses, np.array([3e5, 3e5, 3e5, 0.02, 0.02, 0.003]), 0.0, pitch_delay(turbine.pitch, DT), DT)
+
+
+def recording(responses, disturbance, offsets=None, power=5e6):
+    """A run of a linear plant under disturbances (9, n + 1) of outputs and loads, at an even rotor speed."""
+    n = disturbance.shape[1] - 1
+    given = np.zeros((3, n)) if offsets is None else offsets
+    both = disturbance + respond(responses, given)
+    both[5] += SPEED
+    both[8] += power
+    azimuth = np.arange(n + 1) * DT * SPEED
+    angles = azimuth + 2.0 * np.pi / 3.0 * np.arange(3)[:, None]
+    flap = both[0] + both[1] * np.cos(angles) + both[2] * np.sin(angles)
+    return Recording(DT, both[:6], both[6:], flap, 0.0 * flap, 0.1 * np.ones((3, n + 1)), azimuth, given, np.ones(n))
+
+
+def rough(seed, time=1.0):
+    """Disturbances with a memory [s]."""
+    rng = np.random.default_rng(seed)
+    smooth = np.exp(-np.arange(round(10 * time / DT)) * DT / time)
+    found = np.stack([np.convolve(x, smooth, "valid") for x in rng.normal(size=(9, STEPS + smooth.size))])
+    sizes = np.array([3e5, 3e5, 3e5, 0.02, 0.02, 0.0, 5e6, 1e6, 0.0])
+    return sizes[:, None] * (found / found.std(1, keepdims=True))[:, : STEPS + 1]
+
+
+def sine(amplitude, period=2.0):
+    """A disturbance of the fore-aft moment alone, too fast to be taken for its mean."""
+    out = np.zeros((9, STEPS + 1))
+    out[6] = amplitude * np.sin(2.0 * np.pi * np.arange(STEPS + 1) * DT / period)
+    out[7], out[0] = 1e3 * np.sin(np.arange(STEPS + 1)), 1e3 * np.cos(np.arange(STEPS + 1))
+    return out
+
+
+def fore_aft(run, offsets, plant):
+    return forecast(run, plant, offsets).metrics(DT, 0.14, 5.0)["tower_fore_aft_del"]
+
+
+# ---------------------------------------------------------------- offsets for a known wind
+
+
+def test_the_transpose_is_one(turbine):
+    run = recording(WHOLE, rough(1))
+    quadratic = LoadQuadratic(run, run, plant_of(WHOLE, turbine), turbine, FeedbackOptions(skip=5.0))
+    rng = np.random.default_rng(0)
+    change, rows = rng.normal(size=(3, STEPS)), rng.normal(size=quadratic.there.size)
+    assert quadratic.forward(change) @ rows == pytest.approx((change * quadratic.transposed(rows)).sum(), rel=1e-9)
+    several = np.stack([change, 2.0 * change])
+    np.testing.assert_allclose(quadratic.forward(several)[1], 2.0 * quadratic.forward(change), atol=1e-12)
+
+
+def test_conjugate_gradients_find_the_least_squares(turbine):
+    """Of a short run the matrix can be written out and solved by a factorization."""
+    n = 80
+    run = recording(WHOLE, rough(2)[:, : n + 1])
+    options = FeedbackOptions(skip=1.0, smooth=3.0, mean_weight=2.0, tilt_yaw_weight=0.5)
+    quadratic = LoadQuadratic(run, run, plant_of(WHOLE, turbine), turbine, options)
+    matrix = quadratic.forward(np.eye(3 * n).reshape(3 * n, 3, n)).T
+    expected = np.linalg.lstsq(matrix, -quadratic.there, rcond=None)[0].reshape(3, n)
+    found = quadratic.minimum(2000, 1e-12)
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_the_optimum_of_one_tap_is_known(turbine):
+    """Of the cost a (d + g u)^2 + r u^2 at every step, the offset is -a g d / (a g^2 + r)."""
+    disturbance = sine(4e6)
+    run, plant = recording(TAP, disturbance), plant_of(TAP, turbine)
+    options = dataclasses.replace(ONLY_TOWER, mean_weight=0.8)
+    found = LoadQuadratic(run, run, plant, turbine, options, even=True).minimum(500, 1e-10)
+    counted = slice(150, -150)  # away from the start that does not count, and from the ends of the mean
+    moment = disturbance[6, 1:]
+    samples = STEPS - 50
+    a = 0.5 * 0.15 / (moment[50:] ** 2).sum()
+    r = 0.8 / STEPS
+    expected = -a * GAIN * moment / (a * GAIN**2 + r)
+    assert samples > 0
+    np.testing.assert_allclose(found[0, counted], expected[counted], atol=0.01 * np.abs(expected).max())
+    assert np.abs(found[1:]).max() < 1e-9
+
+
+def test_limits_and_rates_are_those_of_the_drives(turbine):
+    """Offsets as they are forecast are those that `PitchOffsets` lets act."""
+    limit, rate, azimuth = 0.05, 0.04, 0.3
+    wanted = 0.1 * np.random.default_rng(3).normal(size=(3, 60)).cumsum(1)
+    drives = PitchOffsets(turbine, limit, rate, False)
+    demand = Demand(np.full(3, 0.5), 0.0, 0.0)
+    acted = []
+    for level in wanted.T:
+        drives.added(level.tolist(), demand, azimuth, SPEED, DT)
+        acted.append(drives.acting)
+    found = limited(wanted, limit, rate, DT)
+    np.testing.assert_allclose(found, np.array(acted).T, atol=1e-12)
+    assert np.abs(found[0]).max() <= limit + 1e-12
+    assert np.hypot(found[1], found[2]).max() <= limit + 1e-12
+    assert np.abs(np.diff(found[0], prepend=0.0)).max() <= rate * DT + 1e-12
+
+
+def test_a_load_that_offsets_can_cancel_is_cancelled(turbine):
+    disturbance = sine(4e5)
+    run, plant = recording(TAP, disturbance), plant_of(TAP, turbine)
+    options = OracleOptions(feedback=ONLY_TOWER, rate_limit=1.0)
+    change = optimal_change(run, run, plant, turbine, options)
+    left = fore_aft(run, change, plant) / fore_aft(run, 0.0 * change, plant)
+    assert left < 0.05  # what is left lies at the ends, where the mean that is taken off is not a whole one
+
+
+def test_limits_that_bind_are_kept(turbine):
+    run, plant = recording(TAP, sine(4e6)), plant_of(TAP, turbine)
+    options = OracleOptions(feedback=ONLY_TOWER, rate_limit=0.02, limit=0.01)
+    change = optimal_change(run, run, plant, turbine, options)
+    assert np.abs(change).max() <= 0.01 + 1e-12
+    assert np.abs(np.diff(change[0], prepend=0.0)).max() <= 0.02 * DT + 1e-12
+    assert fore_aft(run, change, plant) < fore_aft(run, 0.0 * change, plant)
+
+
+def test_offsets_are_spared_in_lulls(turbine):
+    """Below rated power the square of the mean offset costs twenty times its mean square in power."""
+    disturbance = sine(4e6)
+    run, plant = recording(TAP, disturbance), plant_of(TAP, turbine)
+    run.loads[2, : STEPS // 2] = 4e6
+    options = dataclasses.replace(ONLY_TOWER, weights=ONLY_TOWER.weights | {"captured_power": -1.0}, mean_weight=0.8)
+    found = LoadQuadratic(run, run, plant, turbine, options, even=True).minimum(500, 1e-10)[0]
+    moment = disturbance[6, 1:]
+    a = 0.5 * 0.15 / (moment[50:] ** 2).sum()
+    for counted, r in ((slice(130, 250), 20.8 / STEPS), (slice(350, 470), 0.8 / STEPS)):
+        expected = -a * GAIN * moment[counted] / (a * GAIN**2 + r)
+        answer = found[counted] - found[counted].mean()  # whole periods; the mean that is taken off may stay
+        np.testing.assert_allclose(answer, expected, atol=0.02 * np.abs(expected).max())
+
+
+def linear_world(turbine, factor=1.0, broken=lambda offsets: ()):
+    """A player whose plant answers with a factor on what the model says."""
+    truth, disturbance, plant = factor * TAP, sine(4e6), plant_of(TAP, turbine)
+    options = OracleOptions(feedback=ONLY_TOWER, rate_limit=1.0, passes=5)
+    still = recording(truth, disturbance)
+    before = fore_aft(still, np.zeros((3, STEPS)), plant)
+    asked = []
+
+    def play(levels):
+        asked.append(levels)
+        run = recording(truth, disturbance, limited(levels, options.limit, options.rate_limit, DT))
+        now = forecast(run, plant, np.zeros((3, STEPS))).metrics(DT, 0.14, 5.0)["tower_fore_aft_del"]
+        return Played(run, 1.0 - now / before, broken(run.offsets))
+
+    return play, Played(still, 0.0, ()), plant, options, asked
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.3])
+def test_learning_gets_past_an_error_of_the_model(turbine, factor):
+    play, base, plant, options, _ = linear_world(turbine, factor)
+    told = []
+    passes = learn_offsets(play, base, plant, turbine, options, lambda number, played: told.append(number))
+    play, base, plant, options, _ = linear_world(turbine)
+    without_error = best_of(learn_offsets(play, base, plant, turbine, options)).value
+    assert told == [1, 2, 3, 4, 5]
+    assert passes[1].value == pytest.approx(0.7, abs=0.05)  # three tenths of the load are left by the model alone
+    assert best_of(passes).value == pytest.approx(without_error, abs=0.01)
+
+
+def test_a_pass_that_breaks_a_limit_does_not_count(turbine):
+    play, base, plant, options, asked = linear_world(
+        turbine, broken=lambda offsets: ("captured_power",) if np.abs(offsets).max() > 0.01 else ()
+    )
+    passes = learn_offsets(play, base, plant, turbine, options)
+    assert passes[1].broken == ("captured_power",)
+    assert best_of(passes).broken == ()
+    always = [Played(None, None, ("overspeed",)), Played(None, None, ("tower_strike",))]
+    assert best_of(always) is always[0]
+    assert len(asked) == options.passes
+
+
+def test_what_has_no_start_is_refused(turbine):
+    with pytest.raises(ValueError, match=r"must last, it ended with overspeed"):
+        learn_offsets(lambda levels: None, Played(None, None, ("overspeed",)), plant_of(TAP, turbine), turbine)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [({"passes": 0}, "passes must be at least 1"), ({"rate_limit": 0.0}, "rate_limit must be finite and positive")],
+)
+def test_options_without_meaning_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        OracleOptions(**wrong)
+
+
+# ---------------------------------------------------------------- the ladder
+
+
+def test_who_knows_more_gains_more(turbine):
+    """Of disturbances that last half a second nothing is won late, and most with a look ahead."""
+    plant = plant_of(WHOLE, turbine)
+    options = OracleOptions(feedback=FeedbackOptions(skip=5.0, longest=3.0), rate_limit=10.0)
+    blind = np.zeros((4, 4, STEPS))
+    runs = [Seen(recording(WHOLE, rough(seed, 0.5)), blind) for seed in range(5)]
+    rungs = [Rung("late", preview=-0.4), Rung("now"), Rung("near", preview=0.4)]
+    late, now, near = (climb(rung, runs[:3], runs[3:], plant, turbine, options)["improvement"] for rung in rungs)
+    assert now > late + 0.02
+    assert near > now + 0.05
+
+
+def test_the_ladder_ends_with_the_whole_wind(turbine):
+    """A load that offsets can cancel is gone, and with it its part of the cost."""
+    run, plant = recording(TAP, sine(4e5)), plant_of(TAP, turbine)
+    options = OracleOptions(feedback=ONLY_TOWER, rate_limit=1.0)
+    found = known_wind([Seen(run, np.zeros((4, 4, STEPS)))], plant, turbine, options)
+    assert 0.95 * 0.15 < found["improvement"] <= 0.15
+    assert found["improvement"] == pytest.approx(-0.15 * found["tower_fore_aft_del"])
+
+
+def test_a_lidar_that_sees_the_load_coming_is_used(turbine):
+    """Its farthest gate sees what moves the flapwise mean half a second before it does."""
+    plant = plant_of(WHOLE, turbine)
+    feedback = FeedbackOptions(weights={"blade_flap_del": 0.2}, skip=5.0, longest=3.0)
+    options = OracleOptions(feedback=feedback, rate_limit=10.0)
+    runs = []
+    for seed in range(4):
+        disturbance = rough(seed, 0.3)
+        beams = np.zeros((4, 4, STEPS))
+        beams[3] = np.roll(disturbance[0], -5)[:STEPS] / 3e5
+        disturbance[3:5] = disturbance[6:8] = disturbance[1:3] = 0.0
+        disturbance[6:8] = 1e3 * np.sin(np.arange(STEPS + 1))
+        runs.append(Seen(recording(WHOLE, disturbance), beams))
+    found = [
+        climb(Rung("x", lidar), runs[:3], runs[3:], plant, turbine, options)["improvement"]
+        for lidar in ("none", "mean", "beams")
+    ]
+    assert found[1] > found[0] + 0.01
+    assert found[2] > found[0] + 0.01
+
+
+def test_rungs_are_whole_steps():
+    assert [rung.preview for rung in rungs_of(0.1)] == [-0.4, -0.2, 0.0, 0.0, 0.0, 0.2, 0.4, 0.6, 1.0, 2.0, 5.0]
+    assert 0.2 not in [rung.preview for rung in rungs_of(0.25)]
+
+
+def test_beams_have_the_mean_that_the_lidar_reads():
+    box = TurbulenceBox.kaimal(12.0, 90.0, 126.0, "B", seed=1)
+    inflow, lidar = TurbulentInflow(box, SteadyInflow(12.0, shear_exponent=0.2)), Lidar((60.0, 120.0))
+    times = np.array([0.0, 7.3, 40.0])
+    found = beam_readings(inflow, lidar, times, 90.0)
+    assert found.shape == (2, 4, 3)
+    for k, time in enumerate(times):
+        np.testing.assert_allclose(found[:, :, k].mean(1), lidar.read(inflow, float(time), 0.0, 90.0), rtol=1e-10)
+    sheared = beam_readings(SteadyInflow(12.0, shear_exponent=0.2), lidar, times, 90.0)
+    assert (sheared[:, 0] > sheared[:, 2]).all()
+
+
+# ---------------------------------------------------------------- runs, files, tables
+
+
+def test_runs_that_are_kept_are_not_made_again(turbine, monkeypatch, tmp_path):
+    played = []
+
+    class Player:
+        def __init__(self, env, levels, limit, rate_limit):
+            played.append(levels)
+
+        def recording(self):
+            return recording(WHOLE, rough(1))
+
+    def play(task, wind, make_agent, interface):
+        make_agent(None)
+        return {"metrics": {"x": 1.0}, "ending": "time"}
+
+    monkeypatch.setattr(ceilings, "play", play)
+    monkeypatch.setattr(ceilings, "OffsetsPlayer", Player)
+    runs = ceilings._Runs(TASK, CeilingOptions(), tmp_path)
+    first = runs.offsets(TASK.winds[0], np.zeros((3, 4)))
+    again = runs.offsets(TASK.winds[0], np.zeros((3, 4)))
+    assert len(played) == 1
+    assert again[0]["metrics"] == first[0]["metrics"]
+    np.testing.assert_array_equal(again[1].flap, first[1].flap)
+    runs.offsets(TASK.winds[0], np.full((3, 200), 0.01))
+    runs.offsets(TASK.winds[0], np.full((3, 200), 0.02))
+    assert len(played) == 3
+
+
+def test_tasks_of_transients_have_no_ceiling(tmp_path):
+    with pytest.raises(BenchmarkError, match="this one has transients"):
+        make_ceiling(load_task("gust-survival"), tmp_path)
+
+
+def made(**more):
+    values = {
+        "task": TASK.name, "version": TASK.version, "definition": TASK.digest, "fingerprint": {"kernels": "a"},
+        "made": {"date": "2026-01-02", "wt_gym": "0"}, "how": {"duration": 600.0}, "explained": {},
+        "improvement": 0.18, "yardstick": "linear_optimal", "yardstick_improvement": 0.12,
+        "winds": {"a": {"improvement": 0.18}, "b": {"improvement": 0.18}}, "ladder": [],
+    }  # fmt: skip
+    return Ceiling(**(values | more))
+
+
+def test_a_ceiling_comes_back_from_its_file(tmp_path):
+    path = write_ceiling(made(), tmp_path / "new" / "x.json")
+    assert ceiling_of(TASK, path) == made()
+    assert ceiling_of(TASK, tmp_path / "nothing.json") is None
+    assert ceiling_of(TASK, write_ceiling(made(definition="other"), path)) is None
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_ceiling(made(improvement=math.nan), path)
+    path.write_text('{"task": 1}', encoding="utf-8")
+    with pytest.raises(BenchmarkError, match=r"must be a ceiling of wt-gym benchmark ceiling"):
+        ceiling_of(TASK, path)
+
+
+def test_the_score_of_a_ceiling_is_over_the_yardstick_in_the_same_winds():
+    assert made().score == pytest.approx(150.0)
+    assert made(yardstick_improvement=None).score is None
+    assert made(yardstick_improvement=-0.01).score is None
+
+
+def test_the_table_says_how_high_the_ceiling_is(monkeypatch):
+    definition = {
+        "task": TASK.name, "version": TASK.version, "wind": TASK.winds[0].definition, "agent": {"name": "x"},
+        "fingerprint": {"kernels": "a"},
+    }  # fmt: skip
+    result = {"definition": definition, "agent": "x", "ending": "time", "metrics": {}}
+    monkeypatch.setattr("wt_gym.benchmark.table.ceiling_of", lambda task: made())
+    text = to_markdown(leaderboard([result]))
+    assert (
+        "Ceiling with the wind known: an improvement of 18.00 %: 150 where `linear_optimal` has 100 (12.00 %), "
+        "measured in 2 winds of 600 s, 2026-01-02." in text
+    )
+    other = {"definition": "", "fingerprint": {"kernels": "b"}, "baseline": {}, "best_agent": "x",
+             "best_improvement": 0.1, "improvements": {}}  # fmt: skip
+    monkeypatch.setattr("wt_gym.benchmark.table.load_task", lambda name: dataclasses.replace(TASK, reference=other))
+    assert "made with another kernels than the reference numbers" in to_markdown(leaderboard([result]))
+    monkeypatch.setattr("wt_gym.benchmark.table.ceiling_of", lambda task: None)
+    assert "Ceiling" not in to_markdown(leaderboard([result]))
+
+
+def test_earlier_versions_can_still_be_loaded_and_scored():
+    for name in earlier_ids():
+        task = load_task(name)
+        assert task.id == name
+        assert load_task(task.name).version > task.version
+    (old,) = (name for name in earlier_ids() if name.startswith("load-reduction-15"))
+    definition = {"task": "load-reduction-15", "version": 2, "wind": TASK.winds[0].definition, "agent": {"name": "x"}}
+    result = {"definition": definition | {"fingerprint": {}}, "agent": "x", "ending": "time", "metrics": {}}
+    assert list(leaderboard([result])["tasks"]) == [old]
+
+
+def test_a_task_has_a_yardstick_or_candidates():
+    values = json.loads(task_file("load-reduction-15").read_text(encoding="utf-8"))
+    assert TASK.measures == ("linear_optimal",)
+    assert load_task("below-rated-8").measures == load_task("below-rated-8").candidates
+    for wrong in ({"candidates": ["ipc"]}, {"yardstick": None}):
+        with pytest.raises(BenchmarkError, match="either a yardstick or candidates"):
+            BenchmarkTask.from_json(values | wrong)
+
+
+@pytest.mark.parametrize("path", sorted((task_file("load-reduction-15").parent / "ceilings").glob("*.json")), ids=str)
+def test_ceilings_of_the_package_are_above_the_yardstick(path):
+    found = ceiling_of(load_task(path.stem))
+    assert found is not None
+    assert found.improvement > found.yardstick_improvement > 0.0
+    for row in found.winds.values():
+        assert row["improvement"] == max(value for value in row["passes"] if value is not None)
+        assert row["changes"]["captured_power"] >= -0.005
+
+
+def test_the_page_has_the_ceilings_as_they_are():
+    known = {load_task(name).id: ceiling_of(load_task(name)) for name in task_names()}
+    there = {name: found for name, found in known.items() if found is not None}
+    page = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    assert into_page(ceiling_table(there), page, "ceilings") == page
+    assert into_page(ladder_table(there), page, "ladder") == page
+
+
+def test_tables_have_ceilings_and_rungs():
+    changes = {
+        "captured_power": -0.001, "blade_flap_del": -0.4, "tower_fore_aft_del": -0.3, "tower_side_side_del": -0.2,
+        "pitch_travel": 4.0,
+    }  # fmt: skip
+    rungs = [{"name": "feedback", "improvement": 0.1}, {"name": "the whole wind", "improvement": 0.2}]
+    found = {"x-v1": made(winds={"a": {"changes": changes}, "b": {"changes": changes}}, ladder=rungs)}
+    assert (
+        "| x-v1 | +18.0 % | +12.0 % | 150 | -0.1 % | -40.0 % | -30.0 % | -20.0 % | × 5.0 | 2 × 600 s, 2026-01-02 |"
+        in ceiling_table(found)
+    )
+    rows = ladder_table(found | {"y-v1": made()}).splitlines()[2:]
+    assert ladder_table({"y-v1": made()}) == "No ladder is recorded.\n"
+    assert rows == ["| feedback | +10.0 % |", "| the whole wind | +20.0 % |"]
+
+
+@pytest.mark.slow
+def test_a_ceiling_is_learned_in_the_simulator(tmp_path):
+    task = dataclasses.replace(TASK, duration=75.0, winds=TASK.winds[:1])
+    options = CeilingOptions(winds=1, seeds=(1, 2), recorded=80.0, oracle=OracleOptions(passes=1))
+    lines = []
+    found = make_ceiling(task, tmp_path, options, progress=lines.append)
+    (row,) = found.winds.values()
+    assert row["passes"][1] > row["passes"][0] + 0.03
+    known = {rung["name"]: rung["improvement"] for rung in found.ladder}
+    assert known["the whole wind"] > known["feedback"] > 0.0
+    files = sorted(tmp_path.rglob("*.*"))
+    assert make_ceiling(task, tmp_path, options).winds == found.winds
+    assert sorted(tmp_path.rglob("*.*")) == files

@@ -1,0 +1,243 @@
+"""Pretraining: fatigue with a gradient, what an episode would cost under another policy, and what is refused."""
+
+import json
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+
+from wt_gym.agents.linear_design.identification import respond
+from wt_gym.agents.pretraining.episodes import EpisodeJob, RecordedEpisode, check_environment, record_episode
+from wt_gym.agents.pretraining.fatigue import cycle_ends, damage_equivalent_load
+from wt_gym.agents.pretraining.objective import Limits, LinearizedEpisode, Plants, load_metrics, plant_outputs, tensor
+from wt_gym.agents.pretraining.options import PretrainingOptions
+from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.analysis import metrics
+from wt_gym.control.coleman import to_blades
+
+DT, STEPS, RATED, FULL = 0.1, 400, 5e6, math.radians(8.0)
+SPEEDS = (14.0, 18.0)
+ARGUMENTS = {
+    "controller": "linear_optimal", "observation": ["disturbances"], "control_dt": 0.1, "residual_form": "offset",
+    "residual_washout": None, "sensor_washout": None, "relative_reward": False,
+}  # fmt: skip
+
+
+# ---------------------------------------------------------------- fatigue
+
+
+@pytest.mark.parametrize("exponent", [3.0, 4.0, 10.0])
+def test_fatigue_is_that_of_the_metrics(exponent):
+    signal = np.cumsum(np.random.default_rng(1).normal(size=700))
+    found = damage_equivalent_load(torch.from_numpy(signal), 70.0, exponent)
+    assert float(found) == pytest.approx(metrics.damage_equivalent_load(signal, 70.0, exponent), rel=1e-12)
+
+
+def test_gradient_of_fatigue_is_that_of_small_changes():
+    signal = np.random.default_rng(2).normal(size=60)
+    given = torch.from_numpy(signal).requires_grad_()
+    damage_equivalent_load(given, 6.0, 4.0).backward()
+    for k in (0, 7, 20, 59):
+        moved = []
+        for sign in (1.0, -1.0):
+            changed = signal.copy()
+            changed[k] += sign * 1e-6
+            moved.append(metrics.damage_equivalent_load(changed, 6.0, 4.0))
+        assert float(given.grad[k]) == pytest.approx((moved[0] - moved[1]) / 2e-6, abs=1e-6)
+
+
+def test_a_cycle_within_a_larger_one_is_whole_and_what_is_left_half():
+    ends, counts = cycle_ends(np.array([0.0, 10.0, 4.0, 6.0, 0.0, 3.0]))
+    pairs = sorted(zip(ends.tolist(), counts.tolist(), strict=True))
+    assert pairs == [([0, 1], 0.5), ([1, 4], 0.5), ([2, 3], 1.0), ([4, 5], 0.5)]
+
+
+def test_a_load_that_stands_still_does_no_damage():
+    still = torch.full((20,), 3.0, requires_grad=True)
+    found = damage_equivalent_load(still, 2.0, 4.0)
+    found.backward()
+    assert float(found.detach()) == 0.0
+    assert not still.grad.any()
+
+
+# ---------------------------------------------------------------- what an episode would cost
+
+
+def plants():
+    rng = np.random.default_rng(3)
+    decaying = np.exp(-np.arange(30) / 8.0)
+    return Plants(
+        SPEEDS, rng.normal(size=(2, 6, 3, 30)) * decaying * np.array([30, 30, 30, 60, 20, 1])[:, None, None], 0.3
+    )
+
+
+def limits(washout=None):
+    return Limits(math.radians(1.0), math.radians(2.0), washout)
+
+
+def share():
+    return np.linspace(0.2, 1.0, STEPS)
+
+
+def actions(seed):
+    rng = np.random.default_rng(seed)
+    return np.repeat(rng.uniform(-1.0, 1.0, (STEPS // 8, 3)), 8, axis=0).astype(np.float32)
+
+
+def simulated(acting, speed):
+    """Episode of a turbine that the plants describe exactly, under offsets (3, n)."""
+    rng = np.random.default_rng(4)
+    azimuth, rotor_speed = 1.2 * DT * np.arange(STEPS + 1), np.full(STEPS + 1, 1.2)
+    changed = respond(plants().at(speed), acting) * 1e6
+    calm = np.cumsum(rng.normal(size=(6, STEPS + 1)) * 1e5, axis=1) + 8e6
+    outputs = calm + changed
+    outputs[5] = 4e6 + 1e-3 * calm[5] + changed[5]
+    angles = azimuth + 2.0 * np.pi / 3.0 * np.arange(3)[:, None]
+    moved = np.array([to_blades(u.tolist(), a + 0.3 * 1.2, 3) for u, a in zip(acting.T, azimuth, strict=False)]).T
+    return RecordedEpisode(
+        speed=speed, seed=1, dt=DT, observations=np.arange(STEPS, dtype=np.float32)[:, None], offsets=acting,
+        share=share(),
+        flap=outputs[0] + outputs[1] * np.cos(angles) + outputs[2] * np.sin(angles),
+        pitch=0.2 + np.concatenate([np.zeros((3, 1)), moved], axis=1), tower=outputs[3:5], power=outputs[5],
+        azimuth=azimuth, rotor_speed=rotor_speed,
+    )  # fmt: skip
+
+
+def playing(which):
+    """Policy that plays actions by the number of the step, which it sees."""
+    table = torch.from_numpy(which)
+    return lambda observations: table[observations[:, 0].long()]
+
+
+def linearized(episode, actor, washout=None):
+    base = {"blade_flap_del": 9.0, "tower_fore_aft_del": 30.0, "tower_side_side_del": 10.0, "pitch_duty_cycle": 0.01}
+    return LinearizedEpisode(
+        episode, actor, plants(), limits(washout), base | {"captured_power": 4.0}, FULL, RATED, skip=5.0
+    )
+
+
+def own_metrics(episode):
+    flap, tower, pitch = map(tensor, (episode.flap / 1e6, episode.tower / 1e6, episode.pitch))
+    exponents = (metrics.BLADE_EXPONENT, metrics.TOWER_EXPONENT)
+    return load_metrics(flap, tower, pitch, DT, FULL, 50, exponents)
+
+
+@pytest.mark.parametrize("washout", [None, 10.0])
+@pytest.mark.parametrize("speed", [14.0, 16.0])
+def test_loads_under_another_policy_are_those_of_a_simulation_of_it(speed, washout):
+    """On a plant that is linear there is no other answer."""
+    first, second = (playing(actions(seed)) for seed in (5, 6))
+    seen = torch.arange(STEPS, dtype=torch.float32)[:, None]
+    acted = [limits(washout).offsets(actor(seen), tensor(share()), DT).double().numpy() for actor in (first, second)]
+    recorded, expected = (simulated(offsets, speed) for offsets in acted)
+    episode = linearized(recorded, first, washout)
+    found = episode.metrics(episode.offsets(second), (metrics.BLADE_EXPONENT, metrics.TOWER_EXPONENT))
+    for name, value in own_metrics(expected).items():
+        assert float(found[name]) == pytest.approx(float(value), rel=1e-3), name
+
+
+def test_the_recorded_policy_costs_what_its_metrics_say():
+    recorded = simulated(np.zeros((3, STEPS)), 15.0)
+    episode = linearized(recorded, playing(np.zeros((STEPS, 3), dtype=np.float32)))
+    offsets = episode.offsets(playing(np.zeros((STEPS, 3), dtype=np.float32)))
+    own = {name: float(value) for name, value in own_metrics(recorded).items()}
+    power = recorded.power[50:].mean() / 1e6
+    expected = (
+        0.2 * (own["blade_flap_del"] / 9.0 - 1.0) + 0.15 * (own["tower_fore_aft_del"] / 30.0 - 1.0)
+        + 0.05 * (own["tower_side_side_del"] / 10.0 - 1.0) + 0.1 * (own["pitch_duty_cycle"] - 0.01)
+        - (power / 4.0 - 1.0)
+    )  # fmt: skip
+    assert float(episode.cost(offsets)) == pytest.approx(expected, abs=1e-6)
+    assert float(episode.cost(offsets, (6.0, 3.0))) == pytest.approx(expected, abs=1e-6)
+
+
+def test_following_the_gradient_lowers_the_cost_of_the_plant_itself():
+    recorded = simulated(np.zeros((3, STEPS)), 15.0)
+    still = playing(np.zeros((STEPS, 3), dtype=np.float32))
+    episode = linearized(recorded, still)
+    table = torch.zeros(STEPS, 3, requires_grad=True)
+    cost = episode.cost(episode.offsets(lambda seen: table))
+    cost.backward()
+    step = (-0.05 * table.grad / table.grad.abs().max()).detach()
+    moved = simulated(limits().offsets(step, tensor(share()), DT).double().numpy(), 15.0)
+    after = linearized(moved, lambda seen: step)
+    assert float(after.cost(after.offsets(lambda seen: step))) < float(cost.detach())
+
+
+def test_power_above_the_recorded_one_earns_nothing():
+    recorded = simulated(np.zeros((3, STEPS)), 15.0)
+    episode = linearized(recorded, playing(np.zeros((STEPS, 3), dtype=np.float32)))
+    exponents = (10.0, 4.0)
+    now = float(episode.metrics(torch.zeros(3, STEPS), exponents)["captured_power"])
+    both = [float(episode.metrics(torch.full((3, STEPS), u), exponents)["captured_power"]) for u in (0.01, -0.01)]
+    assert max(both) == pytest.approx(now)
+    assert min(both) < now - 1e-3
+
+
+# ---------------------------------------------------------------- environments, options
+
+
+def test_an_episode_of_the_environment_is_recorded_with_the_offsets_that_act():
+    constant = np.tile(np.array([0.0, 0.5, -0.25], dtype=np.float32), (40, 1))
+
+    class Agent:
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            return constant[0], state
+
+    job = EpisodeJob(
+        "wt_gym/LoadReduction-v2", json.dumps(ARGUMENTS | {"residual_fade": False}), 17.0, 3, 0.0, 4.0, Agent()
+    )
+    found = record_episode(job)
+    assert (found.steps, found.flap.shape, found.observations.shape[0]) == (40, (3, 41), 40)
+    np.testing.assert_allclose(found.offsets[1:, -1], [0.5 * math.radians(4.0), -0.25 * math.radians(4.0)], atol=1e-6)
+    np.testing.assert_allclose(found.share, 1.0)
+    alike = plant_outputs(found)
+    psi = found.azimuth[7] + 2.0 * np.pi / 3.0 * np.arange(3)
+    np.testing.assert_allclose(
+        1e6 * (alike[0, 7] + alike[1, 7] * np.cos(psi) + alike[2, 7] * np.sin(psi)), found.flap[:, 7]
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"residual_form": "rate"}, "residual_form='offset'"),
+        ({"controller": "discon", "observation": ["rotor"]}, "linear_pitch"),
+        ({"observation": ["disturbances", "rotor"]}, "do not depend on the actions.*rotor_speed"),
+        ({"control_dt": 0.2}, "control_dt=0.1"),
+        ({"history": 2}, "history=1"),
+        ({"pitch": "cyclic"}, "pitch='fixed-frame'"),
+    ],
+)
+def test_environments_that_cannot_be_pretrained_on(changes, message):
+    env = gym.make("wt_gym/LoadReduction-v2", **(ARGUMENTS | changes)).unwrapped
+    with pytest.raises(ValueError, match=message):
+        check_environment(env)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"round": 2}, "no option 'round'.*did you mean 'rounds'"),
+        ({"rounds": 1.5}, "rounds must be a whole number, got 1.5"),
+        ({"episodes": 4, "held_out": 4}, "held_out must be less than the 4 episodes"),
+        ({"memory": 1000.0}, "memory must be positive and at most half"),
+        ({"first_wind_seed": 990}, "held back for evaluations, 1001 to"),
+        ({"noise": -1.0}, "noise must be finite and not negative"),
+    ],
+)
+def test_options_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        PretrainingOptions.of(values)
+
+
+def test_a_configuration_holds_the_options_and_needs_ppo():
+    config = TrainingConfig(pretraining={"rounds": 3}, total_steps=0)
+    assert config.pretraining["rounds"] == 3
+    assert TrainingConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
+    with pytest.raises(ValueError, match="needs the algorithm PPO, got 'SAC'"):
+        TrainingConfig("SAC", pretraining={})
+    with pytest.raises(ValueError, match="total_steps must be a whole number from 1"):
+        TrainingConfig(total_steps=0)

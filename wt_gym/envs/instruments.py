@@ -1,0 +1,171 @@
+"""Instruments that are late, noisy and shifted: one set of readings at every step of the simulator.
+
+All readers at an instant, base controller, lidar and agent, read the same numbers. Noise is white in
+time and drawn for every instrument, of level 1 as that of the observation channels with the same name; wind speed and
+vane are read before the filters of anemometer and vane. Offsets last for an episode: those of strain gauges,
+accelerometers, positions and the wind at the nacelle (`DRIFTING`). Encoders (rotor and generator speed, azimuth, pitch)
+and electrical readings have noise and no offset. Late readings are late together, azimuth and lidar among them; the
+clock is not. Signals that no channel of the observation reads are exact, but late.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.angles import wrapped
+from wt_gym.simulation import Signals
+from wt_gym.simulation.channels import ODD, channel_table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from wt_gym.control import Channel
+    from wt_gym.turbines import Turbine
+
+__all__ = ["DRIFTING", "InstrumentTable", "Instruments"]
+
+WIND_SPEED = "wind_speed"
+DRIFTING = (
+    "root_flap_moment", "root_edge_moment", "tip_out_of_plane", "tip_in_plane", "tower_top_fore_aft",
+    "tower_top_side_side", "nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side",
+    "tower_base_fore_aft_moment", "tower_base_side_side_moment", WIND_SPEED, "yaw_error",
+)  # fmt: skip
+"""Sensors that have an offset; the blades share theirs."""
+_PLACES = {channel.name: k for k, channel in enumerate(channel_table(1)) if not channel.name.endswith("_1")}
+"""Of the signals of no blade, the same for every number of blades."""
+
+
+class InstrumentTable:
+    """Noise and scale of the signals of a turbine.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    channels : mapping
+        Channel of the observation by the name of the signal that it reads, "wind_speed" and the means of the blades
+        (``root_flap_moment_mean``) among them (`wt_gym.envs.observable.Observable.of_signals`).
+    lidar_noise : float
+        Of a gate [m/s].
+
+    Attributes
+    ----------
+    places : numpy.ndarray of int, shape (n_noisy,)
+        Signals with noise.
+    noise : numpy.ndarray, shape (n_noisy,)
+        Standard deviations at level 1, in the units of the signals, with the sign of an image for a rotor that turns
+        counter-clockwise.
+    wind_noise, lidar_noise : float
+        Of the anemometer and of a gate [m/s].
+    """
+
+    def __init__(self, turbine: Turbine, channels: Mapping[str, Channel], lidar_noise: float):
+        table = channel_table(turbine.n_blades)
+        image = turbine.rotation != "clockwise"
+        index = {channel.name: k for k, channel in enumerate(table)}
+        sign = {channel.name: -1.0 if image and channel.parity == ODD else 1.0 for channel in table}
+        noisy = [name for name in index if name in channels and channels[name].noise > 0.0]
+        self.places = np.array([index[name] for name in noisy], dtype=np.int64)
+        self.noise = np.array([sign[name] * channels[name].noise for name in noisy])
+        self.wind_noise, self.lidar_noise = channels[WIND_SPEED].noise, lidar_noise
+        self._wind_scale = channels[WIND_SPEED].scale
+        self._shifts: dict[str, tuple[list[int], float]] = {}
+        for name in DRIFTING:
+            if name == WIND_SPEED:
+                continue
+            of_blades = [channel.name for channel in table if channel.group == name]
+            channel = channels[name if name in index else f"{name}_mean"]
+            self._shifts[name] = [index[one] for one in of_blades], channel.scale * sign[of_blades[0]]
+        self.size = len(table)
+
+    def offsets(self, shifts: Mapping[str, float]) -> tuple[NDArray[np.float64], float]:
+        """Offsets of all signals in their units, and that of the wind speed [m/s].
+
+        Parameters
+        ----------
+        shifts : mapping
+            Of sensors out of `DRIFTING`, in scales of their channels.
+        """
+        values = np.zeros(self.size)
+        for name, shift in shifts.items():
+            if name != WIND_SPEED:
+                places, scale = self._shifts[name]
+                values[places] = shift * scale
+        return values, self._wind_scale * shifts.get(WIND_SPEED, 0.0)
+
+
+class Instruments:
+    """What reads the signals of an episode.
+
+    Parameters
+    ----------
+    table : InstrumentTable
+    level : float
+        Of the noise [-].
+    delay : int
+        Readings by which they are late.
+    shifts : mapping
+        See `InstrumentTable.offsets`.
+    n_gates : int
+        Of the lidar.
+    seed : int
+        Of the noise.
+
+    Attributes
+    ----------
+    readings : Signals
+        The last ones.
+    instant : (float, float)
+        Time and yaw of the nacelle at which they were taken [s, rad]; the lidar has looked there and then.
+    """
+
+    readings: Signals
+    instant: tuple[float, float]
+
+    def __init__(
+        self, table: InstrumentTable, level: float, delay: int, shifts: Mapping[str, float], n_gates: int, seed: int
+    ):
+        self._table, self._level = table, level
+        self._offset, self._wind_offset = table.offsets(shifts)
+        self._shifted = bool(np.any(self._offset))
+        self._turns = level > 0.0 or self._shifted
+        self._late: deque[NDArray[np.float64]] = deque(maxlen=delay + 1)
+        self._rng = np.random.default_rng(seed)
+        self._of_lidar = np.zeros(n_gates)
+
+    def take(self, signals: Signals) -> Signals:
+        """Read once; before there are readings late enough, the first one stands for them."""
+        self._late.append(signals.values.copy())
+        late, place = Signals(self._late[0], signals.n_blades), _PLACES
+        self.instant = late["time"], late["yaw"]
+        values = late.values.copy()
+        values[place["time"]] = signals["time"]
+        speed = self._wind_offset
+        if self._level > 0.0:
+            table, normal = self._table, self._rng.standard_normal(len(self._table.places) + 1 + len(self._of_lidar))
+            n = len(table.places)
+            values[table.places] += self._level * table.noise * normal[:n]
+            speed += self._level * table.wind_noise * normal[n]
+            self._of_lidar = self._level * table.lidar_noise * normal[n + 1 :]
+        if self._shifted:
+            values += self._offset
+        if self._turns:
+            values[place["yaw_error"]] = wrapped(values[place["yaw_error"]])
+        if speed:
+            x, y = values[place["wind_x"]], values[place["wind_y"]]
+            true = math.hypot(x, y)
+            if true > 0.0:
+                share = max(true + speed, 0.0) / true  # a cup turns one way
+                values[place["wind_x"]], values[place["wind_y"]] = share * x, share * y
+        self.readings = Signals(values, signals.n_blades)
+        return self.readings
+
+    def seen(self, look: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What the lidar gives for what it has looked at, gate by gate [m/s]."""
+        out: NDArray[np.float64] = look + self._of_lidar
+        return out

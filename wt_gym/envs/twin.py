@@ -1,0 +1,237 @@
+"""The controller alone in the wind of an episode: what it earns is taken off a relative reward.
+
+It always does the same from the same beginning, so what it earned is kept, for this process and for others, and a
+turbine under the controller alone is simulated only where nothing is known: beside the first episode from a beginning,
+and beyond the end of the longest one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import platform
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import llvmlite
+import llvmlite.binding
+import numba
+import numpy as np
+
+from wt_gym.compiled import digest_of, way_to_compile
+from wt_gym.control.controllers import parts_of
+from wt_gym.envs.operation import make_simulator
+from wt_gym.envs.reward_store import Course, kept_course, new_course, store_course
+from wt_gym.envs.snapshot import TwinSnapshot
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.simulation.state import fingerprint
+from wt_gym.wind import SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
+
+if TYPE_CHECKING:
+    from wt_gym.envs.ending import Limits
+    from wt_gym.envs.episode_start import Beginning
+    from wt_gym.envs.layout import EnvLayout
+    from wt_gym.envs.operation import Operation
+    from wt_gym.envs.rewards import RewardTerm
+    from wt_gym.envs.snapshot import EnvSnapshot
+    from wt_gym.envs.start import Start
+    from wt_gym.envs.wind_sampler import EpisodeWind
+    from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+__all__ = ["ControllerAlone", "Twin", "TwinSnapshot"]
+
+_OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs.rewards")
+"""Whose objects are told from others by what they remember, and whose sources are known."""
+
+
+class ControllerAlone(Protocol):
+    """The turbine under the base controller alone, as `wt_gym.envs.turbine_env.WindTurbineEnv` is one."""
+
+    turbine: Turbine
+    operation: Operation
+    reward_terms: tuple[RewardTerm, ...]
+    layout: EnvLayout
+    limits: Limits
+    fidelity: str | Fidelity
+    control_dt: float
+    _running: bool
+
+    def _begin(self, beginning: Beginning) -> None: ...
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Advance by one control step."""
+        ...
+
+    def snapshot(self) -> EnvSnapshot:
+        """Where it is."""
+        ...
+
+    def restore(self, snapshot: EnvSnapshot) -> object:
+        """Continue from a snapshot."""
+        ...
+
+    def close(self) -> None:
+        """Release the simulator."""
+        ...
+
+
+class Twin:
+    """Rewards of the controller alone, from the beginnings of the episodes of an environment.
+
+    Parameters
+    ----------
+    env : ControllerAlone
+        The turbine under the controller alone: it gets the winds that are drawn elsewhere, and has none itself.
+    wind_key : tuple
+        What decides on turbulence made here beside its speed, seed and time.
+
+    Attributes
+    ----------
+    env : ControllerAlone
+    course : Course
+        Of this episode.
+    """
+
+    course: Course
+
+    def __init__(self, env: ControllerAlone, wind_key: tuple[Any, ...]):
+        self.env, self._wind_key = env, wind_key
+        self._identity = _identity(env)
+        self._beginning: Beginning | None = None
+        self._simulated: Course | None = None  # in which the environment stands
+        self._steps = 0  # that it has made there
+
+    def begin(self, beginning: Beginning) -> None:
+        """Start an episode: nothing is simulated yet."""
+        self.keep()
+        self._beginning = beginning
+        key = self._key(beginning)
+        names = tuple(term.name for term in self.env.reward_terms)
+        self.course = new_course(names) if key is None else kept_course(key, names)
+
+    def keep(self) -> None:
+        """Keep what was recorded in this episode for other processes."""
+        if self._beginning is not None:
+            store_course(self.course)
+
+    def terms(self, step: int) -> dict[str, float]:
+        """Reward terms of a step of the episode, from 0; after the end of the twin those of its last one."""
+        course = self.course
+        if step >= len(course) and not course.ended:
+            self._simulate(step)
+        return course.terms(step)
+
+    def _simulate(self, step: int) -> None:
+        """Record up to a step; what is known already is passed through again if the simulation does not stand there."""
+        course, env = self.course, self.env
+        assert self._beginning is not None
+        if self._simulated is not course:
+            env._begin(self._beginning)
+            self._simulated, self._steps = course, 0
+        nothing = np.zeros(env.layout.action.size)
+        while self._steps <= step and not course.ended:
+            *_, info = env.step(nothing)
+            course.append(self._steps, info["reward_terms"], not env._running)
+            self._steps += 1
+
+    # ---- what it is ----
+
+    def _key(self, beginning: Beginning) -> str | None:
+        """Name of the course of a beginning; None where it cannot be told from every other one."""
+        wind = self._wind(beginning.wind)
+        if self._identity is None or wind is None or beginning.drawn is not None:  # of which no two are alike
+            return None
+        limits = self.env.limits.overspeed, self.env.limits.standstill
+        others = [getattr(beginning, f.name) for f in fields(beginning) if f.name not in ("wind", "start", "drawn")]
+        return fingerprint(self._identity, limits, wind, _start(beginning.start), others)[:40]
+
+    def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:
+        """What tells a wind from others."""
+        told = _inflow(wind.inflow, wind.wind_seed >= 0)
+        return None if told is None else (self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, told)
+
+    # ---- snapshots ----
+
+    def snapshot(self) -> TwinSnapshot:
+        """Take a snapshot; the rewards are shared with it, as they never change."""
+        assert self._beginning is not None
+        state = self.env.snapshot() if self._simulated is self.course else None
+        return TwinSnapshot(self._beginning, self.course, self._steps, state)
+
+    def restore(self, snapshot: TwinSnapshot) -> None:
+        """Continue from a snapshot; a simulation of the same course continues from where it is."""
+        self._beginning, self.course = snapshot.beginning, snapshot.course
+        if self._simulated is not self.course and snapshot.state is not None:
+            self.env.restore(snapshot.state)
+            self._simulated, self._steps = self.course, snapshot.steps
+
+    def close(self) -> None:
+        """Keep what was recorded, and release the simulator."""
+        self.keep()
+        self.env.close()
+        self._simulated = None
+
+
+def _identity(env: ControllerAlone) -> str | None:
+    """What decides on the rewards of a turbine under its controller beside the beginning and the limits.
+
+    None where something is from outside of this package: it may do another thing tomorrow, or draw numbers.
+    """
+    controller, terms = env.operation.controller, env.reward_terms
+    parts: list[object] = [] if controller is None else [*parts_of(controller)]
+    if env.operation.make_simulator is not make_simulator or not all(map(_is_own, [*parts, *terms])):
+        return None
+    described = _digest(controller), _digest(terms)
+    return fingerprint(env.turbine, fidelity_of(env.fidelity), env.control_dt, *described, _sources(), _software())
+
+
+def _is_own(part: object | RewardTerm) -> bool:
+    """Whether an object is made by this package alone: a function as a reward is not."""
+    own = type(part).__module__.startswith(_OWN_MODULES)
+    return own and not hasattr(part, "function")
+
+
+def _digest(value: object) -> str:
+    """Digest of an object that was just made, by what it is made of."""
+    return hashlib.sha256(pickle.dumps(value)).hexdigest()
+
+
+@cache
+def _sources() -> str:
+    """Digest of the sources of everything that a step of an environment calls."""
+    package = Path(__file__).parents[1]
+    rooms = "aerodynamics", "control", "envs", "multibody", "simulation", "structure", "turbines", "wind"
+    return digest_of(package, [file for room in rooms for file in (package / room).rglob("*.py")])
+
+
+@cache
+def _software() -> tuple[str, ...]:
+    """What compiles the kernels, and for which processor: the same bits come of the same ones."""
+    cpu = llvmlite.binding.get_host_cpu_name()
+    return (
+        numba.__version__, llvmlite.__version__, np.__version__, platform.machine(), platform.system(), cpu,
+        way_to_compile(),
+    )  # fmt: skip
+
+
+def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:
+    """What tells an inflow from others beside speed, seed and time of turbulence; None where that is not known."""
+    if isinstance(inflow, TurningInflow):
+        inner = _inflow(inflow.inner, made_here)
+        return None if inner is None else (type(inflow).__name__, inflow.times, inflow.directions, *inner)
+    if isinstance(inflow, TurbulentInflow) and made_here:
+        box = inflow.box
+        return inflow.steady, inflow.beyond_grid, box.mean_speed, box.time_step, box.scale, box.description
+    if type(inflow) in (SteadyInflow, TransientInflow):
+        return (inflow,)
+    return None
+
+
+def _start(start: Start) -> tuple[object, ...]:
+    """What tells a start from others; the signals before it are for observations alone."""
+    told = [getattr(start, f.name) for f in fields(start) if f.name not in ("deviations", "trail")]
+    return (*told, *sorted(start.deviations.items(), key=lambda item: item[0]))
