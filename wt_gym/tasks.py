@@ -106,7 +106,7 @@ TASKS = {
     for task in (
         Task(
             "LoadReduction",
-            "Spare the blades above rated wind, not at the tower's cost, by pitch on top of the controller.",
+            "Less blade fatigue above rated wind, without more tower fatigue, by pitch on top of the controller.",
             "flap DEL at no less than 99.5 % of the energy; pitch travel beside it",
             60.0,
             {**_LOAD_REDUCTION, "wind_speed": (12.0, 20.0)},

@@ -113,7 +113,7 @@ class LinearDesignTask:
             )
         if len(set(self.seeds)) < len(self.seeds) or not 2 <= self.excited <= len(self.seeds):
             raise ValueError(
-                f"there must be at least 2 different seeds, of which 2 or more are excited; got seeds {self.seeds} and "
+                f"there must be at least 2 different seeds with 2 or more excited; got seeds {self.seeds} and "
                 f"{self.excited} excited"
             )
         if not -1.0 <= self.least_power <= 0.0:
@@ -205,7 +205,7 @@ def identified_plant(
     explained : numpy.ndarray, shape (9,)
         Share of the mean square of the changes in the last run that a fit to the others explains: `OUTPUTS`, `LOADS`.
         Where it explains less than `_LEAST_EXPLAINED` of power, offsets have no linear effect on it in the plant, and
-        all that they take counts by their square: about rated wind power is no linear matter.
+        all that they take counts by their square, since power is not linear near rated wind.
     """
     dt = still[0].dt
     taps = round(task.memory / dt)

@@ -107,7 +107,7 @@ class LinearOptimalPitch:
         FileNotFoundError
             If there is no such file.
         wt_gym.errors.ControllerError
-            If the file is no design.
+            If the file is not a design.
         """
         return cls(turbine, load_design(_shipped(turbine) if file is None else file), gain)
 
