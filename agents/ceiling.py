@@ -71,7 +71,7 @@ class CeilingOptions:
     duration : float or None
         Of a run in them [s]; None: the task's.
     base : str
-        Controller beneath the offsets.
+        Base controller of the offsets.
     seeds : tuple of int
         Training winds in which the plant is identified and the ladder is fitted; all are run with drawn offsets too.
     recorded : float

@@ -162,7 +162,7 @@ def run_cases(
     progress : callable, optional
         Called with label and case after every run.
     runs : list of ControllerRuns, optional
-        That get the metrics, by default new ones. Whoever gives them has what was done where the series is stopped.
+        That get the metrics, by default new ones. The caller's own have what was done where the series is stopped.
     simulator : str, mapping or callable
         What simulates controllers and agents, as the argument of the environment.
     executor : Executor, optional

@@ -35,7 +35,7 @@ FAMILIES = {
 """Curves of the front, from little to much pitch travel and back: controllers that know only what has arrived."""
 
 WITH_LIDAR = {"band, with a lidar": tuple(f"lidar+constrained_ipc:level={x:g}" for x in LEVELS)}
-"""Drawn and compared with the front, no part of it: what seeing the wind come is worth by hand."""
+"""Drawn and compared with the front, but not part of it: what lidar preview is worth without learning."""
 
 AGENTS = "agents"
 """What the table calls the family of those that are compared with the front."""

@@ -111,7 +111,7 @@ def resume(
     stop: StopRequest | None = None,
     learner: Learner | None = None,
 ) -> dict[str, Any]:
-    """Go on with a training that was stopped, or is to have more steps.
+    """Resume a training that was stopped, or is to have more steps.
 
     Steps, schedules, curves and statistics continue; environments start new episodes, in other winds than the first.
 

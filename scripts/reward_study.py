@@ -340,7 +340,7 @@ def show(result: dict, weights: dict[str, float]) -> None:
     mild = result["mild"]
     print(
         f"\nwithout the costliest, {mild['count']} controllers: {mild['total']:+.2f}, "
-        f"reward of the first version {mild['former_total']:+.2f}"
+        f"earlier weights {mild['former_total']:+.2f}"
     )
     columns = ("flap", "edge", "fore_aft", "side_side", "mean_power", "pitch_duty", "cost")
     for title, key in (("varied", "lifetimes"), ("of the library, first seed", "library")):
@@ -364,7 +364,7 @@ def draw(result: dict, folder: Path) -> Path:
     mpl.rcParams["svg.hashsalt"] = "reward_study"
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.4), layout="constrained")
     plots = (
-        ("former_total", "lifetimes", "reward of the first version"),
+        ("former_total", "lifetimes", "earlier weights"),
         ("total", "lifetimes", "default reward"),
         ("total", "runs", "default reward, every run"),
     )

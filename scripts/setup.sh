@@ -1,9 +1,10 @@
-# Sourced by scripts/demo, scripts/docs and scripts/test: a virtual environment with everything installed, made once.
-# Needs python3 >= 3.11 with venv and pip. PYTHON names another interpreter.
+# Sourced by scripts/demo, scripts/docs and scripts/test: a virtual environment, made once. EXTRAS names the extras that
+# are needed, by default all of them; an environment with all serves everything. Needs python3 >= 3.11 with venv and
+# pip. PYTHON names another interpreter.
 #
 # .venv/.set-up says what the environment was made for, and where: a clone that was moved or copied, or has other
-# requirements, is brought up to date in place, which needs no network where nothing new is required. While it is being
-# made the file says so: one that was interrupted is made anew.
+# requirements, is brought up to date in place, which needs no network where nothing new is required. During the set-up
+# the file says so: an interrupted one is repeated from the start.
 
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -25,17 +26,18 @@ install() {
 }
 
 set_up() {
-    local python=${PYTHON:-python3} stamp=.venv/.set-up found='' want
+    local python=${PYTHON:-python3} stamp=.venv/.set-up found='' made all=train,test,tune,docs
+    local extras=${EXTRAS:-$all}
     if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
         echo "error: $python is not Python 3.11 or newer; set PYTHON to one that is" >&2
         return 1
     fi
-    want="$(cat pyproject.toml setup.py constraints.txt | cksum) in $PWD"
+    made="$(cat pyproject.toml setup.py constraints.txt | cksum) in $PWD with"
     [[ ! -f $stamp ]] || found=$(<"$stamp")
-    if [[ $found == "$want" ]] && .venv/bin/python -c '' 2>/dev/null; then
+    if [[ $found == "$made $extras" || $found == "$made $all" ]] && .venv/bin/python -c '' 2>/dev/null; then
         return
     fi
-    echo "setting up .venv (once; some hundred MB, PyTorch among them) ..."
+    echo "setting up .venv (once; PyTorch is the largest part) ..."
     if [[ $found == unfinished ]]; then
         rm -rf .venv
         found=''
@@ -44,13 +46,15 @@ set_up() {
     # one that was whole is brought up to date again, where that fails for want of a network
     if [[ -n $found ]]; then echo outdated; else echo unfinished; fi >"$stamp"
     "$python" -m venv .venv
-    # the build runs in the environment itself: one of its own would be fetched anew each time
+    # the build runs in the environment itself: another one would be downloaded each time
     install 'setuptools>=77'
-    install --no-build-isolation --editable '.[train,test,tune,docs]'
-    # its library and its input files; its tuning tools would bring some hundred MB more
-    install --no-deps 'rosco>=2.10,<3'
+    install --no-build-isolation --editable ".[$extras]"
+    if [[ $extras == "$all" ]]; then
+        # its library and its input files; its tuning tools would bring some hundred MB more
+        install --no-deps 'rosco>=2.10,<3'
+    fi
     compile_used
-    echo "$want" >"$stamp"
+    echo "$made $extras" >"$stamp"
     echo "set up in ${SECONDS} s"
 }
 

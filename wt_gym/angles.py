@@ -1,4 +1,4 @@
-"""Angles on the circle: what is filtered, averaged or differenced across the place where they start anew."""
+"""Angles on the circle: what is filtered, averaged or differenced across the place where they wrap around."""
 
 import math
 

@@ -31,7 +31,7 @@ _UNBUFFERED = {"GFORTRAN_UNBUFFERED_PRECONNECTED": "y"}
 
 
 class ChildFailedError(RuntimeError):
-    """A request failed with a message; the process goes on."""
+    """A request failed with a message; the process continues."""
 
 
 class ChildEndedError(RuntimeError):

@@ -204,12 +204,12 @@ class _FormerModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         Raises
         ------
         ModuleNotFoundError
-            For one that is no part of the package any more; the message says where it is.
+            For one that was removed from the package; the message says where it is.
         """
         for gone, place in GONE.items():
             if fullname == gone or fullname.startswith(f"{gone}."):
                 raise ModuleNotFoundError(
-                    f"{fullname} is no part of the package any more: in a clone of the project it is {place}",
+                    f"{fullname} is not part of the package any more: in a clone of the project it is {place}",
                     name=fullname,
                 )
         return importlib.machinery.ModuleSpec(fullname, self) if fullname in MODULES else None

@@ -62,7 +62,7 @@ def did_you_mean(name: object, known: Iterable[str], otherwise: str = "") -> str
         What was given.
     known : iterable of str
     otherwise : str
-        What stands there where no name is near: a full stop where the message goes on.
+        What stands there where no name is near: a full stop where the message continues.
 
     Examples
     --------

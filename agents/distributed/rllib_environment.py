@@ -90,7 +90,7 @@ class RunnerEnv(gym.vector.VectorWrapper):
         return report
 
     def set_statistics(self, mean: float, var: float, count: float) -> None:
-        """Go on from the statistics of an earlier session."""
+        """Resume from the statistics of an earlier session."""
         # a mean of no axes is a number, though gymnasium declares arrays
         self.statistics.mean = np.float64(mean)  # type: ignore[assignment]  # see above
         self.statistics.var = np.float64(var)  # type: ignore[assignment]  # see above

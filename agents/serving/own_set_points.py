@@ -1,4 +1,4 @@
-"""A class of one's own that gives set points, as users of ROSCO write them for its server."""
+"""A class of the user that gives set points, as users of ROSCO write them for its server."""
 
 from __future__ import annotations
 

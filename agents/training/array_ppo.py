@@ -29,7 +29,7 @@ class ArrayPPO(PPO):
     """`stable_baselines3.PPO`: the same algorithm, random numbers, figures and model files, in less time.
 
     Rollouts and updates of small networks take a fraction of the time with NumPy (`PolicyArrays`); the results are
-    those of torch but for rounding. Networks that `PolicyArrays` does not represent, exploration that depends on the
+    those of torch except for rounding. Networks that `PolicyArrays` does not represent, exploration that depends on the
     state, optimizers other than plain Adam and a clipped value function are left to torch.
     """
 
@@ -150,7 +150,7 @@ class _Update:
         self._steps = float(state[policy.log_std]["step"])
 
     def take(self, batch: RolloutBufferSamples) -> bool:
-        """Take a step by a minibatch; False, and no step, where the policy has changed by more than is wanted."""
+        """Take a step by a minibatch; False, and no step, where the policy has changed by more than the limit."""
         model, low, high = self._model, 1.0 - self.clip, 1.0 + self.clip
         observations, actions, _, old, advantages, returns = (tensor.numpy() for tensor in batch[:6])
         if model.normalize_advantage and advantages.size > 1:

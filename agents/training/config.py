@@ -137,7 +137,7 @@ class TrainingConfig:
         return cls(**values)
 
     def continues(self, record: Any) -> bool:
-        """Whether this is the training of a record's configuration, but for seed and limits.
+        """Whether this is the training of a record's configuration, except for seed and limits.
 
         Parameters
         ----------

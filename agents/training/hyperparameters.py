@@ -139,7 +139,7 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
         "n_critics": _Number(1, 20, whole=True),
     },
 }
-"""Algorithms with the hyperparameters that they take; named as in stable-baselines3, but for the flags
+"""Algorithms with the hyperparameters that they take; named as in stable-baselines3, except for the flags
 ``normalize_observations`` and ``normalize_rewards`` and those of `OVER_ALL_COPIES`."""
 
 OVER_ALL_COPIES = {"rollout_steps": "n_steps", "update_every": "train_freq"}

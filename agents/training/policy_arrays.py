@@ -225,7 +225,7 @@ class PolicyArrays:
         """Draw an action for every observation.
 
         The standard normal numbers are those that the policy itself would draw from torch's default generator: with
-        the same seed the actions are the same but for rounding, and the generator is left in the same state.
+        the same seed the actions are the same except for rounding, and the generator is left in the same state.
 
         Parameters
         ----------

@@ -142,7 +142,7 @@ def search(
     Parameters
     ----------
     config : TrainingConfig
-        Of every trial, but for what is searched.
+        Of every trial, except for what is searched.
     folder : str or path
         Gets the study ``search.db``, a folder for each trial and ``best.yml``; a study that is there resumes.
     trials : int

@@ -84,7 +84,7 @@ def resume_seeds(
     progress: bool = True,
     learner: Learner | None = None,
 ) -> dict[str, Any]:
-    """Go on where `train_seeds` was stopped: with the seed it was at, then with those that have not begun.
+    """Resume `train_seeds` where it was stopped: with the seed it was at, then with those that have not begun.
 
     Parameters
     ----------

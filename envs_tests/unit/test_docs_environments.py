@@ -39,7 +39,7 @@ def left(tmp_path_factory):
 
 
 def test_examples_run(left):
-    boundary, offshore, soil, grouped, parked, read, drawn, many, planned = left
+    grouped, parked, read, drawn, many, planned, offshore, soil, boundary = left
     assert boundary["env"].action_space.shape == (1,)
     assert 12.0 < boundary["info"]["wind_speed"] < 16.1  # at the hub
     assert offshore["env"].unwrapped.turbine.tower.support.base_height == -20.0

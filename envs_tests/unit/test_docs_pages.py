@@ -6,6 +6,7 @@ that are computed anew, stand in the other files ``test_docs_*``.
 
 import ast
 import doctest
+import importlib.util
 import json
 import re
 import shlex
@@ -39,9 +40,11 @@ from wt_gym.control.controllers import CONTROLLERS, make_controller
 from wt_gym.control.controllers import controller as contract
 from wt_gym.multibody.arrays import Work
 from wt_gym.runs.definition import digest
+from wt_gym.runs.playing import run_controller
 from wt_gym.runs.store import SWEEP_FILE
-from wt_gym.simulation import FIDELITIES
+from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
 
 ROOT = Path(__file__).resolve().parents[2]
 # pages in docs/ with their number of examples, at least
@@ -141,6 +144,16 @@ def test_commands_are_found():
     assert all(names.count(name) >= least.get(name, 1) for name in COMMANDS), names
 
 
+def load_script(name):
+    """A module of the folder scripts."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "scripts"))
+        spec.loader.exec_module(module)
+    return module
+
+
 def spaced(number):
     return f"{number:,}".replace(",", " ")
 
@@ -227,7 +240,7 @@ def defaults_of_the_lattice():
 
 @statement
 def load_cases_with_their_factors():
-    part = section("docs/loadcases.md", "What is run")
+    part = section("docs/loadcases.md", "Cases")
     said = dict(re.findall(r"^\| (\d\.\d) \|(?:[^|]*\|){3} (\d\.\d+) \|", part, re.MULTILINE))
     assert LoadCaseConfig().cases == tuple(CASES)
     return said, {case: f"{kind.factor or 1.0}" for case, kind in CASES.items()}
@@ -262,7 +275,7 @@ def winds_that_are_estimated():
 @statement
 def cases_that_fail_and_why():
     """A case that is not in the record may have failed when the page was written."""
-    table = rows(section("docs/aerodynamics.md", "What does not pass, and why"))
+    table = rows(section("docs/aerodynamics_results.md", "Known deviations"))
     named = [name for row in table for name in re.findall(r"`([^`]+)`", row[0])]
     assert len({*named}) == len(named)
     assert all(len(row) == 4 and all(row) for row in table)
@@ -273,7 +286,9 @@ def cases_that_fail_and_why():
 @statement
 def coupled_formulations():
     """All but the time of a step, which is another one on each machine."""
-    found = [row for row in rows(section("docs/formulations.md", "All of them in the environment")) if len(row) == 7]
+    found = [
+        row for row in rows(section("docs/formulations.md", "All combinations in the environment")) if len(row) == 7
+    ]
     said = [(", ".join(row[:2]), [cell.removesuffix(" %") for cell in row[3:]]) for row in found]
     known = copied("formulations-coupled")  # the name with how it ended, if early
     return said, [(", ".join([n, *x[5:]]), ["–" if y == "nan" else y for y in x[1:5]]) for n, x in known]
@@ -323,6 +338,13 @@ def messages_of_refusals():
     messages = re.findall(r"^\| `([^`]+)` \|", text_of("docs/howto/trouble.md"), re.MULTILINE)
     parts = [part.strip() for message in messages for part in message.split("…") if part.strip()]
     return [part for part in parts if part in sources], parts
+
+
+@statement
+def table_of_the_readme():
+    script = load_script("readme_table")
+    text = text_of("README.md")
+    return text, script.written(text, json.loads(text_of("docs/data/crosscheck.json")))
 
 
 @statement
@@ -382,6 +404,16 @@ def test_first_examples_run(page, tmp_path, monkeypatch):
         assert (tmp_path / "run.nc").stat().st_size > 1000
 
 
+def test_the_controller_of_the_page_runs(tmp_path):
+    """By the name that the commands of the page give it."""
+    page = text_of("docs/howto/own_controller.md")
+    file = tmp_path / "controller.py"
+    file.write_text(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], encoding="utf-8")
+    controller = make_controller(f"{file}:Mine:gain=0.05", load_turbine("nrel_5mw"))
+    run = run_controller(Simulator("nrel_5mw", inflow=SteadyInflow(15.0)), controller, 0.4)
+    assert run.to_dataset().generator_torque.min() > 1e4
+
+
 def test_the_picture_moves_and_is_small():
     from PIL import Image
 
@@ -402,6 +434,7 @@ SPANS = [
     (page, span)
     for page in (
         "aerodynamics",
+        "aerodynamics_results",
         "formulations",
         "howto/pictures",
         "tasks/max_power",

@@ -49,7 +49,7 @@ def test_the_default_reward_ranks_the_controllers(rows, lifetimes):
 def test_figures_of_the_page(lifetimes):
     stated = re.search(r"default reward \| \*\*(\S+)\*\*", PAGE)
     assert float(stated[1].replace("−", "-")) == pytest.approx(against_cost(lifetimes), abs=0.0051)
-    stated = re.search(r"reward of the first version \| (\S+)", PAGE)
+    stated = re.search(r"earlier weights \| (\S+)", PAGE)
     assert float(stated[1].replace("−", "-")) == pytest.approx(
         against_cost(lifetimes, study.FORMER_WEIGHTS), abs=0.0051
     )

@@ -5,7 +5,7 @@
 
 Base controller, plant and disturbances are recorded in training winds, with and without drawn offsets of the pitch; the
 feedback follows by least squares. Recordings lie beside the file, in a folder of its name with .runs behind it: a
-design that is stopped goes on there, and other weights need no other recordings.
+stopped design resumes from them, and other weights need no other recordings.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     wt-gym evaluate baseline runs/ppo
     wt-gym evaluate baseline first=runs/a second=runs/b ipc --wind-speed 12 15 18 --duration 600
     wt-gym evaluate baseline runs/ppo --engine ray --address ray-head:6379
-    wt-gym evaluate discon ipc constrained_ipc:level=0.15 sparing=ipc+tower_dampers:ipc__limit=0.05
+    wt-gym evaluate discon ipc constrained_ipc:level=0.15 less_travel=ipc+tower_dampers:ipc__limit=0.05
 
 An agent is one of these words or paths, with NAME= in front if you like:
 
@@ -17,8 +17,8 @@ An agent is one of these words or paths, with NAME= in front if you like:
                                model of stable-baselines3 will do (FILE.zip:algo=SAC, or --algo), see
                                docs/howto/own_agent.md
 
-The first is the reference. Every run is kept in the folder of the results as soon as it is done: the same command goes
-on where it was stopped. docs/evaluation.md says what the figures mean.
+The first is the reference. Every run is kept in the folder of the results as soon as it is done: the same command
+resumes. docs/evaluation.md says what the figures mean.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ def json_value(text: str) -> Any:
 def user_errors() -> Iterator[None]:
     """End the program with one line and status 1 where what the user asked for is refused, or needs an extra.
 
-    Where whoever reads the output has gone (``| head``), it ends without a word, with the status of other programs.
+    Where the reader of the output has gone (``| head``), it ends silently, with the status of other programs.
     """
     try:
         yield

@@ -468,7 +468,7 @@ class ActionMap:
         return min(base + offset, max(base, self._most_shaft_power / rotor_speed))
 
     def encode(self, demand: Demand, previous: Demand | AgentSetpoint) -> NDArray[np.float64]:
-        """Give the action whose demand is the wanted one, or the nearest one that the spans allow.
+        """Give the action with a given demand, or the nearest one that the spans allow.
 
         Parameters
         ----------

@@ -82,6 +82,6 @@ def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, ha
 
 
 def harmonic_of_blades(tilt: float, yaw: float, azimuth: float, n_blades: int, harmonic: int = 1) -> list[float]:
-    """The same as a list, for those who go on with numbers one by one."""
+    """The same as a list, for callers that use numbers one by one."""
     angles = [harmonic * (azimuth + 2.0 * math.pi * b / n_blades) for b in range(n_blades)]
     return [tilt * math.cos(angle) + yaw * math.sin(angle) for angle in angles]

@@ -99,7 +99,7 @@ class DesignPoint:
     gain_doubling_pitch : float
         Pitch at which the sensitivity has doubled [rad].
     damping_ratio, natural_frequency : float
-        Wanted closed-loop response of the rotor speed above rated [-], [rad/s].
+        Desired closed-loop response of the rotor speed above rated [-], [rad/s].
     """
 
     peak_power_coefficient: float

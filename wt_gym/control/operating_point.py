@@ -218,7 +218,7 @@ def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
     elements. Above rated the speed is rated and the pitch the published one, or that of blade elements
     (`wt_gym.control.design.trim_pitch`). Good to a few percent, meant as a start state: the simulation finds its own
     equilibrium. With a damper as generator the speed is the highest, up to rated, at which some pitch makes the air
-    hold the damper; its torque, which is no demand, is 0.
+    hold the damper; its torque is not a demand and is 0.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ TIP_SPEED_RATIO = (2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 8.0, 8
 SETTLING_TURNS = 2.5
 """Turns of the rotor at each point before the mean."""
 LOWEST_COEFFICIENT = -0.15
-"""Power coefficient at which a row ends: no controller takes a rotor that far; the row goes on with its last slopes."""
+"""Power coefficient at which a row ends: no controller gets there; the row continues with its last slopes."""
 
 _INERTIAS_PER_TURN = 1.5
 """Feedback on the speed with which the machine holds it, in inertias of the rotor a turn at rated speed: a damper of

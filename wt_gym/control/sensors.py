@@ -129,7 +129,7 @@ class Notch:
     def update(self, value: float, dt: float) -> float:
         """Take the value of a step of length ``dt`` [s] and return the filtered one.
 
-        What samples at this distance cannot show (``w dt >= pi``) is passed: it would alias. The filter then goes on
+        What samples at this distance cannot show (``w dt >= pi``) is passed: it would alias. The filter then resumes
         from the value that passed.
         """
         value, angle = float(value), self.frequency * dt

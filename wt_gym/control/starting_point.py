@@ -35,7 +35,7 @@ def starting_point(turbine: Turbine, inflow: Inflow) -> OperatingPoint:
 
 
 def _beyond_cut_out(turbine: Turbine, speed: float) -> OperatingPoint:
-    """Operating point with the pitch of a schedule that goes on in a straight line."""
+    """Operating point with the pitch of a schedule that is extrapolated linearly."""
     point, before = operating_point(turbine, speed), 0.95 * turbine.cut_out
     last, earlier = operating_point(turbine, turbine.cut_out).pitch, operating_point(turbine, before).pitch
     pitch = last + (last - earlier) * (speed - turbine.cut_out) / (turbine.cut_out - before)

@@ -85,7 +85,7 @@ def check_whole_steps(name: str, time: float, control_dt: float, least: int) -> 
     Raises
     ------
     ValueError
-        If it is no whole number of them.
+        If it is not a whole number of them.
     """
     count = round(time / control_dt)
     if not (count >= least and math.isclose(count * control_dt, time, rel_tol=1e-9, abs_tol=1e-12)):

@@ -104,7 +104,7 @@ class EpisodeLength:
     Raises
     ------
     ValueError
-        If the time is no whole number of control steps, at least one.
+        If the time is not a whole number of control steps, at least one.
     """
 
     def __init__(self, time: float | None, control_dt: float):

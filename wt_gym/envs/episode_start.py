@@ -155,7 +155,7 @@ class EpisodeStarts:
 
 
 def _checked(options: dict[str, Any] | None) -> dict[str, Any]:
-    """Options of a reset, of which those that are numbers are numbers."""
+    """Options of a reset with checked numbers."""
     if options is not None and not isinstance(options, dict):
         raise ValueError(f"the options of reset must be a dict, got {shown(options)}")
     given = dict(options or {})

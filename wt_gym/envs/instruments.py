@@ -1,6 +1,6 @@
 """Instruments that are late, noisy and shifted: one set of readings at every step of the simulator.
 
-Whoever reads them at an instant, the base controller, its lidar or the agent, reads the same numbers. Noise is white in
+All readers at an instant, base controller, lidar and agent, read the same numbers. Noise is white in
 time and drawn for every instrument, of level 1 as that of the observation channels with the same name; wind speed and
 vane are read before the filters of anemometer and vane. Offsets last for an episode: those of strain gauges,
 accelerometers, positions and the wind at the nacelle (`DRIFTING`). Encoders (rotor and generator speed, azimuth, pitch)

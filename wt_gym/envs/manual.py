@@ -8,8 +8,8 @@ __all__ = ["ARGUMENTS", "HEAD", "NOTES", "manual"]
 
 HEAD = """A wind turbine in the wind, to be controlled by blade pitch, nacelle yaw and generator torque.
 
-Behind every step runs a full aeroelastic simulation: flexible blades and tower in a multibody system, loaded by an
-unsteady vortex lattice with a free wake. The task is to make power and spare the structure.
+Every step runs an aeroelastic simulation: flexible blades and tower in a multibody system, loaded by an unsteady
+vortex lattice with a free wake. The task is to maximize power while limiting structural loads.
 
 ## Action space
 
@@ -18,7 +18,7 @@ arguments; components come in the order pitch, yaw, torque.
 
 ``action_mode``: ``"rate"`` (default) moves the demands on the drives; ``"absolute"`` gives the demands, pitch over
 the operating points of the winds that are drawn and 5 degrees beyond them on both sides, torque from 0 to the
-largest; ``"residual"`` moves offsets from the demands of a ``controller`` that runs beneath at the step of
+largest; ``"residual"`` moves offsets from the demands of a base ``controller`` that runs at the step of
 the simulator: the zero action is the controller. Numbers for the NREL 5-MW:
 
 | component      | rate, at -1 and +1 | absolute (wind 6 to 18 m/s) | residual: rate, limit of the offset |
@@ -29,8 +29,8 @@ the simulator: the zero action is the controller. Numbers for the NREL 5-MW:
 | torque (HSS)   | -15, 15 kN m/s     | 0, 47.4 kN m                | 2.2 kN m/s, 4.4 kN m                |
 
 ``pitch``: ``"collective"`` one component for all blades; ``"individual"`` one a blade, blade 1 first;
-``"fixed-frame"`` mean, tilt and yaw in the frame that does not turn (`wt_gym.control.coleman`), of which every
-blade gets its share at every step of the simulator; ``"cyclic"``, residual only, tilt and yaw without the mean,
+``"fixed-frame"`` mean, tilt and yaw in the non-rotating frame (`wt_gym.control.coleman`), distributed to the blades
+at every step of the simulator; ``"cyclic"``, residual only, tilt and yaw without the mean,
 which stays with the controller. ``action_components`` leaves components out: pitch and torque
 are then the controller's, yaw rests unless the controller yaws. ``action_spans`` changes rates and limits. Residual
 offsets are narrow enough for a random policy to survive, and residual torque does not lift the power beyond 1.03
@@ -41,7 +41,7 @@ Positive pitch feathers; positive yaw is counter-clockwise seen from above, whic
 without yaw drive (greatest yaw rate 0) has no yaw component, one whose generator is a damper no torque component.
 Within a control step demands move evenly, and stop at the limits of the turbine; drives, with their own dynamics
 and greatest rates, follow the demands. An action that is not finite, of another shape or beyond [-1, 1] by more
-than rounding raises `wt_gym.errors.ActionError`, leaves the state as it was, and the episode can go on.
+than rounding raises `wt_gym.errors.ActionError`, leaves the state unchanged, and the episode can continue.
 ``env.unwrapped.layout.action.table()`` has the numbers of every choice.
 
 ## Observation space
@@ -133,7 +133,7 @@ wake are as ``Simulator.reset`` leaves them, the yaw angle is 0. At yaw angle 0 
 along +x. Winds made here have their direction against the nacelle, so that the option ``yaw`` turns the world:
 actions, observations and rewards stay the same. An inflow of your own blows from where it does, and meets the rotor
 with the yaw error that follows from ``yaw``. Extreme winds meet a parked turbine: rotor at rest, blades feathered,
-no torque; it needs a negative ``standstill_limit``, and of the base controllers none is for it.
+no torque; it needs a negative ``standstill_limit``, and no built-in base controller supports this case.
 
 ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
 [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more

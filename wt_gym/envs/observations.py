@@ -161,7 +161,7 @@ class Observer:
         ----------
         context : ObservationContext
         trail : Trail, optional
-            Signals before, of which the washout takes the means.
+            Earlier signals, whose means the washout takes.
         """
         self._sensors.reset(context.signals)
         self._lasting = self._means_before(context, trail) if len(self._washed) else np.empty(0)

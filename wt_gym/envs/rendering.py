@@ -51,7 +51,7 @@ class Renderer:
         self._build_strips(turbine)
 
     def __getstate__(self) -> tuple[Any, ...]:
-        """What a copy or a pickle takes along: figures can be made anew, but not all be copied."""
+        """What a copy or a pickle takes along: figures can be made again, but not all can be copied."""
         return self._arguments, self._history
 
     def __setstate__(self, kept: tuple[Any, ...]) -> None:

@@ -261,7 +261,7 @@ class Record:
 
     @classmethod
     def of_runs(cls, recorder: StartRecorder, runs: list[Run]) -> Record:
-        """Gather what is wanted of runs of one turbine."""
+        """Gather what is needed of runs of one turbine."""
         step, rows = runs[0].step, np.stack([run.rows for run in runs])
         windows, first, spacing = recorder.times(step)
         instants = np.arange(first, rows.shape[1], spacing)

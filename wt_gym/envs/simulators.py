@@ -38,7 +38,7 @@ def simulator_maker(
     turbine : Any
         As it was given by the user: the path of an OpenFAST model (``.fst``) is simulated as it is.
     pictured : bool
-        Whether pictures are wanted.
+        Whether pictures are required.
     longest : callable
         Gives the time that an inflow must last [s], None if that is open; asked when a simulator is made.
 

@@ -540,7 +540,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         Returns
         -------
         observation : numpy.ndarray, float32
-            That of the snapshot; with sensor noise it is drawn anew.
+            That of the snapshot; with sensor noise it is drawn again.
 
         Raises
         ------

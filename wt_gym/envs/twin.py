@@ -163,7 +163,7 @@ class Twin:
         return TwinSnapshot(self._beginning, self.course, self._steps, state)
 
     def restore(self, snapshot: TwinSnapshot) -> None:
-        """Continue from a snapshot; a simulation of the same course goes on from where it is."""
+        """Continue from a snapshot; a simulation of the same course continues from where it is."""
         self._beginning, self.course = snapshot.beginning, snapshot.course
         if self._simulated is not self.course and snapshot.state is not None:
             self.env.restore(snapshot.state)

@@ -260,7 +260,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         seed : int or sequence, optional
             Of the first turbine, those of the others following; or one each.
         options : dict, optional
-            As of a single environment, for all; ``reset_mask``, an array of bool, chooses which begin anew.
+            As of a single environment, for all; ``reset_mask``, an array of bool, chooses which start again.
 
         Returns
         -------

@@ -147,7 +147,7 @@ class WindFile:
         Raises
         ------
         InflowError
-            If the file has gone or was damaged since, or the time is no number.
+            If the file has gone or was damaged since, or the time is not a number.
         """
         wind = _wind(self.key, _state(self.key), self.turbine_size)
         return replace(wind, time_offset=wind.time_offset + time_offset)

@@ -111,7 +111,7 @@ class WindSampler:
     speeds : (float, float)
         Range of the mean speeds at hub height [m/s].
     seeds : tuple of int or None
-        Turbulence seeds that episodes draw from: none in steady wind, unknown (None) with an inflow of one's own.
+        Turbulence seeds that episodes draw from: none in steady wind, unknown (None) with a user's inflow.
 
     Raises
     ------
@@ -224,8 +224,8 @@ class WindSampler:
         length : float, optional
             Of the episode, where it is known [s].
         heading : float
-            Yaw angle of the nacelle at the start [rad], against which winds made here have their direction; inflows of
-            one's own come from where they come from.
+            Yaw angle of the nacelle at the start [rad], against which winds made here have their direction; a user's
+            inflow keeps its own direction.
 
         Returns
         -------
@@ -306,7 +306,7 @@ class WindSampler:
         Raises
         ------
         InflowError
-            If it is no inflow, or something of it is to be chosen.
+            If it is not an inflow, or something of it is to be chosen.
         """
         if options:
             raise InflowError(f"a given inflow has {', '.join(options)} already: leave them out of the options")

@@ -34,7 +34,7 @@ def digest(value: Any) -> str:
 class RunDefinition:
     """Who runs where, in what wind and for how long, and with which code: plain data.
 
-    Runs with the same `to_json` have the same numbers on the same machine. What is None is no part of it.
+    Runs with the same `to_json` have the same numbers on the same machine. Entries of None are left out.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ def _array(value: np.ndarray[Any, Any], name: str, above: tuple[int, ...]) -> An
 
 
 def _object(value: Any, name: str, above: tuple[int, ...]) -> Any:
-    """Description of what is no plain value."""
+    """Description of what is not a plain value."""
     if isinstance(value, type | types.FunctionType | types.BuiltinFunctionType):
         return _named(value, name)
     if isinstance(value, types.MethodType):

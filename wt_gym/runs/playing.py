@@ -156,7 +156,7 @@ def run_controller(
     name : str
         Of the controller, an attribute of the record.
     recorder : Recorder, optional
-        That gets the signals, by default a new one. Whoever gives one has what was simulated where a run is stopped.
+        That gets the signals, by default a new one. A given one keeps what was simulated before a stop.
     start : mapping, optional
         Arguments of the reset in place of the operating point.
 

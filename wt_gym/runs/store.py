@@ -24,7 +24,7 @@ RUNS_FOLDER, SWEEP_FILE = "runs", "sweep.json"
 class RunStore(FolderLock):
     """Folder of runs; a context that holds it for this process, where others must not write at the same time.
 
-    A file is there when it is whole: whoever stops a series finds every finished run again, and none by halves.
+    A file is there when it is whole: after an interrupted series every finished run is there, and none in part.
 
     Parameters
     ----------

@@ -259,7 +259,7 @@ def start_speed(inflow: Inflow) -> float:
 
 @dataclass(frozen=True)
 class WrappedInflow(PointInflow):
-    """An inflow made of another one, of which it has speed, hub height and bounds.
+    """An inflow made of another one, with the same speed, hub height and bounds.
 
     Parameters
     ----------

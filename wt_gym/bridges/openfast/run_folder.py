@@ -105,7 +105,7 @@ def prepare_run(
     """Write the files of a run beside each other.
 
     What they name and the run leaves as it is stays where it is, and is copied where OpenFAST's driver runs it. Files
-    of a model in the folder itself are replaced, and go on naming each other without it. The folder of a run of the
+    of a model in the folder itself are replaced, and name each other without it. The folder of a run of the
     driver can be moved.
 
     Parameters

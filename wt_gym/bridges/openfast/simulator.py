@@ -108,7 +108,7 @@ class OpenFASTSimulator:
     Every signal is there. ``tip_clearance`` follows from tip deflections and the motion of the tower top; extremes are
     over OpenFAST's steps. The start bends blades and tower as a steady wind would (`wt_gym.bridges.openfast.start`);
     ``tower_top`` has an effect by its displacements, its rates and the arguments ``wake_thrust`` and ``motion`` have
-    none: OpenFAST starts with a steady wake and a structure at rest but for the rotor. There are no snapshots, no
+    none: OpenFAST starts with a steady wake and a structure at rest except for the rotor. There are no snapshots, no
     linearization, no pictures.
 
     Examples

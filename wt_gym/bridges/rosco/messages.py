@@ -157,7 +157,7 @@ def read_numbers(message: bytes) -> list[float]:
     Raises
     ------
     MessageError
-        If it is no text, holds anything but numbers, or not as many as ROSCO sends.
+        If it is not text, holds anything but numbers, or not as many as ROSCO sends.
     """
     text = message.partition(b"\0")[0].decode("ascii", errors="replace")
     words = [word.strip() for word in text.split(",")]

@@ -46,7 +46,7 @@ class RoscoServer:
 
     ROSCO's client waits without limit for its answer. Hence every message gets one: what cannot be read, or fails to be
     answered, gets the set points with which ROSCO acts alone. A turbine whose answer has failed gets these until it
-    begins again; the others go on.
+    begins again; the others continue.
 
     Parameters
     ----------

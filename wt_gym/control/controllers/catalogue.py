@@ -148,7 +148,7 @@ SHORT_FOR = {
 }
 """Names that stand for several parts; those of `TUNED` bring parameters with them."""
 CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
-"""Every name; what is no base stands on "discon" where there is none."""
+"""Every name; additions stand on "discon" where there is no base."""
 COMPILED = ("rosco", "bladed")
 """Names of controllers that are libraries of others."""
 

@@ -198,7 +198,7 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
     Raises
     ------
     wt_gym.errors.ControllerError
-        If it is no `Demand`, has not one finite angle a blade, or a yaw rate or torque that is not finite.
+        If it is not a `Demand`, has not one finite angle a blade, or a yaw rate or torque that is not finite.
     """
     if not isinstance(demand, Demand):
         raise ControllerError(f"the controller {_name(controller)} gave {demand!r}; must be a Demand")

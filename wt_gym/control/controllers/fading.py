@@ -103,7 +103,7 @@ class AboveRated:
         Raises
         ------
         ValueError
-            For a pitch that is no number from 0.001 to 0.5 rad.
+            For a pitch that is not a number from 0.001 to 0.5 rad.
         """
         if fade is False:
             return None

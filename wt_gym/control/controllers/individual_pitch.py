@@ -168,7 +168,7 @@ class HarmonicPitch:
         lead: float = 0.0,
         share: float = 1.0,
     ) -> list[float]:
-        """The same as a list, for those who go on with numbers one by one."""
+        """The same as a list, for callers that use numbers one by one."""
         p = self.parameters
         self._moment = to_harmonic(moments, azimuth, p.harmonic)
         size = math.hypot(*self._moment)
@@ -195,7 +195,7 @@ def _within(vector: list[float], size: float) -> list[float]:
 
 
 class IndividualPitch:
-    """Addition that pitches each blade against its once- and, if wanted, twice-per-revolution flapwise moment.
+    """Addition that pitches each blade against its once- and, on request, twice-per-revolution flapwise moment.
 
     Below rated it fades out (`AboveRated`): there it would cost power. No blade is pitched below the lower limit of
     the pitch drive, which would turn the pitch of one blade into collective pitch.

@@ -3,7 +3,7 @@
 ======================================  ===========================================================================
 ``NAME+NAME:key=value,...``             controllers of the catalogue; ``controller:`` may stand in front
 ``bladed:LIBRARY:key=value,...``        a compiled controller with the Bladed interface
-``path/file.py:Class:key=value,...``    a class of one's own, or a function, in a file
+``path/file.py:Class:key=value,...``    your own class, or a function, in a file
 ``module:Class:key=value,...``          the same in a module
 ``FOLDER``, ``FILE.zip:key=value,...``  a trained model
 another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.agents.names`
@@ -199,7 +199,7 @@ def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
     Parameters
     ----------
     choice : str
-        Values are Python literals: numbers, True, False or None; words too for a class of one's own. Aliases are
+        Values are Python literals: numbers, True, False or None; words too for your own class. Aliases are
         resolved.
 
     Raises
@@ -261,7 +261,7 @@ def make_controller(
         Names of `CONTROLLERS` joined with ``+``: one of `BASES` (by default "discon", which "baseline" means too) and
         additions, for example ``"discon"``, ``"ipc"`` (the same as ``"discon+ipc"``),
         ``"tsr_tracking+constrained_ipc+tower_dampers+yaw"``; with parameters behind a colon as `name_and_parameters`
-        reads them: ``"constrained_ipc:level=0.1"``. Or a class or function of one's own, ``"path/file.py:Class"`` or
+        reads them: ``"constrained_ipc:level=0.1"``. Or your own class or function, ``"path/file.py:Class"`` or
         ``"module:Class"``, whose code is run; it is made by its ``of_turbine(turbine, ...)`` where it has one, gets
         ``turbine`` where it takes an argument of this name, and stands on "discon" where it is an addition. Or a
         controller, which is returned as it is, or a function that makes one for the turbine.
@@ -282,8 +282,8 @@ def make_controller(
         For an unknown name, which lists those allowed, a parameter that no part has or that several have, or a value
         that is not allowed; for a trained model or the class of an agent.
     TypeError
-        If what is given, or what a function gives, is no controller (an addition alone is none), or a controller comes
-        with parameters.
+        If what is given, or what a function gives, is not a controller (an addition alone is none), or a controller
+        comes with parameters.
 
     Examples
     --------
@@ -318,7 +318,7 @@ def make_controller(
 
 
 def _refuse_path(target: str) -> None:
-    """Say what to do with a path that is no controller."""
+    """Say what to do with a path that does not name a controller."""
     if target.endswith(".py"):
         parse_name(target)  # which says what is missing
     raise ValueError(
@@ -333,7 +333,7 @@ def _of_own_class(target: str, turbine: Turbine, parameters: dict[str, Any]) -> 
     if is_agent_class(maker):
         raise ValueError(
             f"{target} must be a controller (channels, start, step), got a class with predict: it acts on observations "
-            "and cannot run beneath actions or without an environment; name it as an agent, as in wt-gym evaluate"
+            "and cannot be a base controller or run without an environment; name it as an agent, as in wt-gym evaluate"
         )
     if callable(getattr(maker, "of_turbine", None)):
         made = maker.of_turbine(turbine, **parameters)
@@ -351,7 +351,7 @@ def _of_own_class(target: str, turbine: Turbine, parameters: dict[str, Any]) -> 
 
 
 def _what(given: object) -> str:
-    """Name a thing that is no controller."""
+    """Name a thing that is not a controller."""
     if is_addition(given):
         return f"the addition {given!r}, which changes the demand of a controller: use Combined(controller, addition)"
     return repr(given)

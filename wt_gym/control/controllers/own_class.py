@@ -1,4 +1,4 @@
-"""Classes of one's own, named as ``path/file.py:Class`` or ``module:Class``: to load one runs the code of its file."""
+"""Classes of the user, named as ``path/file.py:Class`` or ``module:Class``: to load one runs the code of its file."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def source_digest(target: str) -> str:
 
 
 def classes_in(file: Path) -> list[str]:
-    """Names of the classes in a file, which is read but not executed; none where it is no Python."""
+    """Names of the classes in a file, which is read but not executed; none where it is not Python."""
     try:
         tree = ast.parse(file.read_bytes())
     except (SyntaxError, ValueError, OSError):

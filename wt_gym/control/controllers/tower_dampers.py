@@ -78,7 +78,7 @@ class ForeAftDamper:
         """Gain by rule: ``2 damping omega m / |dT/dtheta|``.
 
         The sensitivity of the thrust is taken from that of the power at rated (`design_point`): a rotor whose pitch
-        takes off power dP takes off the thrust dP/V, the momentum of a wind of speed V with a third of it left over.
+        reduces the power by dP reduces the thrust by dP/V, the momentum of a wind of speed V with a third of it left.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """A controller of the kind of ROSCO: it tracks the best tip-speed ratio with an estimate of the wind.
 
 After the description of NREL's reference open-source controller (Abbas, Zalkind, Pao and Wright, Wind Energ. Sci. 7
-(2022) 53), written anew and smaller: a proportional-integral law for the torque that follows the tip-speed ratio, the
+(2022) 53), own, smaller: a proportional-integral law for the torque that follows the tip-speed ratio, the
 gain-scheduled pitch law of the baseline, set points of both moved apart so that only one acts at a time (section 3.4),
 and a lower limit of the pitch that rises with the estimated wind: for power where the rotor cannot turn slowly enough,
 and near rated to cut the peak of the thrust ("peak shaving", section 3.3).

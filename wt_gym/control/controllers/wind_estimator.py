@@ -10,7 +10,7 @@ Mancilla-David and Jaramillo, Int. J. Robust Nonlinear Control 23 (2013) 1346):
     ``v = beta + gamma Omega``,  ``d beta/dt = (gamma / J) (N M_gen / eta - Q(v, Omega, theta))``.
 
 Its error decays at the rate ``(gamma/J) dQ/dv`` wherever Q grows with v. Here gamma follows that slope so that the rate
-is one chosen bandwidth in every wind (beta is set anew with it, so that the estimate does not jump).
+is one chosen bandwidth in every wind (beta is set again with it, so that the estimate does not jump).
 """
 
 from __future__ import annotations

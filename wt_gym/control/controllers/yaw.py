@@ -37,7 +37,7 @@ class YawByDeadBand:
 
     At rest the yaw error passes a slow low-pass filter; the drive starts when that leaves the dead-band. Turning, a
     faster filter is read, and the drive stops when the error has become small or has changed sign through zero; the
-    slow filter then goes on from that reading. A wind from behind, whose error flips between 180 and -180 degrees, does
+    slow filter then resumes at that reading. A wind from behind, whose error flips between 180 and -180 degrees, does
     not turn the drive back. A filter of time constant tau delays as much as an average over 2 tau.
 
     Parameters

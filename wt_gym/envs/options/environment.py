@@ -203,7 +203,7 @@ def env_arguments() -> tuple[str, ...]:
 
 
 def argument_default(name: str) -> Any:
-    """Default of an argument that is no group, by its flat name."""
+    """Default of an argument outside the groups, by its flat name."""
     return _PLAIN[name].default if name in _PLAIN else _FLAT[name][1].default
 
 

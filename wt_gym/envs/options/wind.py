@@ -79,7 +79,7 @@ def checked_wind_seed(seed: Any) -> int:
     Raises
     ------
     InflowError
-        If it is no integer that has a place in arrays and files.
+        If it is not an integer that arrays and files can hold.
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InflowError(f"a wind seed must be an integer of at least 0, got {seed!r}")

@@ -1,7 +1,7 @@
 """Faults of drives and sensors: what breaks, and when.
 
 A drive that fails is a law that wraps the sound one (`wt_gym.simulation.drivetrain.drives`): it acts once an
-aerodynamic step, at the simulator's own step, whoever gives the demands. All that a law remembers is its command; what
+aerodynamic step, at the simulator's own step, for any source of demands. All that a law remembers is its command; what
 the time is it asks a clock. A sensor that fails changes what controllers and agents read, and nothing else.
 
 Times count from the reset. A fault acts in the first step that begins at its time or later.
