@@ -40,9 +40,9 @@ _FORMAT = 8  # raise when what a record holds changes
 RECORD_SEED = 7_777_000
 """First seed of the turbulence in which a turbine is recorded, none of an evaluation or training."""
 _ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "turbines", "wind")
-_MOST = 32
-"""Records in memory, of some 2 MB each."""
-_MOST_FILES = 200
+_MOST, _MOST_FILES = 32, 200
+_MOST_BYTES, _MOST_FILE_BYTES = 300_000_000, 2_000_000_000
+"""Records in memory and files, at most: some 2 MB each, 35 MB of a controller with a long memory."""
 _PARTS = ("now", "history", "thrust", "before")
 _records: dict[str, Record | None] = {}
 _warned: set[str] = set()
@@ -91,7 +91,8 @@ def kept_record(recorder: StartRecorder, identity: str, winds: WindSampler, spee
             kept = Kept(recorder.record(inflows))
             _store(folder, key, kept)
     with _lock:
-        while len(_records) >= _MOST:
+        new = _size(kept.record)
+        while _records and (len(_records) >= _MOST or new + sum(map(_size, _records.values())) > _MOST_BYTES):
             _records.pop(next(iter(_records)))
         _records[key] = kept.record
     return kept.record
@@ -170,11 +171,20 @@ def _store(folder: Path | None, key: str, kept: Kept) -> None:
     try:
         with whole_file(path) as partial, partial.open("wb") as file:
             np.savez(file, **_arrays(kept.record))
-        for old in sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime)[:-_MOST_FILES]:
-            old.unlink(missing_ok=True)
-            old.with_suffix(".lock").unlink(missing_ok=True)
+        total = 0
+        newest_first = sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime, reverse=True)
+        for number, old in enumerate(newest_first):
+            total += old.stat().st_size
+            if number and (number >= _MOST_FILES or total > _MOST_FILE_BYTES):
+                old.unlink(missing_ok=True)
+                old.with_suffix(".lock").unlink(missing_ok=True)
     except OSError as error:
         _log.warning("a record of the running turbine could not be kept in %s (%s)", folder, error)
+
+
+def _size(record: Record | None) -> int:
+    """Bytes of what a record holds most of."""
+    return 0 if record is None else record.memory.values.nbytes + sum(getattr(record, n).nbytes for n in _PARTS)
 
 
 def _arrays(record: Record | None) -> dict[str, Any]:
