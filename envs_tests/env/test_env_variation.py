@@ -418,7 +418,7 @@ def test_the_twin_has_the_same_plant_and_sensors():
     for _ in range(5):
         _, reward, *_ = env.step(np.zeros(env.action_space.shape))
         assert reward == 0.0  # zero actions are the controller alone, with the same readings
-    assert env._twin.simulator.turbine.air_density == env.simulator.turbine.air_density != env.turbine.air_density
+    assert env._twin.env.simulator.turbine.air_density == env.simulator.turbine.air_density != env.turbine.air_density
 
 
 def test_a_vector_of_turbines_is_single_ones():

@@ -406,7 +406,7 @@ class ActionMap:
         if "pitch" in self.components:
             reach = spans["pitch_rate"] * dt
             pairs = zip(pitch.tolist(), wanted[: self.n_pitch], strict=True)
-            pitch = np.array([now + min(max(aim - now, -reach), reach) for now, aim in pairs])
+            pitch = np.array([now + min(max(end - now, -reach), reach) for now, end in pairs])
         if self.has_yaw:
             yaw_rate = wanted[self.names.index("yaw_rate")]
         if "torque" in self.components:

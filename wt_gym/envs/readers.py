@@ -57,7 +57,7 @@ class ObservationContext:
     yaw_drive : YawByDeadBand, optional
         Dead-band control of the yaw drive in the base controller.
     disturbances : numpy.ndarray, shape (n,), optional
-        What the linear optimal pitch of the base controller knows, as of `LinearOptimalPitch.seen`.
+        What the linear optimal pitch of the base controller knows, as of `LinearOptimalPitch.known`.
     """
 
     signals: Signals

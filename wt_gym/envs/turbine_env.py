@@ -484,7 +484,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         drive, known = yaw_drive_of(o.controller), None
         if self._observer.sees_disturbances:
             part = linear_part(o.controller)
-            known = None if part is None else part.seen(signals)
+            known = None if part is None else part.known(signals)
         return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
