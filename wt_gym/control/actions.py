@@ -214,6 +214,11 @@ class ActionMap:
         return self.mode == "residual" or "pitch" not in self.components or torque
 
     @property
+    def pitch_rate(self) -> float:
+        """Greatest rate of the pitch [rad/s]."""
+        return self._spans["pitch_rate"]
+
+    @property
     def torque_offset_limit(self) -> float:
         """Greatest residual torque [N m]."""
         return self._spans["torque"]
