@@ -22,6 +22,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.playing import play, run_controller
 from wt_gym.runs.table import make_runs
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
@@ -276,7 +277,8 @@ def run_agent(
         [s].
     fidelity : str or Fidelity
     control_dt : float, optional
-        [s]; by default that of the agent's training, else the environment's.
+        [s]; by default the step of the simulator, at which controllers are recorded too: what is sampled less often
+        has smaller loads. An agent that was trained with a longer step holds its actions.
     simulator : str, mapping or callable
         As the argument of the environment.
 
@@ -299,9 +301,8 @@ def run_agent(
         interface |= RESIDUAL_INTERFACE
     if is_base_controller(name.text):
         interface["controller"] = partial(make_controller, name.text)
-    step = control_dt or record.get("control_dt")
-    if step is not None:
-        interface["control_dt"] = step
+    step = fidelity_of(fidelity).step_for(turbine.drivetrain.rated_rotor_speed)
+    interface["control_dt"] = control_dt or interface.get("control_dt") or step
     interface |= {"inflow": inflow, "wind_speed": None, "start": "steady", "simulator": simulator}
     env = WindTurbineEnv(turbine, fidelity=fidelity, **interface)
     try:

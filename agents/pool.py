@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 __all__ = ["AgentPool", "Environments", "load_agent", "load_model"]
 
 _ENDLESS = 10**9  # control steps
-_COMPARED = {"relative_reward": False}  # the baseline runs in the same wind and is compared afterwards
+_COMPARED = {"relative_reward": False, "starts": None}
+"""The baseline runs in the same wind and is compared afterwards; beginnings of a training are none of an evaluation."""
 
 
 def load_agent(choice: str, layout: EnvLayout, env: gym.Env | None = None) -> Agent:

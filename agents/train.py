@@ -294,7 +294,7 @@ class _Session:
             "observation": list(layout.observation.names),
             "action": list(layout.action.names),
             "normalized": config.resolved["normalize_observations"],
-            "wind_seeds": None if self._wind.seeds is None else list(self._wind.seeds),
+            "wind_seeds": self._wind_seeds(),
             "wt_gym": wt_gym.__version__,
             "versions": {name: version(name) for name in self._learner.packages},
             "config": config.to_json(),
@@ -304,6 +304,14 @@ class _Session:
             "evaluation": self._evaluation_record(),
             "sessions": [*self._sessions, session],
         }
+
+    def _wind_seeds(self) -> list[int] | None:
+        """Seeds of all turbulence that the model may have met; None for winds of other kinds."""
+        if self._wind.seeds is None:
+            return None
+        options = self._config.pretraining
+        before = () if options is None else PretrainingOptions.of(options).wind_seeds
+        return sorted({*map(int, self._wind.seeds), *before})
 
     def _evaluation_record(self) -> dict[str, Any] | None:
         """Evaluations while training, as JSON values."""

@@ -31,7 +31,7 @@ __all__ = [
 
 KEPT = (
     "action_spans", "residual_fade", "residual_washout", "residual_form", "controller", "sensor_noise", "sensor_delay",
-    "sensor_washout",
+    "sensor_washout", "sensors",
 )  # fmt: skip
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
 inflow and wind are not among them: to carry an agent over to others is an experiment."""

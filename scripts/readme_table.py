@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""The table of README.md, from the record of the crosscheck.
+"""The table of README.md, from the records of the crosschecks.
 
     scripts/readme_table.py            # write it
     scripts/readme_table.py --check    # exit status 1 where it is another one
 
-README.md says for which agent: ``<!-- crosscheck: AGENT -->``, a name in docs/data/crosscheck.json.
+README.md says for which agents: ``<!-- crosscheck: AGENT ... -->``, names in a record docs/data/crosscheck*.json.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from pathlib import Path
 import use_venv  # noqa: F401 - finds packages and interpreter
 
 ROOT = Path(__file__).resolve().parents[1]
-RECORD = ROOT / "docs" / "data" / "crosscheck.json"
+RECORDS = sorted((ROOT / "docs" / "data").glob("crosscheck*.json"))
 COLUMNS = {
     "blade_flap_del": "flap fatigue",
     "tower_fore_aft_del": "tower fore-aft",
@@ -23,23 +23,18 @@ COLUMNS = {
     "mean_power": "power",
 }
 LEAST_SPEED = 10.0  # [m/s]; below rated wind the agents of the load tasks rest
-BLOCK = re.compile(r"(<!-- crosscheck: (\S+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+BLOCK = re.compile(r"(<!-- crosscheck: ([^>]+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
 
-def table(content, agent):
-    """Rows by wind speed: change in both simulators.
-
-    Raises
-    ------
-    KeyError
-        If the record does not have the agent.
-    """
+def table(content, agents):
+    """Rows by wind speed and agent: change in both simulators."""
     speeds = sorted({row["wind_speed"] for row in content["metrics"] if (row["wind_speed"] or 0.0) > LEAST_SPEED})
     found = {(row["wind_speed"], row["metric"]): row["changes"] for row in content["metrics"]}
-    lines = ["| mean wind | " + " | ".join(COLUMNS.values()) + " |", "|---|" + "---|" * len(COLUMNS)]
+    lines = ["| mean wind | agent | " + " | ".join(COLUMNS.values()) + " |", "|---|---|" + "---|" * len(COLUMNS)]
     for speed in speeds:
-        cells = [_pair(found[speed, metric][agent]) for metric in COLUMNS]
-        lines.append(f"| {speed:g} m/s | " + " | ".join(cells) + " |")
+        for agent in agents:
+            cells = [_pair(found[speed, metric][agent]) for metric in COLUMNS]
+            lines.append(f"| {speed:g} m/s | `{agent}` | " + " | ".join(cells) + " |")
     runs = content["settings"][0]
     seeds = sum(wind.startswith(f"{speeds[0]:g} m/s") for wind in content["winds"])
     note = (
@@ -58,11 +53,21 @@ def _percent(value):
     return "0.0" if text[1:] == "0.0" else text
 
 
-def written(text, content):
-    """The text of README.md with its table as the record has it."""
-    if not BLOCK.search(text):
+def written(text, contents):
+    """The text of README.md with its table as the record that has the agent has it.
+
+    Raises
+    ------
+    ValueError
+        If there is no table, or its agents are in no record.
+    """
+    if not (block := BLOCK.search(text)):
         raise ValueError("README.md must have a block <!-- crosscheck: AGENT --> … <!-- end -->")
-    return BLOCK.sub(lambda found: found[1] + table(content, found[2]) + found[4], text)
+    agents = block[2].split()
+    mine = [content for content in contents if set(agents) <= set(content["metrics"][0]["changes"])]
+    if not mine:
+        raise ValueError(f"a record of docs/data must have the agents of the table, got {block[2]}")
+    return BLOCK.sub(lambda found: found[1] + table(mine[0], agents) + found[4], text)
 
 
 def main(words=None):
@@ -72,7 +77,7 @@ def main(words=None):
     arguments = parser.parse_args(words)
     page = ROOT / "README.md"
     old = page.read_text(encoding="utf-8")
-    new = written(old, json.loads(RECORD.read_text(encoding="utf-8")))
+    new = written(old, [json.loads(path.read_text(encoding="utf-8")) for path in RECORDS])
     if not arguments.check:
         page.write_text(new, encoding="utf-8")
     return int(arguments.check and new != old)

@@ -77,11 +77,13 @@ def scene_of(
     """
     name = parse_name(choice)
     steady = {"relative_reward": False, "start": "steady", "episode_length": None, "simulator": "wt_gym"}
+    steady |= {"sensors": "agent", "sensor_noise": 0.0, "sensor_delay": 0.0}  # as the model is
     if name.kind == "trained":
         if turbine is not None:
             raise ValueError("the turbine is that of the agent's training; it must be left out")
         card = model_card(name.target, name.parameters.get("env"))
         known = training_arguments(load_model(name).record, card.get("env_kwargs", {}), name.target)
+        known = {key: value for key, value in known.items() if key != "variation" and not key.startswith("vary_")}
         arguments = known | (env_kwargs or {}) | steady
         env = WindTurbineEnv(**arguments)
     else:

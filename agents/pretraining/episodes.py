@@ -173,6 +173,8 @@ def check_environment(env: WindTurbineEnv) -> None:
         )
     if env.operation.count != 1:
         raise ValueError(f"pretraining needs control_dt={env.operation.step:g}, the step of the simulator")
+    if env.options.variation.varies or env.sensors == "all":
+        raise ValueError("pretraining needs one plant and exact sensors: leave out variation and sensors='all'")
     if env.options.observations.history != 1 or env.options.observations.delay:
         raise ValueError("pretraining needs history=1 and sensor_delay=0")
 

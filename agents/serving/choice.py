@@ -30,6 +30,9 @@ _NOT_RUN = {
 }  # fmt: skip
 """Of an environment that tells what an agent sees and does, but is not run: ROSCO is its base controller."""
 
+_OF_THE_CONTROLLER = ("disturbance_", "linear_pitch_", "dead_band_")
+"""Beginnings of the names of channels that a base controller knows and ROSCO does not."""
+
 
 def answers_of(
     choice: str, env_id: str | None = None, turbine: str | None = None, lead: float | None = None
@@ -91,6 +94,12 @@ def _trained(name: Name, lead: float | None) -> ServedAgent:
 
     agent = load_model(name)
     card = model_card(name.target, name.parameters.get("env")).get("env_kwargs", {})
+    inside = [seen for seen in (agent.record or {}).get("observation", ()) if str(seen).startswith(_OF_THE_CONTROLLER)]
+    if inside:
+        raise ControllerError(
+            f"the agent must see what ROSCO sends, got {', '.join(inside[:3])} and the like, which its own base "
+            "controller knows; export it instead (wt-gym export), with that controller"
+        )
     env = _environment(training_arguments(agent.record, card, name.target))
     agent.enter(env.layout)
     return ServedAgent(lambda: agent, env, lead)

@@ -194,7 +194,7 @@ class _Turbine:
                 _log.error("turbine %d: ROSCO acts alone from now on: %s", self._number, error)
                 self._refused = True
         if missing or self._refused:
-            most = float(self._action.high[0]) * hold
+            most = self._action.pitch_rate * hold
             self._present = self._present - np.clip(self._present, -most, most)
         return self._points(hold)
 

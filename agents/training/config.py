@@ -104,6 +104,8 @@ class TrainingConfig:
         if self.env_kwargs.get("vector_reward"):
             raise ValueError("the reward of a training must be one number, got its terms: leave out vector_reward")
         object.__setattr__(self, "hyperparameters", check_hyperparameters(self.algorithm, self.hyperparameters))
+        if self.pretraining is not None and self.resolved["normalize_observations"]:
+            raise ValueError("pretraining needs normalize_observations: false")
 
     @property
     def resolved(self) -> dict[str, Any]:

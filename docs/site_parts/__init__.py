@@ -38,6 +38,7 @@ PARTS = {
     "lattices": options.lattices,
     "cli": command_line.commands,
     "crosscheck": crosscheck_record.crosscheck,
+    "crosscheck_linear": crosscheck_record.crosscheck_linear,
     "validation": validation_record.summary,
     "checks": validation_record.checks,
 }

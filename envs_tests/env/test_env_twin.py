@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from wt_gym.agents.pool import Environments
 from wt_gym.envs import reward_store
 from wt_gym.envs.rewards import FunctionTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -245,3 +246,17 @@ def test_a_file_that_is_not_sound_is_recorded_again(damage, tmp_path, caplog):
     env.close()
     reward_store._courses.clear()
     assert len(reward_store.kept_course(path.stem, tuple(expected[0][1]))) == 20
+
+
+def test_an_evaluation_begins_where_no_training_does():
+    """Beginnings of a training are few and always the same; those of an evaluation are drawn by its seed."""
+    environments = Environments("wt_gym/Gusts-v3", {"start": "steady"}, 4.0)
+    evaluated, trained = environments.plain.unwrapped, gym.make("wt_gym/Gusts-v3", start="steady").unwrapped
+    starts = trained.options.starts
+    known = set()
+    for number in range(starts):
+        trained.reset(seed=0, options={"start_number": number, "wind_speed": 12.0})
+        known.add(repr(trained.episode_wind.inflow))
+    for seed in range(20):
+        evaluated.reset(seed=7_000_000 + seed, options={"wind_speed": 12.0})
+        assert repr(evaluated.episode_wind.inflow) not in known

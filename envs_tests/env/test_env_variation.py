@@ -11,7 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from wt_gym.control.controllers import make_controller
-from wt_gym.envs import WindTurbineVectorEnv
+from wt_gym.envs import WindTurbineVectorEnv, reward_store
 from wt_gym.envs.instruments import DRIFTING
 from wt_gym.envs.options.variation import CHOICES, HELD_BACK, PRESETS, RANGES, STRUCTURAL, TRAIN, Variation
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -418,7 +418,36 @@ def test_the_twin_has_the_same_plant_and_sensors():
     for _ in range(5):
         _, reward, *_ = env.step(np.zeros(env.action_space.shape))
         assert reward == 0.0  # zero actions are the controller alone, with the same readings
-    assert env._twin.simulator.turbine.air_density == env.simulator.turbine.air_density != env.turbine.air_density
+    assert env._twin.env.simulator.turbine.air_density == env.simulator.turbine.air_density != env.turbine.air_density
+
+
+def test_numbered_beginnings_have_their_variation_and_a_twin_that_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(reward_store, "user_cache", lambda: tmp_path)
+    reward_store._courses.clear()
+    env = make(variation=FEW, relative_reward=True, starts=4, control_dt=0.1, reward={"power": 1.0})
+    drawn = [
+        env.reset(seed=seed, options={"start_number": number})[1]["variation"] for seed, number in ((1, 2), (9, 2))
+    ]
+    assert drawn[0] == drawn[1] != env.reset(options={"start_number": 3})[1]["variation"]
+    other = make(variation=FEW, relative_reward=True, starts=4, control_dt=0.1, reward={"power": 1.0})
+    rewards = []
+    for one in (env, other):
+        one.reset(seed=3, options={"start_number": 2})
+        rewards.append([one.step(np.full(one.action_space.shape, 0.2))[1] for _ in range(5)])
+    assert rewards[0] == rewards[1]
+    assert other._twin.env.simulator is None  # what the first one recorded was there
+    other.reset(options={"start_number": 3})
+    assert other._twin.course is not env._twin.course
+    reward_store._courses.clear()
+
+
+def test_random_numbers_from_outside_begin_a_stream():
+    env = make(variation=FEW)
+    env.np_random = np.random.default_rng(3)
+    first = env.reset()[1]["variation"]
+    env = make(variation=FEW)
+    env.np_random = np.random.default_rng(3)
+    assert env.reset()[1]["variation"] == first
 
 
 def test_a_vector_of_turbines_is_single_ones():

@@ -344,7 +344,7 @@ def messages_of_refusals():
 def table_of_the_readme():
     script = load_script("readme_table")
     text = text_of("README.md")
-    return text, script.written(text, json.loads(text_of("docs/data/crosscheck.json")))
+    return text, script.written(text, [json.loads(path.read_text(encoding="utf-8")) for path in script.RECORDS])
 
 
 @statement

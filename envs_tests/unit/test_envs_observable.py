@@ -177,13 +177,13 @@ LOADS = ("root_flap_moment_1", "root_flap_moment_tilt", "root_edge_moment_mean",
          "nacelle_acceleration_side_side")  # fmt: skip
 
 
-def washed(steps, tau=20.0, trail=None, dt=0.1):
+def washed(steps, tau=20.0, trail=None, dt=0.1, offsets=None):
     """Physical values of `LOADS` and of the rotor speed behind a washout, one row an instant."""
     observer = Observer(TURBINE, ACTION, (*LOADS, "rotor_speed"), washout=tau)
     layout, rows = observer.layout, []
     for k, now in enumerate(steps):
         if k == 0:
-            observer.reset(context(now), trail)
+            observer.reset(context(now), trail, offsets)
         else:
             observer.advance(now, dt)
         found, _ = observer.observe(context(now), np.random.default_rng(0))
@@ -220,6 +220,23 @@ def test_a_blade_starts_from_the_mean_of_the_blades_and_an_acceleration_from_zer
     assert found[0] == pytest.approx(1e6 * math.cos(0.3), rel=1e-5)
     assert found[1] == pytest.approx(0.0, abs=1.0)
     assert found[4] == pytest.approx(0.1, rel=1e-5)
+
+
+def test_offsets_of_sensors_do_not_pass_a_washout_at_a_running_start():
+    """The signals before a start are true ones, those since are what the sensors read."""
+    offsets = np.zeros(len(channel_table(3)))
+    index = {channel.name: k for k, channel in enumerate(channel_table(3))}
+    offsets[index["tower_base_fore_aft_moment"]] = 4e6
+    offsets[index["nacelle_acceleration_side_side"]] = 0.05
+    true = [loaded(0.0, azimuth=k) for k in range(40)]
+    read = loaded(0.0)
+    read.values[:] += offsets
+    trail = Trail(np.array([row.values for row in true]), 1.0)
+    (found,) = washed([read], trail=trail, offsets=offsets)
+    assert found[3] == pytest.approx(0.0, abs=10.0)
+    assert found[4] == pytest.approx(0.0, abs=1e-6)
+    (passed,) = washed([read], trail=trail)
+    assert passed[3] == pytest.approx(4e6, rel=1e-4)
 
 
 def test_a_washout_starts_from_the_means_of_what_was_recorded_before():

@@ -488,7 +488,7 @@ def driven_with_an_agent(turbine, told=True, n=120):
         signals = signals_of(wanted[:, k] + respond(responses, acting)[:, k], k * DT * SPEED) | {
             "pitch": np.full(3, 0.15)
         }
-        seen.append(controller.seen(signals))
+        seen.append(controller.known(signals))
         base = controller.step(signals, DT, above_rated(0.15))
         ahead = signals["azimuth"] + signals["rotor_speed"] * pitch_delay(turbine.pitch, DT)
         pitch = base.pitch + np.array(to_blades(drawn[:, k].tolist(), ahead, 3))
@@ -523,7 +523,7 @@ def test_looking_changes_nothing(turbine):
     controller, *_ = driven_with_an_agent(turbine, n=20)
     signals = signals_of(drawn_disturbances(1)[:, 0], 1.0)
     before = memory_of(controller).values
-    controller.seen(signals)
+    controller.known(signals)
     np.testing.assert_array_equal(memory_of(controller).values, before)
 
 

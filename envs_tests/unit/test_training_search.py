@@ -9,9 +9,10 @@ from wt_gym.agents.training import search as searching
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.hyperparameters import hyperparameters_for
 from wt_gym.agents.training.search import BEST_FILE, SPACES, search
+from wt_gym.tasks import DEFAULT_ENV
 
 pytest.importorskip("optuna")
-TASK = "wt_gym/LoadReduction-v1"
+TASK = DEFAULT_ENV
 CONFIG = TrainingConfig(total_steps=300, eval_every=100, tensorboard=False)
 
 

@@ -158,7 +158,12 @@ def _drawn_action(turbine: Turbine, has_table: bool, policy: str, rng: np.random
     beneath = str(rng.choice([name for name in usable if turns or "ipc" not in name]))
     more: dict[str, Any] = {"residual_fade": bool(rng.random() < 0.5)}
     more["residual_washout"] = 10.0 if rng.random() < 0.3 else None
-    groups = [name for name in OBSERVATION_GROUPS if name != "disturbances" and (has_table or name != "wind_estimate")]
+    absent = (
+        {"disturbances"}
+        | ({"dead_band"} if "yaw" not in beneath else set())
+        | (set() if has_table else {"wind_estimate"})
+    )
+    groups = [name for name in OBSERVATION_GROUPS if name not in absent]
     if policy == "controller":  # which acts itself, on all that there is
         mode, pitch, wanted = ("rate", "absolute")[rng.integers(2)], "individual" if turns else "collective", None
     drives = {"pitch": True, "yaw": turbine.nacelle.max_yaw_rate > 0.0, "torque": turbine.drivetrain.takes_torque}
@@ -167,6 +172,7 @@ def _drawn_action(turbine: Turbine, has_table: bool, policy: str, rng: np.random
         more["controller"] = beneath
     else:
         groups.remove("controller")
+        groups = [name for name in groups if name != "dead_band"]
     if mode != "residual" or components == ("yaw",):  # of which there are no offsets
         groups.remove("offsets")
     if not turns:

@@ -37,11 +37,11 @@ __all__ = ["INTERFACE", "benchmark_metrics", "delivered_power", "make_env", "pla
 
 INTERFACE = (
     "action_mode", "pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "residual_form",
-    "controller", "observation", "history", "sensor_washout", "control_dt",
+    "controller", "observation", "history", "sensor_washout",
 )  # fmt: skip
 """Arguments of the environment that an agent may choose: what it sees, what its actions mean, its base controller."""
 
-_LATER = (("sensor_washout", None),)
+_LATER = (("sensor_washout", None), ("residual_form", "rate"))
 """Arguments that came after results had been recorded, with the values that those were made with."""
 _ENDLESS = 10**9  # control steps
 _SPELL = 10.0  # s, over which power beyond the rated one may make up for power below it
@@ -98,7 +98,7 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     if isinstance(interface.get("controller"), list):
         name, parameters = interface["controller"]
         interface["controller"] = partial(_make_controller, name, parameters)
-    given = {**task.env_kwargs, **interface, "relative_reward": False}  # runs are compared with those of others
+    given = {**task.env_kwargs, **interface} | {"relative_reward": False, "starts": None}  # compared with other runs
     if wind.transient is not None:
         given |= {"inflow": wind.inflow(_turbine(task)), "wind_speed": None}
     with warnings.catch_warnings():  # a frozen task keeps the version of its id

@@ -214,6 +214,11 @@ class ActionMap:
         return self.mode == "residual" or "pitch" not in self.components or torque
 
     @property
+    def pitch_rate(self) -> float:
+        """Greatest rate of the pitch [rad/s]."""
+        return self._spans["pitch_rate"]
+
+    @property
     def torque_offset_limit(self) -> float:
         """Greatest residual torque [N m]."""
         return self._spans["torque"]
@@ -406,7 +411,7 @@ class ActionMap:
         if "pitch" in self.components:
             reach = spans["pitch_rate"] * dt
             pairs = zip(pitch.tolist(), wanted[: self.n_pitch], strict=True)
-            pitch = np.array([now + min(max(aim - now, -reach), reach) for now, aim in pairs])
+            pitch = np.array([now + min(max(end - now, -reach), reach) for now, end in pairs])
         if self.has_yaw:
             yaw_rate = wanted[self.names.index("yaw_rate")]
         if "torque" in self.components:

@@ -17,6 +17,8 @@ from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from wt_gym.envs.running_start import RunningStart
     from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
@@ -78,7 +80,7 @@ class EpisodeStarts:
         rng: np.random.Generator,
         options: dict[str, Any] | None,
         length: float | None,
-        drawn: DrawnVariation | None = None,
+        draw: Callable[[int | None], DrawnVariation | None] | None = None,
     ) -> Beginning:
         """Draw a beginning.
 
@@ -89,7 +91,8 @@ class EpisodeStarts:
             Of the reset.
         length : float, optional
             Of the episode, where it is known [s].
-        drawn : DrawnVariation, optional
+        draw : callable, optional
+            Draws a variation, for a numbered beginning that of its number.
 
         Raises
         ------
@@ -99,7 +102,8 @@ class EpisodeStarts:
             If a wind is asked for that cannot be had.
         """
         given = _checked(options)
-        rng = self._numbered(rng, given)
+        rng, number = self._numbered(rng, given)
+        drawn = None if draw is None else draw(number)
         faults = checked_faults(given.get("faults", ()), self._turbine.n_blades)
         yaw = check_number("yaw", given.get("yaw", 0.0), "rad")
         chosen = {name: given[name] for name in _WIND if name in given}
@@ -117,17 +121,18 @@ class EpisodeStarts:
             start = replace(start, motion=None)
         return Beginning(wind, start, yaw, (*faults, *drawn.faults), drawn)
 
-    def _numbered(self, rng: np.random.Generator, given: dict[str, Any]) -> np.random.Generator:
-        """Random numbers of one of the beginnings, where there are so many and no more."""
+    def _numbered(self, rng: np.random.Generator, given: dict[str, Any]) -> tuple[np.random.Generator, int | None]:
+        """Random numbers of one of the beginnings and its number, where there are so many and no more."""
         chosen, count = given.get("start_number"), self._count
         if count is None:
             if chosen is not None:
                 raise ValueError(f"start_number must be left out without starts, got {chosen!r}")
-            return rng
+            return rng, None
         drawn = int(rng.integers(count))  # also where one is chosen: what is drawn later stays as it is
         if chosen is not None and not (isinstance(chosen, int | np.integer) and 0 <= chosen < count):
             raise ValueError(f"start_number must be a whole number from 0 to {count - 1}, got {shown(chosen)}")
-        return np.random.default_rng((_FIRST_START, drawn if chosen is None else int(chosen)))
+        number = drawn if chosen is None else int(chosen)
+        return np.random.default_rng((_FIRST_START, number)), number
 
     def _start(
         self, rng: np.random.Generator, wind: EpisodeWind, given: dict[str, Any], yaw: float, azimuth: float

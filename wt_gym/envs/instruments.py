@@ -120,6 +120,8 @@ class Instruments:
     ----------
     readings : Signals
         The last ones.
+    offset : numpy.ndarray, shape (n_signals,)
+        Of the signals, in their units.
     instant : (float, float)
         Time and yaw of the nacelle at which they were taken [s, rad]; the lidar has looked there and then.
     """
@@ -131,8 +133,8 @@ class Instruments:
         self, table: InstrumentTable, level: float, delay: int, shifts: Mapping[str, float], n_gates: int, seed: int
     ):
         self._table, self._level = table, level
-        self._offset, self._wind_offset = table.offsets(shifts)
-        self._shifted = bool(np.any(self._offset))
+        self.offset, self._wind_offset = table.offsets(shifts)
+        self._shifted = bool(np.any(self.offset))
         self._turns = level > 0.0 or self._shifted
         self._late: deque[NDArray[np.float64]] = deque(maxlen=delay + 1)
         self._rng = np.random.default_rng(seed)
@@ -153,7 +155,7 @@ class Instruments:
             speed += self._level * table.wind_noise * normal[n]
             self._of_lidar = self._level * table.lidar_noise * normal[n + 1 :]
         if self._shifted:
-            values += self._offset
+            values += self.offset
         if self._turns:
             values[place["yaw_error"]] = wrapped(values[place["yaw_error"]])
         if speed:

@@ -154,7 +154,7 @@ class Observer:
 
     # ---- readings ----
 
-    def reset(self, context: ObservationContext, trail: Trail | None = None) -> None:
+    def reset(self, context: ObservationContext, trail: Trail | None = None, offsets: np.ndarray | None = None) -> None:
         """Start the filters in steady state.
 
         Parameters
@@ -162,8 +162,11 @@ class Observer:
         context : ObservationContext
         trail : Trail, optional
             Earlier signals, whose means the washout takes.
+        offsets : numpy.ndarray, shape (n_signals,), optional
+            Of the sensors, in the units of the signals.
         """
         self._sensors.reset(context.signals)
+        context = replace(context, offsets=offsets)
         self._lasting = self._means_before(context, trail) if len(self._washed) else np.empty(0)
         self._readings: deque[np.ndarray] = deque(maxlen=self._delay + self._history)
 
@@ -176,7 +179,8 @@ class Observer:
         if trail is None or not len(trail.signals):
             return present
         n_blades = context.signals.n_blades
-        rows = [replace(context, signals=Signals(row, n_blades)) for row in trail.signals]
+        read = trail.signals if context.offsets is None else trail.signals + context.offsets
+        rows = [replace(context, signals=Signals(row, n_blades)) for row in read]
         means = np.array([self._means_of(row) for row in rows])
         ages = trail.spacing * np.arange(len(rows), 0, -1)
         weights = np.exp(-ages / cast("float", self._washout))
@@ -249,7 +253,7 @@ def _mean_reader(observed: Observed) -> Callable[[Sensors, ObservationContext], 
     name, reader = observed.channel.name, observed.reader
     stem, _, number = name.rpartition("_")
     if name.startswith("nacelle_acceleration_"):
-        return _zero
+        return partial(_offset, cast("FromSignals", reader).name)
     if not number.isdecimal():
         return None
     if isinstance(reader, FromSignals):
@@ -257,8 +261,11 @@ def _mean_reader(observed: Observed) -> Callable[[Sensors, ObservationContext], 
     return partial(_mean_of_blades, cast("Computed", reader).function)
 
 
-def _zero(_: Sensors, __: ObservationContext) -> float:
-    return 0.0
+def _offset(name: str, _: Sensors, context: ObservationContext) -> float:
+    """Of a sensor whose true mean is zero."""
+    if context.offsets is None:
+        return 0.0
+    return float(Signals(context.offsets, context.signals.n_blades)[name])
 
 
 def _mean_of_signal(name: str, _: Sensors, context: ObservationContext) -> float:

@@ -57,7 +57,9 @@ class ObservationContext:
     yaw_drive : YawByDeadBand, optional
         Dead-band control of the yaw drive in the base controller.
     disturbances : numpy.ndarray, shape (n,), optional
-        What the linear optimal pitch of the base controller knows, as of `LinearOptimalPitch.seen`.
+        What the linear optimal pitch of the base controller knows, as of `LinearOptimalPitch.known`.
+    offsets : numpy.ndarray, shape (n_signals,), optional
+        Of the sensors, at a start.
     """
 
     signals: Signals
@@ -69,6 +71,7 @@ class ObservationContext:
     residual: ResidualPitch | None = None
     yaw_drive: YawByDeadBand | None = None
     disturbances: np.ndarray | None = None
+    offsets: np.ndarray | None = None
 
 
 class Sensors:

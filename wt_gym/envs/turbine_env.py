@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -363,8 +364,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._running = False
         super().reset(seed=seed)
         longest = self.length.longest(self.spec, self.outer_steps)
-        drawn = self._draw(seed)
-        beginning = self._starts.draw(self.np_random, options, longest, drawn)
+        beginning = self._starts.draw(self.np_random, options, longest, partial(self._draw, seed))
+        drawn = beginning.drawn
         self._begin(beginning)
         if self._twin is not None:
             self._twin.begin(beginning)
@@ -375,12 +376,15 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         info = self._info(saturated, tip_clearance(self.signals))
         return observation, info if drawn is None else info | {"variation": copy.deepcopy(dict(drawn.values))}
 
-    def _draw(self, seed: int | None) -> DrawnVariation | None:
-        """Draw the variation of an episode; a seed begins its stream, as does the first reset."""
+    def _draw(self, seed: int | None, number: int | None) -> DrawnVariation | None:
+        """Draw the variation of an episode: a seed begins its stream, as does the first reset, and every number."""
         if self._draws is None:
             return None
-        if seed is not None or not self._seeded:
-            self._draws.seed(self.np_random_seed if seed is None else seed)
+        if number is not None:
+            self._draws.seed(number, numbered=True)
+        elif seed is not None or not self._seeded:
+            known = self.np_random_seed if seed is None else seed  # negative for a generator from outside
+            self._draws.seed(known if known >= 0 else int(self.np_random.integers(2**31)))
             self._seeded = True
         return self._draws.draw()
 
@@ -390,7 +394,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         operation.begin(beginning)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running, self._failed = 0, True, False
-        self._observer.reset(self._situation(), start.trail)
+        instruments = operation.instruments
+        self._observer.reset(self._situation(), start.trail, None if instruments is None else instruments.offset)
         self._observation, self._saturated = None, ()
         rewards.reset(self.reward_terms, self.turbine, operation.signals, start.averaged(operation.signals))
 
@@ -484,7 +489,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         drive, known = yaw_drive_of(o.controller), None
         if self._observer.sees_disturbances:
             part = linear_part(o.controller)
-            known = None if part is None else part.seen(signals)
+            known = None if part is None else part.known(signals)
         return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -8,6 +8,7 @@ and beyond the end of the longest one.
 from __future__ import annotations
 
 import hashlib
+import json
 import pickle
 import platform
 from dataclasses import fields
@@ -143,11 +144,13 @@ class Twin:
     def _key(self, beginning: Beginning) -> str | None:
         """Name of the course of a beginning; None where it cannot be told from every other one."""
         wind = self._wind(beginning.wind)
-        if self._identity is None or wind is None or beginning.drawn is not None:  # of which no two are alike
+        if self._identity is None or wind is None:
             return None
+        drawn = beginning.drawn
+        varied = None if drawn is None else (json.dumps(drawn.values, sort_keys=True), drawn.turbine, drawn.noise_seed)
         limits = self.env.limits.overspeed, self.env.limits.standstill
         others = [getattr(beginning, f.name) for f in fields(beginning) if f.name not in ("wind", "start", "drawn")]
-        return fingerprint(self._identity, limits, wind, _start(beginning.start), others)[:40]
+        return fingerprint(self._identity, limits, wind, _start(beginning.start), others, varied)[:40]
 
     def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:
         """What tells a wind from others."""

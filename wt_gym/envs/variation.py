@@ -197,9 +197,9 @@ class VariationDraws:
         self._table = InstrumentTable(turbine, channels, LIDAR_NOISE) if self._reads else None
         self._rng = np.random.default_rng(_STREAM)
 
-    def seed(self, seed: int) -> None:
-        """Begin the stream that belongs to a seed of the environment."""
-        self._rng = np.random.default_rng([_STREAM, seed])
+    def seed(self, seed: int, numbered: bool = False) -> None:
+        """Begin the stream that belongs to a seed of the environment, or to a numbered beginning."""
+        self._rng = np.random.default_rng([_STREAM, seed, 1] if numbered else [_STREAM, seed])
 
     @property
     def state(self) -> dict[str, Any]:

@@ -129,7 +129,7 @@ class LinearOptimalPitch:
         """
         self._sum += dt * np.array(self.offsets.between(base, demand, signals["azimuth"], signals["rotor_speed"], dt))
 
-    def seen(self, signals: Readings) -> NDArray[np.float64]:
+    def known(self, signals: Readings) -> NDArray[np.float64]:
         """What is known of the disturbances at an instant, before the controller acts on it.
 
         Parameters
