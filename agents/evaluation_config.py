@@ -32,7 +32,7 @@ class EvaluationConfig:
     env_kwargs : dict
         Arguments of the environment besides episode length; files of wind get whole paths.
     winds : tuple of Wind
-        What is asked for; by default six held-back turbulence seeds at 15 m/s. Those that fit an environment are given
+        What is asked for; by default six held-out turbulence seeds at 15 m/s. Those that fit an environment are given
         by `wt_gym.agents.evaluation_winds.winds_for`. Runs are labeled by the winds that they had.
     duration : float
         Length of a run [s].

@@ -1,7 +1,7 @@
-"""What controllers and shipped agents score in the tasks: runs in held-back winds, kept in a record, and tables of it.
+"""What controllers and shipped agents score in the tasks: runs in held-out winds, kept in a record, and tables of it.
 
 A study is what a page about a task shows in one table: agents in the same winds, the first of them the base
-controller with actions that rest. `measure` runs it and gives plain data; `score_table` makes the table of them.
+controller with zero actions. `measure` runs it and gives plain data; `score_table` makes the table of them.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
 from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_names
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
+from wt_gym.ids import present_id
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 
@@ -30,7 +31,9 @@ if TYPE_CHECKING:
 
     from wt_gym.analysis.results import Run
 
-__all__ = ["STUDIES", "Column", "Part", "Study", "agent_label", "kinds_table", "measure", "score_table"]
+__all__ = [
+    "STUDIES", "Column", "Part", "Study", "agent_label", "kinds_table", "measure", "measured_line", "score_table",
+]  # fmt: skip
 
 RANDOM = "random"
 """Word for even draws of the actions."""
@@ -115,7 +118,7 @@ class Study:
 
 
 def _winds(speeds: Iterable[float], n_seeds: int) -> tuple[Wind, ...]:
-    """Each speed with each of some held-back seeds, in the order in which ``wt-gym evaluate`` takes them."""
+    """Each speed with each of some held-out seeds, in the order in which ``wt-gym evaluate`` takes them."""
     return tuple(Wind(speed, seed) for speed in speeds for seed in EVALUATION_WIND_SEEDS[:n_seeds])
 
 
@@ -206,7 +209,7 @@ STUDIES: dict[str, Study] = {
 def agent_label(agent: str, resting: bool = False) -> str:
     """How an agent is called in a table."""
     if resting:
-        return f"`{agent}` as base controller: actions that rest"
+        return f"`{agent}` as base controller: zero actions"
     if agent == RANDOM:
         return "random actions"
     return f"`{agent.removeprefix(_TRAINED)}`" + (", trained" if agent.startswith(_TRAINED) else "")
@@ -277,6 +280,19 @@ def _kept(run: Run, part: Part, study: Study) -> dict[str, Any]:
         "return": float(f"{run.episode_return:.6g}"),
         "metrics": {key: float(f"{values[key]:.6g}") for key in keys if key in values},
     }
+
+
+def measured_line(env_id: str) -> str:
+    """Sentence above a table: the environment of its runs.
+
+    Parameters
+    ----------
+    env_id : str
+        As the record has it; an id that is no longer registered is named with the present one.
+    """
+    present = present_id(env_id)
+    where = f"`{env_id}`" if present == env_id else f"`{env_id}`, now `{present}`"
+    return f"Measured in {where}; the return is that of the reward without `relative_reward`."
 
 
 def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:

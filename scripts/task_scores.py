@@ -79,12 +79,13 @@ def run(names: list[str], folder: Path, overwrite: bool) -> None:
 
 def tables(text: str, record: dict) -> str:
     """A page with its tables as the record has them."""
-    from wt_gym.agents.task_scores import kinds_table, score_table
+    from wt_gym.agents.task_scores import kinds_table, measured_line, score_table
 
     def table(found: re.Match) -> str:
         head, kind, words, end = found.groups()
         if kind == "scores":
-            return f"{head}{score_table(words, record[words]['runs'])}\n{end}"
+            study = record[words]
+            return f"{head}{measured_line(study['env_id'])}\n\n{score_table(words, study['runs'])}\n{end}"
         name, key = words.split()
         return f"{head}{kinds_table(name, key, record[name]['runs'])}\n{end}"
 

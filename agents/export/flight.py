@@ -107,7 +107,7 @@ def fly(
     driver: str | Path | None = None,
     library: str | Path | None = None,
 ) -> Flight:
-    """Export, then fly in the same wind: Python's and the library's demands, in this package's simulator and OpenFAST.
+    """Export, then run in the same wind: Python's and the library's demands, in this package's simulator and OpenFAST.
 
     Sensors have no noise in any run, whatever that of the training was: the library has none.
 

@@ -60,7 +60,7 @@ def scene_of(
     Parameters
     ----------
     choice : str
-        A trained agent flies in the environment of its training, a controller in `DEFAULT_ENV`.
+        A trained agent runs in the environment of its training, a controller in `DEFAULT_ENV`.
     turbine : str, optional
         Of a controller.
     env_kwargs : dict, optional

@@ -226,7 +226,7 @@ class DesignCase:
 
 
 def _turbulent(wind: str, first: int) -> Callable[[Turbine, Plan], list[Condition]]:
-    """Production in turbulence, with the held-back seeds from number ``first`` on."""
+    """Production in turbulence, with the held-out seeds from number ``first`` on."""
 
     def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
         seeds = EVALUATION_WIND_SEEDS[first : first + plan.seeds]

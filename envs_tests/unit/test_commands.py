@@ -67,7 +67,7 @@ def test_output_that_nobody_reads_ends_without_a_word():
             True,
             {"optuna": ".venv/bin/pip install -e '.[tune]'", "ray": ".venv-ray/bin/pip install -c constraints-ray.txt"},
         ),
-        (False, {"optuna": "pip install 'wt_gym[tune]'", "minari": "pip install 'wt_gym[data]'"}),
+        (False, {"optuna": "pip install '.[tune]'", "minari": "pip install '.[data]'"}),
     ],
 )
 def test_what_is_not_installed_is_named_with_its_extra(in_clone, hints, monkeypatch):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from wt_gym.agents import evaluation
-from wt_gym.agents.task_scores import RANDOM, STUDIES, Part, Study, measure, score_table
+from wt_gym.agents.task_scores import RANDOM, STUDIES, Part, Study, measure, measured_line, score_table
 from wt_gym.analysis.results import Wind
 from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
 from wt_gym.ids import present_id
@@ -37,6 +37,14 @@ def test_tables_are_those_of_the_record(page):
     text = TASK_PAGES[page]
     assert "<!-- scores: " in text
     assert SCRIPT.tables(text, RECORD) == text
+
+
+def test_every_table_names_the_environment_of_its_record():
+    text = "".join(TASK_PAGES.values())
+    for name, record in RECORD.items():
+        assert f"<!-- scores: {name} -->\nMeasured in `{record['env_id']}`" in text
+    assert measured_line("wt_gym/LoadReduction-v0").startswith("Measured in `wt_gym/LoadReduction-v0`, now `")
+    assert measured_line(TASKS["LoadReduction"].ids[-1]).startswith(f"Measured in `{TASKS['LoadReduction'].ids[-1]}`; ")
 
 
 def test_every_task_has_its_page_and_every_study_its_table():

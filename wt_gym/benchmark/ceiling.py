@@ -152,7 +152,8 @@ def ceiling_line(task: BenchmarkTask, ceiling: Ceiling) -> str:
 
 def ceiling_table(ceilings: Mapping[str, Ceiling]) -> str:
     """Table of ceilings by the id of the task, ended by a line break; changes are means over the winds."""
-    head = ["task", "ceiling", "yardstick", "score of the ceiling", *_SHOWN.values(), "pitch travel", "measured in"]
+    head = ["task", "ceiling", "reference controller", "score of the ceiling", *_SHOWN.values()]
+    head += ["pitch travel", "measured in"]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for name, ceiling in ceilings.items():
         rows = list(ceiling.winds.values())

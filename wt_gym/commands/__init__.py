@@ -15,7 +15,7 @@ __all__ = ["COMMANDS", "main", "module_of"]
 COMMANDS = {
     "train": "train a policy: PPO, SAC or TQC",
     "search": "search hyperparameters for a training",
-    "evaluate": "compare agents and controllers in winds held back from training, with a report",
+    "evaluate": "compare agents and controllers in held-out winds, with a report",
     "robustness": "agents on other turbines, with worse sensors and in other winds: what is left of their gain",
     "crosscheck": "the same agents and winds in OpenFAST, changes side by side",
     "loadcases": "design load cases of IEC 61400-1: extreme and fatigue loads, faults",

@@ -41,7 +41,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--wind-speed", type=float, nargs="+", default=[15.0], metavar="M_S", help="mean speeds [m/s] (default: 15)"
     )
     parser.add_argument(
-        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held back)"
+        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held-out ones)"
     )
     parser.add_argument("--duration", type=float, default=600.0, help="length of a run [s] (default: %(default)s)")
     parser.add_argument(

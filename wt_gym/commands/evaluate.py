@@ -1,4 +1,4 @@
-"""Evaluate agents in winds held back from training, and write a report.
+"""Evaluate agents in held-out winds, and write a report.
 
     wt-gym evaluate baseline runs/ppo
     wt-gym evaluate baseline first=runs/a second=runs/b ipc --wind-speed 12 15 18 --duration 600
@@ -50,7 +50,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         help="mean speeds [m/s] (default: 15, or the middle of what the environment draws where that is not in it)",
     )  # fmt: skip
     parser.add_argument(
-        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held back)"
+        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held-out ones)"
     )
     parser.add_argument(
         "--draws", type=int, metavar="N",

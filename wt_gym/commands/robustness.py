@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.evaluation_options import add_other_environment_option
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
     import argparse
@@ -34,13 +35,13 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--list", action="store_true", help="list the conditions")
     parser.add_argument("--reference", default="discon", help="what all are compared with (default: %(default)s)")
     parser.add_argument("--conditions", nargs="+", metavar="NAME", help="conditions beside the nominal (default: all)")
-    parser.add_argument("--env", default="wt_gym/LoadReduction-v1", help="environment id (default: %(default)s)")
+    parser.add_argument("--env", default=DEFAULT_ENV, help="environment id (default: %(default)s)")
     kwargs_help = 'more arguments of the environment, e.g. \'{"turbulence_class": "B"}\''
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
     parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     parser.add_argument("--wind-speed", type=float, nargs="+", default=[15.0], metavar="M_S", help="mean speeds [m/s]")
     parser.add_argument(
-        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held back)"
+        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held-out ones)"
     )
     parser.add_argument("--duration", type=float, default=600.0, help="length of a run [s] (default: %(default)s)")
     parser.add_argument(

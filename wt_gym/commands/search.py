@@ -4,7 +4,7 @@
     wt-gym search --engine ray --address ray-head:6379 --trials 200 --steps 60000 --out runs/wide
     wt-gym train --hyperparameters runs/search/best.yml --wind-speed 15
 
-Every trial is a training, judged against the baseline controller in winds held back from it. The study lives in the
+Every trial is a training, judged against the baseline controller in held-out winds. The study lives in the
 folder: the same command resumes where an earlier one was stopped.
 
 Exit status: as of wt-gym train.

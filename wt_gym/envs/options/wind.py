@@ -39,7 +39,7 @@ TRAINING_WIND_SEEDS = tuple(range(1, 25))
 """Wind seeds from which training episodes draw by default."""
 
 EVALUATION_WIND_SEEDS = tuple(range(1001, 1025))
-"""Wind seeds held back for evaluation: no default environment ever trains on them."""
+"""Wind seeds held out for evaluation: no default environment ever trains on them."""
 
 LARGEST_WIND_SEED = 2**63 - 1
 """Larger ones have no place in the integers of arrays and files."""
