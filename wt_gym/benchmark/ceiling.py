@@ -152,6 +152,8 @@ def ceiling_line(task: BenchmarkTask, ceiling: Ceiling) -> str:
 
 def ceiling_table(ceilings: Mapping[str, Ceiling]) -> str:
     """Table of ceilings by the id of the task, ended by a line break; changes are means over the winds."""
+    if not ceilings:
+        return "No ceiling is recorded.\n"
     head = ["task", "ceiling", "reference controller", "score of the ceiling", *_SHOWN.values()]
     head += ["pitch travel", "measured in"]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
