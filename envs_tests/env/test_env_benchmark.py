@@ -228,7 +228,7 @@ def at_step(model, control_dt):
 
 
 def test_a_model_of_a_longer_control_step_holds_its_actions(model):
-    entry, task = at_step(model, 0.6), short()
+    entry, task = at_step(model, 0.3), short()
     env = make_env(task, task.winds[0], entry.interface)
     agent, asked = entry.make(env), []
     predict = agent.model.predict
@@ -246,12 +246,12 @@ def test_a_model_of_a_longer_control_step_holds_its_actions(model):
 
 def test_models_whose_control_step_does_not_fit_are_refused(model):
     task = short()
-    for step in (0.3, 0.1):
+    for step in (0.25, 0.05):
         entry = at_step(model, step)
         with pytest.raises(ValueError, match=rf"control step of {step} s, that of the environment must be the same or"):
             play(task, task.winds[0], entry.make, entry.interface)
     entry = at_step(model, 0.4)
-    with pytest.raises(ValueError, match=r"must be the same, got 0.2 s"):
+    with pytest.raises(ValueError, match=r"must be the same, got 0.1 s"):
         play(task, task.winds[0], entry.make, entry.interface | {"history": 2})
 
 
