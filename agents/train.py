@@ -98,7 +98,7 @@ def train(
             session = _Session(config, run, venv, model, {}, on_evaluation, learner)
             run.clear()  # nothing can be refused any more
             if config.pretraining is not None:
-                session.pretrain(progress)
+                session.pretrain(progress, stop)
             return session.learn(progress, stop)
 
 
@@ -210,17 +210,31 @@ class _Session:
                 on_evaluation,
             )
 
-    def pretrain(self, progress: bool) -> None:
-        """Change the fresh model by gradient on an identified model, before it learns in the environment."""
+    def pretrain(self, progress: bool, stop: StopRequest | None) -> None:
+        """Change the fresh model by gradient on an identified model, before it learns in the environment.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Where somebody asks to stop: nothing of a pretraining is kept before it is done.
+        """
         from wt_gym.agents.pretraining.pretrain import pretrain  # for those who ask for it
 
         config = self._config
         began = time.monotonic()
         workers, options = min(config.n_envs, os.cpu_count() or 1), PretrainingOptions.of(config.pretraining or {})
         say = (lambda line: print(line, file=sys.stderr, flush=True)) if progress else None
-        with executor_for("local", workers, None) as executor:
+
+        def check() -> None:
+            if request.signal_number is not None:
+                raise KeyboardInterrupt(f"the pretraining was stopped by {request.name}; nothing of it is kept")
+
+        with (
+            stop_on_signals() if stop is None else nullcontext(stop) as request,
+            executor_for("local", workers, None) as executor,
+        ):
             self._pretraining = pretrain(
-                self._model, config.env_id, config.env_kwargs, options, executor, config.seed, say
+                self._model, config.env_id, config.env_kwargs, options, executor, config.seed, say, check
             )
         self._pretraining["seconds"] = round(time.monotonic() - began, 1)
 

@@ -112,6 +112,7 @@ def pretrain(
     executor: Executor,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
+    check: Callable[[], None] | None = None,
 ) -> dict[str, Any]:
     """Change the actor of a model until it costs least.
 
@@ -129,6 +130,8 @@ def pretrain(
         Of the order of episodes and of the noise.
     progress : callable, optional
         Called with lines.
+    check : callable, optional
+        Called after every episode and every step of the optimizer; what it raises ends the pretraining.
 
     Returns
     -------
@@ -157,7 +160,8 @@ def pretrain(
         actions: torch.Tensor = policy.action_net(policy.mlp_extractor.forward_actor(observations))
         return actions
 
-    work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say)
+    check = check or (lambda: None)
+    work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say, check)
     with torch.no_grad():
         policy.action_net.weight.zero_()
         policy.action_net.bias.zero_()
@@ -179,7 +183,7 @@ def pretrain(
             )
             for one in recorded
         ]  # fmt: skip
-        found = _optimized(actor, policy, made, options, rng, say)
+        found = _optimized(actor, policy, made, options, rng, say, check)
         rounds.append(Round(*found, seconds=round(time.monotonic() - began, 1)))
         say(
             f"round {number + 1} of {options.rounds}: held-out winds {100 * rounds[-1].recorded:+.2f} % of the cost as "
@@ -222,7 +226,9 @@ class _Work:
         executor: Executor,
         speeds: tuple[float, float],
         say: Callable[[str], None],
+        check: Callable[[], None],
     ) -> None:
+        self._check = check
         self._id, self._arguments, self._env = env_id, json.dumps(env_kwargs), plain
         self._options, self._executor, self._speeds, self._say = options, executor, speeds, say
 
@@ -231,6 +237,7 @@ class _Work:
         found: dict[int, RecordedEpisode] = {}
         for (k, _), episode in self._executor.results(_numbered, list(enumerate(jobs))):
             found[k] = episode
+            self._check()
             if len(found) % max(len(jobs) // 8, 1) == 0 or len(found) == len(jobs):
                 self._say(f"{what}: {len(found)} of {len(jobs)}")
         return [found[k] for k in range(len(jobs))]
@@ -306,6 +313,7 @@ def _optimized(
     options: PretrainingOptions,
     rng: np.random.Generator,
     say: Callable[[str], None],
+    check: Callable[[], None],
 ) -> tuple[float, float, float, int]:
     """Follow the gradient; keep what is best in the held-out winds."""
     held, fitted = made[: options.held_out], made[options.held_out :]
@@ -332,6 +340,7 @@ def _optimized(
         optimizer.step()
         optimizer.zero_grad()
         schedule.step()
+        check()
         if number % every == 0 or number == options.iterations:
             now = mean_cost(held)
             say(f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds")

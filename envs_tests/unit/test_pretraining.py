@@ -2,6 +2,7 @@
 
 import json
 import math
+import signal
 
 import gymnasium as gym
 import numpy as np
@@ -9,10 +10,13 @@ import pytest
 import torch
 
 from wt_gym.agents.linear_design.identification import respond
+from wt_gym.agents.pretraining import pretrain as pretraining
 from wt_gym.agents.pretraining.episodes import EpisodeJob, RecordedEpisode, check_environment, record_episode
 from wt_gym.agents.pretraining.fatigue import cycle_ends, damage_equivalent_load
 from wt_gym.agents.pretraining.objective import Limits, LinearizedEpisode, Plants, load_metrics, plant_outputs, tensor
 from wt_gym.agents.pretraining.options import PretrainingOptions
+from wt_gym.agents.train import train
+from wt_gym.agents.training.callbacks import StopRequest
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.analysis import metrics
 from wt_gym.control.coleman import to_blades
@@ -198,6 +202,20 @@ def test_an_episode_of_the_environment_is_recorded_with_the_offsets_that_act():
     np.testing.assert_allclose(
         1e6 * (alike[0, 7] + alike[1, 7] * np.cos(psi) + alike[2, 7] * np.sin(psi)), found.flap[:, 7]
     )
+
+
+def test_a_pretraining_that_is_stopped_ends_and_keeps_nothing(tmp_path, monkeypatch):
+    """After the episode that is under way, with the request that Ctrl-C and SIGTERM make."""
+    recorded = []
+    monkeypatch.setattr(pretraining, "record_episode", lambda job: recorded.append(job))
+    few = {"episodes": 3, "held_out": 1, "duration": 60.0, "memory": 5.0, "plant_speeds": 1, "excited": 2}
+    config = TrainingConfig(env_kwargs=ARGUMENTS, pretraining=few, total_steps=0, n_envs=1, tensorboard=False)
+    request = StopRequest()
+    request.signal_number = signal.SIGTERM
+    with pytest.raises(KeyboardInterrupt, match="stopped by SIGTERM; nothing of it is kept"):
+        train(config, tmp_path / "run", progress=False, stop=request)
+    assert len(recorded) == 1
+    assert not (tmp_path / "run" / "model.zip").exists()
 
 
 @pytest.mark.parametrize(

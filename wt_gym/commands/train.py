@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.engine_options import add_address_options
-from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
+from wt_gym.commands.program import UNSAFE, OneLineParser, stoppable, user_errors
 from wt_gym.commands.training_file import present_option, words_of
 from wt_gym.commands.training_options import add_training_options, config_from
 
@@ -170,7 +170,7 @@ def report(folder: Path, record: dict[str, Any]) -> None:
 def main(words: list[str] | None = None) -> None:
     """Train."""
     arguments = parse_arguments(words)
-    with user_errors():
+    with user_errors(), stoppable("what has no checkpoint yet, such as a pretraining, is not kept"):
         folder, record = (start if arguments.resume is None else resume_folder)(arguments)
     report(folder, record)
     if record["status"] == "interrupted":
