@@ -26,7 +26,7 @@ from wt_gym.benchmark import ResultFolder, play, run_definition
 from wt_gym.benchmark.ceiling import Ceiling
 from wt_gym.benchmark.run import make_env
 from wt_gym.control.controllers import Combined
-from wt_gym.control.optimal.measured import OUTPUTS, recorded_outputs, side_sign
+from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.control.optimal.offsets import PitchOffsets
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
@@ -166,26 +166,8 @@ class OffsetsPlayer:
         """What was played, up to the instant of the last offset."""
         recorder, turbine = cast("_Recorder", self._recorder), self._env.turbine
         channels = dict(zip(recorder.names, np.array(recorder.rows).T, strict=True))
-        sign = side_sign(turbine)
-
-        def of_blades(name: str) -> NDArray[np.float64]:
-            return np.stack([channels[f"{name}_{b}"] for b in range(1, turbine.n_blades + 1)])
-
-        return Recording(
-            dt=recorder.dt,
-            outputs=recorded_outputs(channels, turbine.n_blades, sign),
-            loads=np.stack([
-                channels["tower_base_fore_aft_moment"],
-                sign * channels["tower_base_side_side_moment"],
-                channels["generator_power"],
-            ]),
-            flap=of_blades("root_flap_moment"),
-            edge=of_blades("root_edge_moment"),
-            pitch=of_blades("pitch"),
-            azimuth=channels["azimuth"],
-            offsets=np.array(self._played.acting).T[:, :-1],
-            share=np.array(self._played.share)[:-1],
-        )  # fmt: skip
+        offsets, share = np.array(self._played.acting).T[:, :-1], np.array(self._played.share)[:-1]
+        return Recording.of_channels(channels, turbine, recorder.dt, offsets, share)
 
 
 @dataclass(frozen=True)

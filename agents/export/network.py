@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wt_gym.agents.trained_agent import TrainedAgent
     from wt_gym.envs.layout import EnvLayout
 
-__all__ = ["ACTIVATIONS", "Layer", "Network", "Normalization", "activate", "network_of"]
+__all__ = ["ACTIVATIONS", "Layer", "Network", "Normalization", "network_of"]
 
 ACTIVATIONS = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu", torch.nn.ELU: "elu"}
 """Activations of layers, and their names here."""
@@ -105,19 +105,32 @@ class Network:
         -------
         numpy.ndarray, shape (..., n_act), float32
         """
-        x = ((np.clip(values, self.low, self.high) - self.offset) / self.scale).astype(np.float32)
+        return self.of_observation((np.clip(values, self.low, self.high) - self.offset) / self.scale)
+
+    def of_observation(self, observation: np.ndarray) -> np.ndarray:
+        """Action for an observation as the environment gives it, in scales of the channels.
+
+        Parameters
+        ----------
+        observation : numpy.ndarray, shape (..., n_obs)
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., n_act), float32
+        """
+        x = np.asarray(observation).astype(np.float32)
         if self.normalization is not None:
             n = self.normalization
             x = np.clip((x - n.mean) / n.deviation, -n.limit, n.limit).astype(np.float32)
         for layer in self.layers:
-            x = activate(x @ layer.weight.T + layer.bias, layer.activation)
+            x = _activate(x @ layer.weight.T + layer.bias, layer.activation)
         if self.squashed:
             x = self.action_low + 0.5 * (np.tanh(x) + 1.0) * (self.action_high - self.action_low)
         action: np.ndarray = np.clip(x, self.action_low, self.action_high).astype(np.float32)
         return action
 
 
-def activate(x: np.ndarray, activation: str) -> np.ndarray:
+def _activate(x: np.ndarray, activation: str) -> np.ndarray:
     y: np.ndarray
     match activation:
         case "tanh":

@@ -20,6 +20,7 @@ from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -134,6 +135,46 @@ class Recording:
     offsets: NDArray[np.float64]
     share: NDArray[np.float64]
 
+    @classmethod
+    def of_channels(
+        cls,
+        channels: Mapping[str, NDArray[np.float64]],
+        turbine: Turbine,
+        dt: float,
+        offsets: NDArray[np.float64],
+        share: NDArray[np.float64],
+    ) -> Recording:
+        """Recording of signals by name.
+
+        Parameters
+        ----------
+        channels : mapping
+            Of names to arrays, shape (n + 1,).
+        turbine : Turbine
+        dt, offsets, share
+            As the attributes.
+        """
+        sign = side_sign(turbine)
+
+        def of_blades(name: str) -> NDArray[np.float64]:
+            return np.stack([channels[f"{name}_{b + 1}"] for b in range(turbine.n_blades)])
+
+        return cls(
+            dt=dt,
+            outputs=recorded_outputs(channels, turbine.n_blades, sign),
+            loads=np.stack([
+                channels["tower_base_fore_aft_moment"],
+                sign * channels["tower_base_side_side_moment"],
+                channels["generator_power"],
+            ]),
+            flap=of_blades("root_flap_moment"),
+            edge=of_blades("root_edge_moment"),
+            pitch=of_blades("pitch"),
+            azimuth=channels["azimuth"],
+            offsets=offsets,
+            share=share,
+        )  # fmt: skip
+
     @property
     def steps(self) -> int:
         """N."""
@@ -225,25 +266,7 @@ def record(
     parts = parts_of(controller)
     combined = Combined(parts[0], *parts[1:], played)  # type: ignore[arg-type]  # the first part is a controller
     data = run_controller(simulator, combined, duration).to_dataset()
-    blades = range(1, turbine.n_blades + 1)
-
-    def of_blades(name: str) -> NDArray[np.float64]:
-        return np.stack([data[f"{name}_{b}"].values.astype(float) for b in blades])
-
-    sign = side_sign(turbine)
     channels = {str(name): data[name].values.astype(float) for name in data.data_vars}
-    return Recording(
-        dt=simulator.time_step,
-        outputs=recorded_outputs(channels, turbine.n_blades, sign),
-        loads=np.stack([
-            channels["tower_base_fore_aft_moment"],
-            sign * channels["tower_base_side_side_moment"],
-            channels["generator_power"],
-        ]),
-        flap=of_blades("root_flap_moment"),
-        edge=of_blades("root_edge_moment"),
-        pitch=of_blades("pitch"),
-        azimuth=channels["azimuth"],
-        offsets=np.array(played.acting).T,
-        share=np.array(played.share),
-    )  # fmt: skip
+    return Recording.of_channels(
+        channels, turbine, simulator.time_step, np.array(played.acting).T, np.array(played.share)
+    )

@@ -79,7 +79,7 @@ class RecordedEpisode:
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """An episode to be recorded.
+    """An episode to be recorded, from the beginning of its turbulence.
 
     Attributes
     ----------
@@ -90,8 +90,6 @@ class EpisodeJob:
         [m/s].
     seed : int
         Of the turbulence.
-    offset : float
-        Time in the turbulence at which the episode begins [s].
     duration : float
         [s].
     agent : Agent or None
@@ -104,7 +102,6 @@ class EpisodeJob:
     arguments: str
     speed: float
     seed: int
-    offset: float
     duration: float
     agent: Agent | None = None
     baseline: bool = False
@@ -209,7 +206,7 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
         share.append(1.0 if operation.residual is None else operation.residual.share)
         demands.append((operation.base, operation.demand))
 
-    options = {"wind_speed": job.speed, "wind_seed": job.seed, "time_offset": job.offset}
+    options = {"wind_speed": job.speed, "wind_seed": job.seed, "time_offset": 0.0}
     done = play(env, agent, seed=job.seed, options=options, duration=job.duration, on_step=told)
     if done.ending != "time":
         raise SimulationError(

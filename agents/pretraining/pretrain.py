@@ -17,7 +17,7 @@ import gymnasium as gym
 import numpy as np
 import torch
 
-from wt_gym.agents.export.network import activate, network_of
+from wt_gym.agents.export.network import network_of
 from wt_gym.agents.linear_design.identification import explained_share, identify
 from wt_gym.agents.linear_design.recording import Excitation
 from wt_gym.agents.pretraining.episodes import (
@@ -92,16 +92,13 @@ class _Deployed:
     """
 
     def __init__(self, network: Network) -> None:
-        self._layers = [(layer.weight.T.copy(), layer.bias, layer.activation) for layer in network.layers]
+        self._network = network
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Any, Any]:
         """Action of an observation as the environment gives it."""
-        x = np.asarray(observation, dtype=np.float32)
-        for weight, bias, activation in self._layers:
-            x = activate(x @ weight + bias, activation)
-        return np.clip(x, -1.0, 1.0), state
+        return self._network.of_observation(observation), state
 
 
 def pretrain(
@@ -243,7 +240,7 @@ class _Work:
         return [found[k] for k in range(len(jobs))]
 
     def _job(self, speed: float, seed: int, **more: Any) -> EpisodeJob:
-        return EpisodeJob(self._id, self._arguments, speed, seed, 0.0, self._options.duration, **more)
+        return EpisodeJob(self._id, self._arguments, speed, seed, self._options.duration, **more)
 
     def identified(self) -> tuple[Plants, dict[float, dict[str, float]], dict[float, dict[str, float]]]:
         """Plants, shares that they explain in unseen runs, and metrics of the published controller, by wind speed."""

@@ -190,9 +190,7 @@ def test_an_episode_of_the_environment_is_recorded_with_the_offsets_that_act():
         def predict(self, observation, state=None, episode_start=None, deterministic=True):
             return constant[0], state
 
-    job = EpisodeJob(
-        "wt_gym/LoadReduction-v2", json.dumps(ARGUMENTS | {"residual_fade": False}), 17.0, 3, 0.0, 4.0, Agent()
-    )
+    job = EpisodeJob("wt_gym/LoadReduction-v2", json.dumps(ARGUMENTS | {"residual_fade": False}), 17.0, 3, 4.0, Agent())
     found = record_episode(job)
     assert (found.steps, found.flap.shape, found.observations.shape[0]) == (40, (3, 41), 40)
     np.testing.assert_allclose(found.offsets[1:, -1], [0.5 * math.radians(4.0), -0.25 * math.radians(4.0)], atol=1e-6)
