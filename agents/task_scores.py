@@ -69,6 +69,7 @@ _SCORED = {
     "Gusts": 2,
     "IEA15MW-LoadReduction": 2,
     "IEA22MW-LoadReduction": 0,
+    "PowerTracking": 0,
 }
 """Version of the id in which the studies of a task run: it changes together with the record."""
 
@@ -199,6 +200,15 @@ STUDIES: dict[str, Study] = {
         ("discon", RANDOM, "ipc"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
+        duration=180.0,
+    ),
+    "PowerTracking": Study(
+        "PowerTracking",
+        ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch"),
+        (Part(_winds((13.0, 16.0), 3)),),
+        (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
+         Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
+         _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
         duration=180.0,
     ),
 }  # fmt: skip
