@@ -205,11 +205,11 @@ STUDIES: dict[str, Study] = {
     "PowerTracking": Study(
         "PowerTracking",
         ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch"),
-        (Part(_winds((13.0, 16.0), 3)),),
+        (Part(_winds((13.0, 16.0), 2), arguments={"start": "steady"}),),
         (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
          Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
          _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
-        duration=180.0,
+        duration=150.0,
     ),
 }  # fmt: skip
 """What the pages of the tasks show, by the name of the table."""

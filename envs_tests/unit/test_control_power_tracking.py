@@ -87,8 +87,8 @@ def test_without_a_demand_and_at_full_level_the_torque_ways_are_the_base(way):
 
 
 def test_the_level_is_followed_where_nothing_is_read():
-    assert settled("discon+derate_torque:level=0.7", 15.0, None)[2] == pytest.approx(3.5e6, rel=2e-3)
-    assert settled("discon+derate_torque:level=0.7", 15.0, 4e6)[2] == pytest.approx(4e6, rel=2e-3)
+    assert settled("discon+derate_torque:power_level=0.7", 15.0, None)[2] == pytest.approx(3.5e6, rel=2e-3)
+    assert settled("discon+derate_torque:power_level=0.7", 15.0, 4e6)[2] == pytest.approx(4e6, rel=2e-3)
 
 
 def lull(name, demanded=4.2e6):
@@ -137,8 +137,8 @@ def test_copies_go_on_alike_and_other_bases_are_refused():
     for base in ("tsr_tracking", "discon+derate_torque"):
         with pytest.raises(ValueError, match="must be 'discon'"):
             make_controller(f"{base}+derate_speed", TURBINE)
-    with pytest.raises(ValueError, match=r"level of controller 'derate_torque' must be a number from 0.2 to 1"):
-        make_controller("derate_torque:level=1.2", TURBINE)
+    with pytest.raises(ValueError, match=r"power_level of controller 'derate_torque' must be a number from 0.2 to 1"):
+        make_controller("derate_torque:power_level=1.2", TURBINE)
     with pytest.raises(ValueError, match="must be among speed, torque, pitch"):
         make_controller("rosco:derate=yaw", TURBINE)
 

@@ -102,7 +102,7 @@ def test_random_readings_give_the_demands_of_the_controller(choice, name, seed, 
     ("choice", "name"),
     [
         ("discon+derate_speed", "nrel_5mw"),
-        ("retuned+derate_torque+ipc:level=0.7", "nrel_5mw"),
+        ("retuned+derate_torque+ipc:power_level=0.7", "nrel_5mw"),
         ("discon+derate_pitch", "nrel_5mw"),
         ("derate_kinetic+tower_dampers:lowest_speed=0.85,band=0.05,raised=0.02", "nrel_5mw"),
         ("discon+derate_kinetic", "gebhardt_45m"),

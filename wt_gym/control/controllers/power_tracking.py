@@ -22,7 +22,7 @@ documentation of the program), and in a fourth one:
 Running at rated speed while derated stores most kinetic energy (Aho, Fleming and Pao, American Control Conference 2016,
 compare the ways; Lio, Mirzaei and Larsen, J. Phys. Conf. Ser. 1037 (2018) 032040, their loads).
 
-Where no demanded power can be read, a share ``level`` of the rated power is followed.
+Where no demanded power can be read, a share ``power_level`` of the rated power is followed.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _ABOVE_REGION_2 = 1.05
 _SHARES = np.linspace(LEAST_SHARE, 1.0, 33)
 
 _LEVEL = Parameter(
-    "level", "-", "share of the rated power that is followed where no demanded power is read", LEAST_SHARE, 1.0
+    "power_level", "-", "share of the rated power that is followed where no demanded power is read", LEAST_SHARE, 1.0
 )
 PARAMETERS = (_LEVEL,)
 KINETIC_PARAMETERS = (
@@ -234,7 +234,7 @@ class PowerTracking(DisconController):
         turbine: Turbine,
         base: Controller,
         way: str,
-        level: float = 1.0,
+        power_level: float = 1.0,
         **store: Any,
     ) -> PowerTracking:
         """By rule for a turbine.
@@ -245,8 +245,8 @@ class PowerTracking(DisconController):
         base : DisconController
             Whose constants are taken.
         way : {"speed", "torque", "pitch", "kinetic"}
-        level : float
-            See the class.
+        power_level : float
+            ``level`` of the class.
         **store
             ``lowest_speed``, ``band`` and ``raised`` of `PowerTrackingLaw`.
 
@@ -263,7 +263,7 @@ class PowerTracking(DisconController):
                 f"'retuned' of such a turbine, that of {turbine.name} is a {type(base).__name__}"
             )
         law = PowerTrackingLaw(base.parameters, way, *pitch_over_share(turbine), **store)
-        return cls(law, turbine.drivetrain.generator_efficiency, level)
+        return cls(law, turbine.drivetrain.generator_efficiency, power_level)
 
     def _ask(self, signals: Readings) -> None:
         """Tell the law what is asked for."""
