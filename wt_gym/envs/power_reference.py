@@ -19,7 +19,7 @@ import csv
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -176,7 +176,8 @@ class PowerReferenceDraws:
         own = np.random.default_rng((seed, max(wind.wind_seed, -1) + 1, round(1e3 * float(wind.wind_speed))))
         kind = given[int(own.integers(len(given)))]
         full = available_power(self._turbine, max(float(wind.wind_speed), 0.0))
-        level, span = full * own.uniform(*self._options.level), full * self._options.span
+        low, high = cast("tuple[float, float]", self._options.level)
+        level, span = full * own.uniform(low, high), full * self._options.span
         times, shares = self._course(kind, own, span)
         return PowerReference(kind, tuple(times), tuple((level + span * np.asarray(shares)).tolist()))
 
