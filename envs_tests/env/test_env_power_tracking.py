@@ -199,3 +199,14 @@ def test_the_task_asks_for_every_kind():
     for number in range(24):
         kinds.add(env._starts.draw(np.random.default_rng(number), None, 60.0).reference.kind)
     assert kinds == {"reserve", "steps", "ramps", "regulation"}
+
+
+@pytest.mark.parametrize("way", ["torque", "speed"])
+def test_the_real_rosco_follows_a_reference(way):
+    pytest.importorskip("rosco")
+    rows = [[0.0, 4.6e6], [20.0, 4.6e6], [20.0, 4.1e6]]
+    env = WindTurbineEnv(**TRACKED | {"controller": f"rosco:derate={way}"}, power_reference=rows)
+    env.reset(seed=0)
+    power = [env.step([0.0, 0.0])[4]["generator_power"] for _ in range(600)]
+    assert np.mean(power[150:200]) == pytest.approx(4.6e6, rel=0.03)
+    assert np.mean(power[550:600]) == pytest.approx(4.1e6, rel=0.03)
