@@ -34,11 +34,15 @@ if TYPE_CHECKING:
 __all__ = ["PARAMETERS", "RoscoController", "rosco_library", "tuned_input"]
 
 _FACTORS = {
-    "speed": ("Ind_R_Speed",),
+    "speed": ("Ind_R_Speed", "Ind_R_Torque"),
     "torque": ("Ind_R_Torque",),
     "pitch": ("Ind_R_Pitch", "Ind_R_Torque"),
 }
-"""Columns of the open-loop file by the way of derating."""
+"""Columns of the open-loop file by the way of derating.
+
+Where ROSCO holds the power, its factor on rated torque is that on the power. Without it a slower turbine makes up to a
+tenth more than R, one with a higher fine pitch all above rated wind.
+"""
 _COURSE, _STEP, _LONGEST = "demanded_power.dat", 0.01, 1e5
 LONGEST_INTERVAL = 0.0125
 """Longest time between calls [s], the step with which ROSCO is used in OpenFAST."""
@@ -50,8 +54,8 @@ PARAMETERS = (
     ),
     Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
     Parameter(
-        "derate", "-", "by what a demanded power is followed: ROSCO's factors on rated speed or torque, or on the "
-        "power at fine pitch and on rated torque", word="speed, torque or pitch", otherwise="nothing",
+        "derate", "-", "what a demanded power lowers: ROSCO's factor on rated torque, and beside it that on rated "
+        "speed or on the power at fine pitch", word="speed, torque or pitch", otherwise="nothing",
     ),
     Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
 )  # fmt: skip

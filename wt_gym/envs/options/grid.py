@@ -29,7 +29,7 @@ class GridOptions(OptionGroup):
     reference: str | os.PathLike[str] | Sequence[Any] | np.ndarray | None = option(
         "str, path, sequence or array, optional",
         'Power that is asked for. ``"reserve"``, a constant one; ``"steps"``, ``"ramps"``; ``"regulation"``, a '
-        "band-limited signal of an automatic generation control; several of them, of which each episode draws one; or "
+        "band-limited signal of an automatic generation control; several of them: each episode draws one; or "
         "your own course: rows of time [s] and power [W] with linear interpolation and the ends held, as an array or "
         "as a CSV file (``.csv``). None: nothing is asked for",
         default=None,
