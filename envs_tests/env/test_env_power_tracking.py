@@ -201,7 +201,7 @@ def test_the_task_asks_for_every_kind():
     assert kinds == {"reserve", "steps", "ramps", "regulation"}
 
 
-@pytest.mark.parametrize("way", ["torque", "speed"])
+@pytest.mark.parametrize("way", ["torque", "speed", "pitch"])
 def test_the_real_rosco_follows_a_reference(way):
     pytest.importorskip("rosco")
     rows = [[0.0, 4.6e6], [20.0, 4.6e6], [20.0, 4.1e6]]

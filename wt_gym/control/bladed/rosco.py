@@ -181,8 +181,10 @@ class RoscoController(BladedController):
         made = Path(folder.name)
         for file in before.iterdir():
             (made / file.name).write_bytes(file.read_bytes())
-        (made / _COURSE).write_text(_course(signals, self.turbine.drivetrain.rated_power), encoding="utf-8")
-        columns = {name: 2 for name in _FACTORS[self._derate or ""]}
+        factors = _FACTORS[self._derate or ""]
+        course = _course(signals, self.turbine.drivetrain.rated_power, len(factors))
+        (made / _COURSE).write_text(course, encoding="utf-8")
+        columns = {name: column for column, name in enumerate(factors, start=2)}  # each wants one of its own
         values = {"PRC_Mode": 2, "PRC_Comm": 1, "OL_Mode": 1, "OL_Filename": f'"{made / _COURSE}"', "Ind_Breakpoint": 1}
         text = with_values(self._plain_input, values | columns)
         (made / "DISCON.IN").write_text(text, encoding="utf-8")
@@ -201,8 +203,8 @@ class RoscoController(BladedController):
         return cls(turbine, input_file, interval=interval, isolated=isolated, derate=derate)
 
 
-def _course(signals: Readings, rated_power: float) -> str:
-    """Rows of time since the start [s] and power over rated [-]."""
+def _course(signals: Readings, rated_power: float, columns: int = 1) -> str:
+    """Rows of time since the start [s] and, in so many columns, power over rated [-]."""
     reference = getattr(signals, "reference", None)
     if reference is None:
         share = (demanded_power_of(signals) or rated_power) / rated_power
@@ -216,7 +218,7 @@ def _course(signals: Readings, rated_power: float) -> str:
     lines, last = ["! time  share", "! s  -"], -math.inf
     for time, share in rows:
         last = max(time, last + _STEP)  # interpolation wants times that rise
-        lines.append(f"{last:.4f} {min(max(share, 0.0), 1.0):.6f}")
+        lines.append(f"{last:.4f}" + columns * f" {min(max(share, 0.0), 1.0):.6f}")
     return "\n".join(lines) + "\n"
 
 
