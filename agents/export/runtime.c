@@ -312,7 +312,11 @@ static double derated_torque(const struct parameters *p, const struct state *s, 
 static void base_start(const struct parameters *p, struct state *s, const struct demand *present) {
     speed_reset(s, s->now.generator_speed);
     memcpy(s->pitch, present->pitch, sizeof s->pitch);
+#if DERATE
+    s->integral = law_holding(p, s->pitch[0], (1.0 - derated_speed(p, power_share(p, s))) * p->reference_speed);
+#else
     s->integral = law_holding(p, s->pitch[0], 0.0);
+#endif
     s->torque = present->torque;
 }
 

@@ -134,9 +134,10 @@ def test_copies_go_on_alike_and_other_bases_are_refused():
     assert np.array_equal(mine.pitch, its.pitch)
     assert mine.generator_torque == its.generator_torque
     assert isinstance(make_controller("discon+derate_torque+lidar", TURBINE), LidarFeedforward)
-    for base in ("tsr_tracking", "discon+derate_torque"):
-        with pytest.raises(ValueError, match="must be 'discon'"):
-            make_controller(f"{base}+derate_speed", TURBINE)
+    large = load_turbine("iea_15mw")  # whose own controller tracks the tip-speed ratio: its pitch law, a torque curve
+    assert make_controller("derate_torque", large).parameters.gain_table is not None
+    with pytest.raises(ValueError, match="the base must be one of them, got a PowerTracking"):
+        make_controller("discon+derate_torque+derate_speed", TURBINE)
     with pytest.raises(ValueError, match=r"power_level of controller 'derate_torque' must be a number from 0.2 to 1"):
         make_controller("derate_torque:power_level=1.2", TURBINE)
     with pytest.raises(ValueError, match="must be among speed, torque, pitch"):

@@ -47,13 +47,13 @@ def context(now):
     setpoint = AgentSetpoint([0.01, 0.02, 0.03], 0.0, 4e3)
     return ObservationContext(
         now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]), None, turning(),
-        np.arange(6.0 * len(LINEAR.bins) + 5.0),
+        np.arange(6.0 * len(LINEAR.bins) + 5.0), demanded_power=(4e6, 4.1e6, 4.2e6, 4.3e6),
     )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def observer():
-    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR, yaw_drive=turning(), linear=LINEAR)
+    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR, yaw_drive=turning(), linear=LINEAR, follows_power=True)
 
 
 def observed(observer):
@@ -93,6 +93,8 @@ def test_each_channel_is_read_from_what_it_names(observer):
     assert [values[f"previous_{name}"] for name in ACTION.names] == case.action.tolist()
     assert values["azimuth_sin"] == math.sin(now["azimuth"])
     assert values["azimuth_cos"] == math.cos(now["azimuth"])
+    assert [values["demanded_power"], values["demanded_power_in_10_s"]] == [4e6, 4.3e6]
+    assert values["power_error"] == now["generator_power"] - 4e6
     assert [values["dead_band_error"], values["dead_band_turning"]] == [-0.2, -1.0]
     psi = now["azimuth"] + 2.0 * math.pi / 3.0 * np.arange(3)
     assert values["root_edge_moment_yaw"] == pytest.approx(2.0 / 3.0 * np.dot(np.sin(psi), now.root_edge_moment))
@@ -101,7 +103,9 @@ def test_each_channel_is_read_from_what_it_names(observer):
 
 
 def test_every_channel_has_a_reader_and_another_name():
-    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR).choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR, follows_power=True).choose(
+        CHOICE
+    )
     assert len({one.channel.name for one in channels}) == len(channels) > 40
     assert {type(one.reader) for one in channels} == {FromSignals, InFixedFrame, Computed}
     for one in channels:
@@ -110,7 +114,7 @@ def test_every_channel_has_a_reader_and_another_name():
     assert [one.channel.name for one in channels if one.circular] == ["yaw_error", "dead_band_error"]
     needy = {one.channel.name: one.reader.needs for one in channels if isinstance(one.reader, Computed)}
     assert [name for name, needs in needy.items() if needs in ("estimator", "lidar")] == [
-        "rotor_wind", "lidar_1", "lidar_2", "lidar_3",
+        "rotor_wind", "lidar_1", "lidar_2", "lidar_3", "power_headroom",
     ]  # fmt: skip
     assert all(
         (needs == "disturbances") == name.startswith(("disturbance_", "linear_")) for name, needs in needy.items()
@@ -119,7 +123,9 @@ def test_every_channel_has_a_reader_and_another_name():
 
 def test_parities_of_signals_are_those_of_the_simulator():
     parities = {channel.name: channel.parity for channel in channel_table(3)}
-    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR).choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR, follows_power=True).choose(
+        CHOICE
+    )
     found = {one.channel.name: one.channel.parity for one in channels}
     assert {name: parities[name] for name in found if name in parities} == {
         name: parity for name, parity in found.items() if name in parities

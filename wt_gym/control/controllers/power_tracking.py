@@ -1,6 +1,6 @@
 """Controllers that make no more power than a grid operator asks for, and as nearly as much as wind and rotor allow.
 
-All stand on the law of the NREL 5-MW's controller (`wt_gym.control.controllers.discon`): filtered generator speed w,
+All have the law of the NREL 5-MW's controller (`wt_gym.control.controllers.discon`): filtered generator speed w,
 torque curve M(w), pitch law on the speed error. The power that is asked for, over generator efficiency, is the power P
 on the shaft of the generator; R is P over rated power, within ``least_share`` and 1. A rotor that could make more is
 held back in one of the ways of ROSCO 2.10 (its power reference control, mode 2: factors on rated speed, on rated torque
@@ -28,6 +28,7 @@ Where no demanded power can be read, a share ``power_level`` of the rated power 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -35,10 +36,11 @@ import numpy as np
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, DisconController
 from wt_gym.control.controllers.parameters import Parameter
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.rotor_table import RotorTable, rotor_table
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Controller, Readings
@@ -153,6 +155,14 @@ class PowerTrackingLaw(BaselineController):
             return least
         return max(least, float(np.interp(self.share, self._shares, self._share_pitch)))
 
+    def start(self, generator_speed: float, pitch: ArrayLike, torque: float = math.nan) -> None:
+        """Start bumplessly at rated speed, as of `BaselineController.start`, whatever the reference speed is."""
+        super().start(generator_speed, pitch, torque)
+        state, p = cast("BaselineState", self.state), self.parameters
+        error = (1.0 - self.speed_share) * p.reference_speed
+        integral = p.pitch_law.holding(float(state.pitch[0]), error)
+        self.state = replace(state, speed_integral=float(integral))
+
     def step(self, generator_speed: float, dt: float) -> tuple[NDArray[np.float64], float]:
         """Advance by one call; arguments and results as of `BaselineController.step`."""
         self._measured = float(generator_speed)
@@ -242,8 +252,9 @@ class PowerTracking(DisconController):
         Parameters
         ----------
         turbine : Turbine
-        base : DisconController
-            Whose constants are taken.
+        base : DisconController or TsrTrackingController
+            Whose constants are taken; of one that tracks the tip-speed ratio those of its pitch law, beside the torque
+            curve of the turbine.
         way : {"speed", "torque", "pitch", "kinetic"}
         power_level : float
             ``level`` of the class.
@@ -257,12 +268,16 @@ class PowerTracking(DisconController):
         """
         if not turbine.drivetrain.takes_torque:
             raise ValueError(f"{turbine.name} has a damper as generator: its torque must be a demand to follow a power")
-        if type(base) is not DisconController:
+        if type(base) is DisconController:
+            parameters = base.parameters
+        elif type(base) is TsrTrackingController:
+            parameters = base.parameters.baseline
+        else:
             raise ValueError(
-                "a demanded power can be followed by a controller with a torque curve: the base must be 'discon' or "
-                f"'retuned' of such a turbine, that of {turbine.name} is a {type(base).__name__}"
+                "a demanded power can be followed on 'discon', 'retuned' or 'tsr_tracking': the base must be one of "
+                f"them, got a {type(base).__name__}"
             )
-        law = PowerTrackingLaw(base.parameters, way, *pitch_over_share(turbine), **store)
+        law = PowerTrackingLaw(parameters, way, *pitch_over_share(turbine), **store)
         return cls(law, turbine.drivetrain.generator_efficiency, power_level)
 
     def _ask(self, signals: Readings) -> None:
