@@ -15,6 +15,7 @@ from wt_gym.control import ActionMap, Lidar
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
+from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.control.controllers.yaw import yaw_drive_of
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.deprecated import renamed_attribute
@@ -126,7 +127,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         late = self._late_steps()
         self._observer = observer = Observer(
             self.turbine, action, groups, observed.noise if apart else 0.0, late, observed.history, lidar, residual,
-            observed.washout, yaw_drive_of(controller), linear_part(controller),
+            observed.washout, yaw_drive_of(controller), linear_part(controller), supervisor_of(controller),
         )  # fmt: skip
         self.operation = Operation(
             self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker(),
@@ -147,7 +148,14 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._observation: np.ndarray | None = None
         self._saturated: tuple[str, ...] = ()
         self._twin = Twin(self._make_twin(), self.wind.turbulence_key) if options.rewards.relative else None
-        self._starts = EpisodeStarts(self.turbine, self.wind, self._running_start(controller), options.starts)
+        supervisor = supervisor_of(controller)
+        if supervisor is None and "set_point" in action.components:
+            raise ValueError(
+                "action_components 'set_point' needs a base controller with a supervisor: 'discon+supervisor'"
+            )
+        self._starts = EpisodeStarts(
+            self.turbine, self.wind, self._running_start(controller), options.starts, supervisor
+        )
         self._renderer = self._make_renderer()
         self._running = self._failed = self._seeded = False
         self._steps = 0
@@ -490,7 +498,10 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._observer.sees_disturbances:
             part = linear_part(o.controller)
             known = None if part is None else part.known(signals)
-        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known)
+        return ObservationContext(
+            signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known,
+            supervisor=supervisor_of(o.controller) if o.supervised else None,
+        )  # fmt: skip
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)
@@ -498,7 +509,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def _info(self, saturated: tuple[str, ...], clearance: float) -> dict[str, Any]:
         signals, wind = self.operation.signals, self.operation.wind
-        return {
+        supervisor = supervisor_of(self.operation.controller) if self.operation.supervised else None
+        return ({} if supervisor is None else {"state": supervisor.state}) | {
             "time": signals["time"],
             "wind_speed": float(wind.wind_speed),
             "wind_seed": int(wind.wind_seed),
