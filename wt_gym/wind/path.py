@@ -59,7 +59,7 @@ class PathInflow(PointInflow):
     profile : SteadyInflow
         Mean wind whose speed the path replaces: its hub height, shear, veer and directions hold.
     box : TurbulenceBox, optional
-        Without one the wind is steady but for the path.
+        Without one the wind has no turbulence.
     scales : ndarray, shape (n,), optional
         Factors on the box at the times [-]; by default 1.
     offset : float
@@ -253,8 +253,8 @@ def speed_path(
         takes *= max(share, _BRIEFEST)
         legs.append((length, takes, before, after))
         length, before, rises = length + takes, after, not rises
-    times = np.arange(math.ceil(duration / _SPACING) + 1) * _SPACING
-    starts = np.array([leg[0] for leg in legs])
-    _, takes_, from_, to = np.array(legs)[np.searchsorted(starts, times, side="right") - 1].T
-    phase = (times - starts[np.searchsorted(starts, times, side="right") - 1]) / takes_
-    return times, from_ + 0.5 * (1.0 - np.cos(np.pi * phase)) * (to - from_)
+    times = np.asarray(np.arange(math.ceil(duration / _SPACING) + 1) * _SPACING, dtype=np.float64)
+    table = np.array(legs)
+    begins, takes_, from_, to = table[np.searchsorted(table[:, 0], times, side="right") - 1].T
+    half_cosine = 0.5 * (1.0 - np.cos(np.pi * (times - begins) / takes_))
+    return times, np.asarray(from_ + half_cosine * (to - from_), dtype=np.float64)

@@ -28,8 +28,8 @@ def resonant_speed(turbine: Turbine) -> float | None:
 class SpeedExclusion:
     """Set point that waits at one end of a band of speeds, and then crosses it.
 
-    A set point that rises into the band stays at its lower end until the wanted one has passed the upper end, and the
-    other way round: as the resonance avoidance of ROSCO 2.10 (inputs TRA_ExclSpeed, TRA_ExclBand, TRA_RateLimit), with
+    A set point that rises into the band stays at its lower end until the requested one has passed the upper end, and
+    the other way round: as the resonance avoidance of ROSCO 2.10 (inputs TRA_ExclSpeed, TRA_ExclBand, TRA_RateLimit), with
     a hysteresis of the whole band. It crosses at a limited rate.
 
     Parameters
@@ -89,7 +89,7 @@ class SpeedExclusion:
         self.value, self._above = math.nan, 0.0
 
     def moved(self, wanted: float, dt: float) -> float:
-        """Set point for a wanted one [rad/s] after another ``dt`` [s]."""
+        """Set point for a requested one [rad/s] after another ``dt`` [s]."""
         if math.isnan(self.value):
             self._above = float(wanted > 0.5 * (self.low + self.high))
         if wanted >= self.high:

@@ -170,14 +170,14 @@ class Supervisor:
     - *Parked*: blades feathered, no torque. After ``restart_delay`` the turbine starts when the mean wind lies between
       cut-in and, after a storm too, ``restart`` (``cut_out - hysteresis``).
     - *Start-up*: the blades turn from feather to where the flow at 70 % of the radius meets them at ten degrees, at no
-      more than a quarter of the greatest rate, so that they stay unstalled while the inflow angle falls. The speed
+      more than a quarter of the greatest rate, so that the flow stays attached while its angle falls. The speed
       follows a ramp that reaches rated speed in ``run_up``: where the wind would spin the rotor up faster, the gains of
       the turbine's pitch law hold it on the ramp. At 5 % above the cut-in speed of the generator production begins; the
       torque rises from none to that of the base controller in a third of ``run_up``.
     - *Production*: the demand of the base controller. While the set point is rated and the load full it is exactly
       that.
     - *Soft cut-out*: above ``derate_from`` the set points of speed and power fall with the mean wind. The base
-      controller reads speeds over the set point, and so holds the set point; its torque is scaled to the wanted power.
+      controller reads speeds over the set point, and so holds that; its torque is scaled to the set point of the power.
     - *Shut-down*: above ``cut_out``, below cut-in by 0.5 m/s, in a gust or overspeed the blades go to feather at
       ``stop_rate``; the torque falls with the square of the speed, and ends at the cut-in speed.
 
