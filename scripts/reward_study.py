@@ -175,16 +175,18 @@ def cost(change: Mapping[str, float], weights: Mapping[str, float] | None = None
 def total_rate(row: Mapping[str, float], weights: Mapping[str, float] | None = None) -> float:
     """Sum of the terms of a row with weights, by default `rewards.DEFAULT_WEIGHTS` [1/s]."""
     weights = rewards.DEFAULT_WEIGHTS if weights is None else weights
-    return sum(weight * row[name] for name, weight in weights.items() if weight)
+    return sum(weight * row[name] for name, weight in weights.items() if weight)  # others may not be recorded
 
 
 def task_weights() -> dict[str, dict[str, float]]:
-    """Weights of the reward of each task (`wt_gym.tasks.TASKS`), in its newest version, that changes them.
+    """Weights of the reward of each task, in its newest version, that changes them and is in turbulence of one mean.
 
     Without those that pay for a demanded power, which no run of the study has.
     """
     given = {
-        name: task.newest.get("reward", {}) for name, task in TASKS.items() if "power_reference" not in task.newest
+        name: task.newest.get("reward", {})
+        for name, task in TASKS.items()
+        if task.newest["inflow"] == "turbulent" and "power_reference" not in task.newest
     }
     return {name: rewards.DEFAULT_WEIGHTS | changed for name, changed in given.items() if changed}
 

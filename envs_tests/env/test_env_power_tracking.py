@@ -202,8 +202,9 @@ def test_the_task_asks_for_every_kind():
 
 
 @pytest.mark.parametrize("way", ["torque", "speed", "pitch"])
-def test_the_real_rosco_follows_a_reference(way):
+def test_the_real_rosco_follows_a_reference(way, tmp_path, monkeypatch):
     pytest.importorskip("rosco")
+    monkeypatch.chdir(tmp_path)  # ROSCO writes a file fort.401 there
     rows = [[0.0, 4.6e6], [20.0, 4.6e6], [20.0, 4.1e6]]
     env = WindTurbineEnv(**TRACKED | {"controller": f"rosco:derate={way}"}, power_reference=rows)
     env.reset(seed=0)

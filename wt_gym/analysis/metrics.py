@@ -85,6 +85,8 @@ METRICS: dict[str, Metric] = {
     "pitch_duty_cycle": Metric("Pitch actuator duty cycle", "%", 100.0, -1, 2),
     "pitch_travel": Metric("Pitch travel, mean of the blades", "deg", 180 / np.pi, -1, 1),
     "yaw_travel": Metric("Yaw travel", "deg", 180 / np.pi, -1, 2),
+    "time_without_power": Metric("Time without power", "%", 100.0, 0, 1),
+    "time_at_standstill": Metric("Time at less than a tenth of rated rotor speed", "%", 100.0, 0, 1),
     "torque_rate": Metric("Generator torque rate, root mean square", "kN m/s", 1e-3, -1, 2),
     "tracking_rms": Metric("Tracking error of the power, root mean square", "kW", 1e-3, -1, 1),
     "tracking_mean": Metric("Tracking error of the power, mean size", "kW", 1e-3, -1, 1),
@@ -269,6 +271,8 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         "pitch_duty_cycle": float(travel / duration / turbine.pitch.max_rate),
         "pitch_travel": float(travel),
         "yaw_travel": float(np.abs(channel("yaw_rate")).sum() * step),
+        "time_without_power": float(np.mean(power < 1e-3 * turbine.drivetrain.rated_power)),
+        "time_at_standstill": float(np.mean(speed < 0.1 * turbine.drivetrain.rated_rotor_speed)),
         "torque_rate": float(np.sqrt(np.mean(torque_rate**2))),
         **tracking,
     }

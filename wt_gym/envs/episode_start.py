@@ -15,10 +15,12 @@ from wt_gym.envs.start import Start, steady_start
 from wt_gym.errors import did_you_mean
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
+from wt_gym.wind.protocol import start_speed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.envs.power_reference import PowerReference, PowerReferenceDraws
     from wt_gym.envs.running_start import RunningStart
     from wt_gym.envs.variation import DrawnVariation
@@ -75,6 +77,8 @@ class EpisodeStarts:
         Starts of the running turbine; None where all are steady.
     count : int, optional
         Of the beginnings that are drawn from; None: every one is another.
+    supervisor : Supervisor, optional
+        Of the base controller: in winds in which it does not run a turbine for long, the turbine starts parked.
     references : PowerReferenceDraws, optional
         Draws what a grid operator asks for.
     """
@@ -85,10 +89,11 @@ class EpisodeStarts:
         winds: WindSampler,
         running: RunningStart | None,
         count: int | None = None,
+        supervisor: Supervisor | None = None,
         references: PowerReferenceDraws | None = None,
     ):
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
-        self._references = references
+        self._supervisor, self._references = supervisor, references
 
     def draw(
         self,
@@ -169,7 +174,8 @@ class EpisodeStarts:
 
         A steady start has the operating point of the wind, or what the options of the reset say.
         """
-        if self.running is not None and not any(name in given for name in _POINT):
+        parked = self._parked(wind)
+        if self.running is not None and not parked and not any(name in given for name in _POINT):
             chosen = float(given["azimuth"]) if "azimuth" in given else None
             start = self.running.draw(wind, yaw, rng, chosen)
             if start is not None:
@@ -180,9 +186,13 @@ class EpisodeStarts:
         torque, azimuth = float(given.get("generator_torque", torque)), float(given.get("azimuth", azimuth))
         return steady_start(speed, pitch, torque, azimuth, self._turbine.n_blades)
 
+    def _parked(self, wind: EpisodeWind) -> bool:
+        """Whether a supervisor lets the turbine stand in the wind of the start."""
+        return self._supervisor is not None and not self._supervisor.runs_in(start_speed(wind.inflow))
+
     def _point(self, wind: EpisodeWind) -> OperatingPoint:
         """Operating point of the wind, or a rotor at rest with feathered blades."""
-        if self._winds.parks:
+        if self._winds.parks or self._parked(wind):
             return OperatingPoint(0.0, min(self._turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
         return starting_point(self._turbine, wind.inflow)
 

@@ -82,6 +82,10 @@ named in ``info["saturated"]``. ``observation`` names groups and single channels
 | previous_action | last action                                | 0      | 1      | -1     | 1      | -       |
 | dead_band       | yaw error behind the controller's filter   | 0      | 4      | -180   | 180    | deg     |
 | dead_band       | direction in which it turns the nacelle    | 0      | 1      | -1     | 1      | -       |
+| supervisor      | 1 in each of its five states, else 0       | 0      | 1      | 0      | 1      | -       |
+| supervisor      | mean wind by which it decides              | 15     | 8      | 0      | 60     | m/s     |
+| supervisor      | set point of the rotor speed over rated    | 1      | 0.2    | 0      | 1      | -       |
+| supervisor      | share of the torque in a start-up          | 1      | 0.5    | 0      | 1      | -       |
 | power_reference | demanded power                             | 4      | 0.75   | 0      | 10     | MW      |
 | power_reference | electrical power less demanded power       | 0      | 0.25   | -10    | 10     | MW      |
 | power_reference | available power by the estimated wind less | 0.5    | 1.25   | -10    | 10     | MW      |
@@ -120,8 +124,8 @@ With a ``power_reference`` the term ``power_tracking`` (weight 0 by default) cos
 (P - P_demanded) / (0.05 R), and what kinetic energy the rotor ends with less than it began with.
 
 P_available is what the turbine can make of the rotor-effective wind of the episode, up to R: a turbine that takes
-what there is and feels no load earns 1 per second in any wind. Further terms, ``tip_deflection``, ``tower_load``
-and ``damage`` (rainflow counting), have weight 0. See `wt_gym.envs.rewards` and ``docs/rewards.md``.
+what there is and feels no load earns 1 per second in any wind. Further terms, ``tip_deflection``, ``tower_load``,
+``extreme_loads`` and ``damage`` (rainflow counting), have weight 0. See `wt_gym.envs.rewards` and ``docs/rewards.md``.
 
 A terminated episode gets the further term ``termination`` = ``-termination_penalty`` (default 120). An early end
 never pays: the worst operation costs 5 per second, which is 100 altogether at a discount of 0.99 per 0.2 s, less

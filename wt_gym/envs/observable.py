@@ -12,6 +12,7 @@ import numpy as np
 from wt_gym.constants import GRAVITY
 from wt_gym.control import Channel, torque_curve
 from wt_gym.control.coleman import FIXED_FRAME
+from wt_gym.control.controllers.supervisor import STATES
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from wt_gym.control import ActionMap, Lidar
     from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
+    from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.control.controllers.yaw import YawByDeadBand
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.turbines import Turbine
@@ -36,7 +38,7 @@ __all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observabl
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
     "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances",
-    "power_reference", "power_forecast",
+    "supervisor", "power_reference", "power_forecast",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
@@ -79,6 +81,8 @@ class Observable:
     yaw_drive : YawByDeadBand, optional
         Dead-band control in the base controller.
     linear : LinearOptimalPitch, optional
+    supervisor : Supervisor, optional
+        Supervisory control in the base controller.
     follows_power : bool
         Whether a grid operator asks for a power.
     """
@@ -92,9 +96,10 @@ class Observable:
         washout: float | None = None,
         yaw_drive: YawByDeadBand | None = None,
         linear: LinearOptimalPitch | None = None,
+        supervisor: Supervisor | None = None,
         follows_power: bool = False,
     ):
-        self._follows_power = follows_power
+        self._supervisor, self._follows_power = supervisor, follows_power
         self._turbine, self._action, self._lidar = turbine, action, lidar
         self._washout, self._yaw_drive, self._linear = washout, yaw_drive, linear
         self._fades = residual is not None and residual.fades
@@ -122,7 +127,7 @@ class Observable:
             "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
             "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
             "lidar": self._lidar_channels, "previous_action": self._previous_action, "measurable": self._measurable,
-            "dead_band": self._dead_band, "disturbances": self._disturbances,
+            "dead_band": self._dead_band, "disturbances": self._disturbances, "supervisor": self._states,
             "power_reference": self._power_reference, "power_forecast": self._power_forecast,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
@@ -364,6 +369,10 @@ class Observable:
             most = self._action.torque_offset_limit
             row = ("torque_offset", "N m", 0.0, 0.5 * most, -most, most, 0.0, "residual torque")
             channels.append(self._computed(EVEN, readers.torque_offset, *row))
+        if "set_point" in self._action.components:
+            most = self._action.set_point_limit
+            row = ("set_point_offset", "-", 0.0, 0.5 * most, -most, most, 0.0, "residual set point of the rotor speed")
+            channels.append(self._computed(EVEN, readers.set_point_offset, *row))
         return channels
 
     def _lidar_channels(self) -> list[Observed]:
@@ -382,6 +391,24 @@ class Observable:
                            "yaw error behind the slow filter of the base controller's dead band", circular=True),
             self._computed(ODD, readers.dead_band_turning, "dead_band_turning", "-", 0.0, 1.0, -1.0, 1.0, 0.0,
                            "direction in which the base controller turns the nacelle"),
+        ]  # fmt: skip
+
+    def _states(self) -> list[Observed]:
+        """What the supervisor does, one channel a state, and its set point."""
+        if self._supervisor is None or not self._action.needs_controller:
+            return []
+        return [
+            *(
+                self._computed(EVEN, readers.supervisor_state, f"state_{name}", "-", 0.0, 1.0, 0.0, 1.0, 0.0,
+                               f"1 in the state {name.replace('_', ' ')} of the base controller, else 0", index=k)
+                for k, name in enumerate(STATES)
+            ),
+            self._computed(EVEN, readers.supervisor_wind, "mean_wind", "m/s", 15.0, 8.0, 0.0, 60.0, 0.0,
+                           "mean wind by which the base controller starts, stops and is held back"),
+            self._computed(EVEN, readers.supervisor_set_point, "set_point", "-", 1.0, 0.2, 0.0, 1.0, 0.0,
+                           "set point of the rotor speed over rated"),
+            self._computed(EVEN, readers.supervisor_load, "load_share", "-", 1.0, 0.5, 0.0, 1.0, 0.0,
+                           "share of the torque that a start-up has reached"),
         ]  # fmt: skip
 
     def _previous_action(self) -> list[Observed]:

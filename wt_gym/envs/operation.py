@@ -10,6 +10,7 @@ import numpy as np
 from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import WithDemandedPower, WithLidar, checked_demand, lidar_of
 from wt_gym.control.controllers.linear_optimal import linear_part
+from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import SensorBias
@@ -96,6 +97,8 @@ class Operation:
         Of the simulator [s].
     count : int
         Such steps in a control step.
+    supervised : bool
+        Whether the base controller has a supervisor.
     """
 
     wind: EpisodeWind
@@ -119,6 +122,7 @@ class Operation:
         self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
         self._lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
         self.step, self.count = step, count
+        self.supervised = supervisor_of(controller) is not None
         self._draws, self._simulators = draws, dict[int, "TurbineSimulator"]()
         self.simulator: TurbineSimulator | None = None
         self.drawn: DrawnVariation | None = None
@@ -213,6 +217,8 @@ class Operation:
         gain, n_blades = self.pitch_gain, self.turbine.n_blades
         biased, together = bool(self._sensor_faults) or gain is not None, self._reads_together
         observer, reference = linear_part(controller), self.reference
+        if self.supervised and (supervisor := supervisor_of(controller)) is not None:
+            supervisor.asked = setpoint.set_point
         for k in range(1, count + 1):
             part = k / count
             if together:

@@ -16,6 +16,7 @@ from wt_gym.control.controllers import AboveRated, lidar_of, make_controller, pa
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
 from wt_gym.control.controllers.power_tracking import PowerTracking
+from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.control.controllers.yaw import yaw_drive_of
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.deprecated import renamed_attribute
@@ -129,7 +130,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         references = None if options.grid.reference is None else PowerReferenceDraws(self.turbine, options.grid)
         self._observer = observer = Observer(
             self.turbine, action, groups, observed.noise if apart else 0.0, late, observed.history, lidar, residual,
-            observed.washout, yaw_drive_of(controller), linear_part(controller), references is not None,
+            observed.washout, yaw_drive_of(controller), linear_part(controller), supervisor_of(controller),
+            references is not None,
         )  # fmt: skip
         self.operation = Operation(
             self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker(),
@@ -150,8 +152,13 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._observation: np.ndarray | None = None
         self._saturated: tuple[str, ...] = ()
         self._twin = Twin(self._make_twin(), self.wind.turbulence_key) if options.rewards.relative else None
+        supervisor = supervisor_of(controller)
+        if supervisor is None and "set_point" in action.components:
+            raise ValueError(
+                "action_components 'set_point' needs a base controller with a supervisor: 'discon+supervisor'"
+            )
         running = self._running_start(_at_level(controller, references))
-        self._starts = EpisodeStarts(self.turbine, self.wind, running, options.starts, references)
+        self._starts = EpisodeStarts(self.turbine, self.wind, running, options.starts, supervisor, references)
         self._renderer = self._make_renderer()
         self._running = self._failed = self._seeded = False
         self._steps = 0
@@ -503,8 +510,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if o.reference is not None:
             demanded = tuple(o.reference.at(o.signals["time"] + ahead) for ahead in (0.0, *AHEAD))
         return ObservationContext(
-            signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known, demanded_power=demanded
-        )
+            signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known,
+            supervisor=supervisor_of(o.controller) if o.supervised else None, demanded_power=demanded,
+        )  # fmt: skip
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)
@@ -512,7 +520,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def _info(self, saturated: tuple[str, ...], clearance: float) -> dict[str, Any]:
         signals, wind = self.operation.signals, self.operation.wind
-        info = {
+        supervisor = supervisor_of(self.operation.controller) if self.operation.supervised else None
+        info = ({} if supervisor is None else {"state": supervisor.state}) | {
             "time": signals["time"],
             "wind_speed": float(wind.wind_speed),
             "wind_seed": int(wind.wind_seed),

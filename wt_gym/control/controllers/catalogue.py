@@ -21,6 +21,7 @@ from wt_gym.control.controllers import (
     own,
     power_tracking,
     retuned,
+    supervisor,
     tower_dampers,
     tsr_tracking,
     yaw,
@@ -33,6 +34,7 @@ from wt_gym.control.controllers.own import own_controller, own_parameters
 from wt_gym.control.controllers.parameters import PATH, Parameter, with_defaults
 from wt_gym.control.controllers.power_tracking import PowerTracking, PowerTrackingLaw
 from wt_gym.control.controllers.retuned import retuned_controller
+from wt_gym.control.controllers.supervisor import Supervisor
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
@@ -111,6 +113,11 @@ def _lidar(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
     return LidarFeedforward.of_turbine(turbine, base, **parameters)  # type: ignore[arg-type]  # checked by the class
 
 
+def _supervisor(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """Start-up, shut-down, soft or hard cut-out and restart around a base (`supervisor`)."""
+    return Supervisor.of_turbine(turbine, base, **parameters)
+
+
 def _derate_speed(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
     """No more power than is demanded, by a lower rotor speed (`power_tracking`)."""
     return PowerTracking.of_turbine(turbine, base, "speed", **parameters)
@@ -167,8 +174,9 @@ WRAPPERS: dict[str, Callable[..., Controller]] = {
     "derate_pitch": _derate_pitch,
     "derate_kinetic": _derate_kinetic,
     "lidar": _lidar,
+    "supervisor": _supervisor,
 }
-"""What works on the inside of a base, before all additions."""
+"""What works on a base before all additions, the first within the others."""
 SHORT_FOR = {
     "tower_dampers": ("fore_aft_damper", "side_side_damper"),
     "linear_optimal": ("side_side_damper", "linear_pitch"),
@@ -187,6 +195,7 @@ _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]
     "rosco": (rosco.PARAMETERS, (RoscoController.of_turbine,)),
     "bladed": (bladed.PARAMETERS, (_bladed, BladedController)),
     "lidar": (lidar_feedforward.PARAMETERS, (LidarFeedforward.of_turbine,)),
+    "supervisor": (supervisor.PARAMETERS, (Supervisor.of_turbine,)),
     "derate_speed": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
     "derate_torque": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
     "derate_pitch": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
@@ -287,7 +296,13 @@ def _parts(choice: str) -> tuple[str, ...]:
             f"controller {choice!r} must be one of {', '.join(BASES)} first, then additions "
             f"({', '.join((*WRAPPERS, *ADDITIONS))}), each once"
         )
-    return tuple(sorted(parts, key=lambda part: 0 if part in BASES else 1 if part in WRAPPERS else 2))
+    inside = list(WRAPPERS)
+    return tuple(
+        sorted(
+            parts,
+            key=lambda part: 0 if part in BASES else 1 + inside.index(part) if part in inside else 1 + len(inside),
+        )
+    )
 
 
 def catalogue_controller(choice: str, turbine: Turbine, parameters: dict[str, Any]) -> Controller:

@@ -110,7 +110,7 @@ def checked_reference(given: Any) -> Any:
         return tuple(names)
     try:
         rows = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         rows = np.empty(0)
     if rows.ndim != 2 or rows.shape[0] < 1 or rows.shape[1] != 2 or not np.isfinite(rows).all():
         raise ValueError(

@@ -9,6 +9,7 @@ x = 1. Any callable with a ``name``, a ``weight`` and the same signature joins i
 
 from wt_gym.envs.rewards.compose import DEFAULT_WEIGHTS, compose, reset, total, worst_rate
 from wt_gym.envs.rewards.damage import Damage, Load
+from wt_gym.envs.rewards.extremes import ExtremeLoads
 from wt_gym.envs.rewards.fatigue import AVERAGED, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.rewards.function import FunctionTerm
 from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
@@ -24,6 +25,7 @@ __all__ = [
     "ActuatorUse",
     "BladeFatigue",
     "Damage",
+    "ExtremeLoads",
     "FunctionTerm",
     "Load",
     "Overspeed",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wt_gym.envs.arguments import check_mapping, check_number, shown
 from wt_gym.envs.rewards.damage import Damage
+from wt_gym.envs.rewards.extremes import ExtremeLoads
 from wt_gym.envs.rewards.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.rewards.function import FunctionTerm
 from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
@@ -35,6 +36,7 @@ _CLASSES = (
     Overspeed,
     TipDeflection,
     TowerLoad,
+    ExtremeLoads,
     Damage,
     PowerTracking,
 )
