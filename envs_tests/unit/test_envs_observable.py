@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wt_gym.control import ActionMap, AgentSetpoint, Demand, Lidar
-from wt_gym.control.controllers import YawByDeadBand
+from wt_gym.control.controllers import STATES, YawByDeadBand, make_controller
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
 from wt_gym.envs.observable import OBSERVATION_GROUPS, Observable
 from wt_gym.envs.observations import Observer
@@ -26,6 +26,7 @@ SINGLES = (
 )  # fmt: skip
 CHOICE = (*OBSERVATION_GROUPS, *SINGLES)
 LINEAR = LinearOptimalPitch.of_turbine(TURBINE)
+SUPERVISOR = make_controller("discon+supervisor", TURBINE)
 
 
 def signals(step=0):
@@ -45,15 +46,17 @@ def turning():
 def context(now):
     demand, base = Demand(np.array([0.1, 0.2, 0.3]), 0.0, 3e4), Demand(np.full(3, 0.15), 0.0, 2e4)
     setpoint = AgentSetpoint([0.01, 0.02, 0.03], 0.0, 4e3)
+    supervisor = make_controller("discon+supervisor", TURBINE)
+    supervisor.start(now, demand)
     return ObservationContext(
         now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]), None, turning(),
-        np.arange(6.0 * len(LINEAR.bins) + 5.0),
+        np.arange(6.0 * len(LINEAR.bins) + 5.0), supervisor=supervisor,
     )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def observer():
-    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR, yaw_drive=turning(), linear=LINEAR)
+    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR, yaw_drive=turning(), linear=LINEAR, supervisor=SUPERVISOR)
 
 
 def observed(observer):
@@ -91,6 +94,9 @@ def test_each_channel_is_read_from_what_it_names(observer):
     names = ("linear_pitch_mean", "linear_pitch_yaw", "linear_pitch_share", "linear_pitch_schedule")
     assert [values[name] for name in names] == [6 * n, 6 * n + 2, 6 * n + 3, 6 * n + 4]
     assert [values[f"previous_{name}"] for name in ACTION.names] == case.action.tolist()
+    states = [values[f"state_{state}"] for state in STATES]
+    assert states == [1.0 if state == case.supervisor.state else 0.0 for state in STATES]
+    assert [values["mean_wind"], values["set_point"], values["load_share"]] == [case.supervisor.mean_wind, 1.0, 1.0]
     assert values["azimuth_sin"] == math.sin(now["azimuth"])
     assert values["azimuth_cos"] == math.cos(now["azimuth"])
     assert [values["dead_band_error"], values["dead_band_turning"]] == [-0.2, -1.0]
@@ -101,7 +107,9 @@ def test_each_channel_is_read_from_what_it_names(observer):
 
 
 def test_every_channel_has_a_reader_and_another_name():
-    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR).choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR, supervisor=SUPERVISOR).choose(
+        CHOICE
+    )
     assert len({one.channel.name for one in channels}) == len(channels) > 40
     assert {type(one.reader) for one in channels} == {FromSignals, InFixedFrame, Computed}
     for one in channels:
@@ -119,7 +127,9 @@ def test_every_channel_has_a_reader_and_another_name():
 
 def test_parities_of_signals_are_those_of_the_simulator():
     parities = {channel.name: channel.parity for channel in channel_table(3)}
-    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR).choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR, supervisor=SUPERVISOR).choose(
+        CHOICE
+    )
     found = {one.channel.name: one.channel.parity for one in channels}
     assert {name: parities[name] for name in found if name in parities} == {
         name: parity for name, parity in found.items() if name in parities

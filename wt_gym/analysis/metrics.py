@@ -81,8 +81,8 @@ METRICS: dict[str, Metric] = {
     "pitch_duty_cycle": Metric("Pitch actuator duty cycle", "%", 100.0, -1, 2),
     "pitch_travel": Metric("Pitch travel, mean of the blades", "deg", 180 / np.pi, -1, 1),
     "yaw_travel": Metric("Yaw travel", "deg", 180 / np.pi, -1, 2),
-    "time_without_power": Metric("Time without power", "%", 100.0, 0, 1),
-    "time_at_standstill": Metric("Time at less than a tenth of rated rotor speed", "%", 100.0, 0, 1),
+    "time_without_power": Metric("Time without power", "%", 100.0, -1, 1),
+    "time_at_standstill": Metric("Time at less than a tenth of rated rotor speed", "%", 100.0, -1, 1),
     "torque_rate": Metric("Generator torque rate, root mean square", "kN m/s", 1e-3, -1, 2),
 }
 
