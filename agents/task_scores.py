@@ -71,6 +71,7 @@ _SCORED = {
     "IEA15MW-LoadReduction": 2,
     "IEA22MW-LoadReduction": 0,
     "FullOperation": 0,
+    "PowerTracking": 0,
 }
 """Version of the id in which the studies of a task run: it changes together with the record."""
 
@@ -227,6 +228,15 @@ STUDIES: dict[str, Study] = {
          Column("time_without_power", "time without power", "level")),
         duration=660.0,
         skip=60.0,
+    ),
+    "PowerTracking": Study(
+        "PowerTracking",
+        ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch"),
+        (Part(_winds((13.0, 16.0), 2), arguments={"start": "steady"}),),
+        (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
+         Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
+         _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
+        duration=150.0,
     ),
 }  # fmt: skip
 """What the pages of the tasks show, by the name of the table."""

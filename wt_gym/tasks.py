@@ -240,6 +240,25 @@ TASKS = {
             600.0,
             _FULL_OPERATION,
         ),
+        Task(
+            "PowerTracking",
+            "Make the power that a grid operator asks for, neither less nor more, with the least loads.",
+            "tracking error of the power and flap DEL; tower DELs and pitch travel beside them",
+            60.0,
+            {
+                **_FIXED_FRAME,
+                **_ABOVE_RATED,
+                "residual_fade": True,
+                "action_components": ("pitch", "torque"),
+                "action_spans": {"pitch_mean": math.radians(0.5), "torque": 800.0},
+                "controller": "discon+derate_kinetic",
+                "power_reference": ("reserve", "steps", "ramps", "regulation"),
+                "wind_speed": (12.0, 18.0),
+                "observation": ("measurable", "power_reference"),
+                "reward": {"power": 0.0, "power_tracking": 0.5, "overspeed": 0.0, "actuator_use": 0.5},
+                "termination_penalty": 300.0,
+            },
+        ),
     )
 }
 """Tasks by name."""

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from wt_gym.control.controllers.supervisor import Supervisor
+    from wt_gym.envs.power_reference import PowerReference, PowerReferenceDraws
     from wt_gym.envs.running_start import RunningStart
     from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
@@ -34,6 +35,7 @@ _NUMBERS = (*_POINT, "azimuth", "yaw")
 RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
     "faults", "start_number",
+    "power_reference",
 )  # fmt: skip
 _FIRST_START = 40_000_000
 """Seed of the random numbers of a numbered beginning, beside its number."""
@@ -52,6 +54,8 @@ class Beginning:
     faults : tuple
     drawn : DrawnVariation, optional
         What the episode has of a variation.
+    reference : PowerReference, optional
+        What a grid operator asks for.
     """
 
     wind: EpisodeWind
@@ -59,6 +63,7 @@ class Beginning:
     yaw: float
     faults: tuple[DriveFault | SensorBias, ...]
     drawn: DrawnVariation | None = None
+    reference: PowerReference | None = None
 
 
 class EpisodeStarts:
@@ -74,6 +79,8 @@ class EpisodeStarts:
         Of the beginnings that are drawn from; None: every one is another.
     supervisor : Supervisor, optional
         Of the base controller: in winds in which it does not run a turbine for long, the turbine starts parked.
+    references : PowerReferenceDraws, optional
+        Draws what a grid operator asks for.
     """
 
     def __init__(
@@ -83,9 +90,10 @@ class EpisodeStarts:
         running: RunningStart | None,
         count: int | None = None,
         supervisor: Supervisor | None = None,
+        references: PowerReferenceDraws | None = None,
     ):
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
-        self._supervisor = supervisor
+        self._supervisor, self._references = supervisor, references
 
     def draw(
         self,
@@ -126,12 +134,25 @@ class EpisodeStarts:
             wind = winds.sample(rng, **chosen, length=length, heading=yaw)
         azimuth = rng.uniform(0.0, 2.0 * math.pi)
         if drawn is None:
-            return Beginning(wind, self._start(rng, wind, given, yaw, azimuth), yaw, faults)
+            start = self._start(rng, wind, given, yaw, azimuth)
+            return Beginning(wind, start, yaw, faults, None, self._reference(rng, wind, given))
         wind = drawn.turned(wind)
         start = self._start(rng, wind, given, yaw, azimuth)
         if drawn.structural:  # the motion of a structure belongs to it
             start = replace(start, motion=None)
-        return Beginning(wind, start, yaw, (*faults, *drawn.faults), drawn)
+        return Beginning(wind, start, yaw, (*faults, *drawn.faults), drawn, self._reference(rng, wind, given))
+
+    def _reference(self, rng: np.random.Generator, wind: EpisodeWind, given: dict[str, Any]) -> PowerReference | None:
+        """What a grid operator asks for in the episode."""
+        chosen = given.get("power_reference")
+        if self._references is not None:
+            return self._references.draw(rng, wind, chosen)
+        if chosen is not None:
+            raise ValueError(
+                f"power_reference must be left out of a reset without a power_reference of the environment, got "
+                f"{shown(chosen)}"
+            )
+        return None
 
     def _numbered(self, rng: np.random.Generator, given: dict[str, Any]) -> tuple[np.random.Generator, int | None]:
         """Random numbers of one of the beginnings and its number, where there are so many and no more."""

@@ -68,6 +68,8 @@ class Observer:
         That of the base controller, if it has one; what it knows of the disturbances can then be observed.
     supervisor : Supervisor, optional
         That of the base controller, if it has one; its state can then be observed.
+    follows_power : bool
+        Whether a grid operator asks for a power, which can then be observed.
 
     Attributes
     ----------
@@ -98,6 +100,7 @@ class Observer:
         yaw_drive: YawByDeadBand | None = None,
         linear: LinearOptimalPitch | None = None,
         supervisor: Supervisor | None = None,
+        follows_power: bool = False,
     ):
         if not 0.0 <= noise_level < math.inf:
             raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
@@ -111,7 +114,7 @@ class Observer:
         self._delay, self._history = int(delay), int(history)
         self.lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
         self.groups, observed = Observable(
-            turbine, action, self.lidar, residual, washout, yaw_drive, linear, supervisor
+            turbine, action, self.lidar, residual, washout, yaw_drive, linear, supervisor, follows_power
         ).choose(choice)
         channels = [one.channel for one in observed]
         layers = [channels] + [

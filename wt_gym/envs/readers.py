@@ -63,6 +63,8 @@ class ObservationContext:
         Of the sensors, at a start.
     supervisor : Supervisor, optional
         Supervisory control in the base controller.
+    demanded_power : tuple of float, optional
+        That a grid operator asks for, now and in the times of `wt_gym.envs.power_reference.AHEAD` [W].
     """
 
     signals: Signals
@@ -76,6 +78,7 @@ class ObservationContext:
     disturbances: np.ndarray | None = None
     offsets: np.ndarray | None = None
     supervisor: Supervisor | None = None
+    demanded_power: tuple[float, ...] | None = None
 
 
 class Sensors:
@@ -348,3 +351,24 @@ def residual_mean(sensors: Sensors, context: ObservationContext, _: int) -> floa
 def disturbance(sensors: Sensors, context: ObservationContext, k: int) -> float:
     """Entry of what the linear optimal pitch of the base controller knows."""
     return float(context.disturbances[k])  # type: ignore[index]
+
+
+def demanded_power(sensors: Sensors, context: ObservationContext, k: int) -> float:
+    """Power that is asked for, now or in one of the times ahead [W]."""
+    return context.demanded_power[k]  # type: ignore[index]
+
+
+def power_error(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Electrical power less what is asked for [W]."""
+    return float(context.signals["generator_power"] - context.demanded_power[0])  # type: ignore[index]
+
+
+def rotor_energy(half_inertia: float, sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Kinetic energy of rotor and generator [J]."""
+    return float(half_inertia * context.signals["rotor_speed"] ** 2)
+
+
+def power_headroom(factor: float, most: float, sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Power that the wind of the estimator allows less what is asked for [W]."""
+    available = min(factor * sensors.estimator.wind**3, most)  # type: ignore[union-attr]
+    return available - context.demanded_power[0]  # type: ignore[index]

@@ -19,6 +19,7 @@ from wt_gym.control.controllers import (
     lidar_feedforward,
     linear_optimal,
     own,
+    power_tracking,
     retuned,
     supervisor,
     tower_dampers,
@@ -31,6 +32,7 @@ from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
 from wt_gym.control.controllers.own import own_controller, own_parameters
 from wt_gym.control.controllers.parameters import PATH, Parameter, with_defaults
+from wt_gym.control.controllers.power_tracking import PowerTracking, PowerTrackingLaw
 from wt_gym.control.controllers.retuned import retuned_controller
 from wt_gym.control.controllers.supervisor import Supervisor
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
@@ -116,6 +118,26 @@ def _supervisor(turbine: Turbine, base: Controller, **parameters: Any) -> Contro
     return Supervisor.of_turbine(turbine, base, **parameters)
 
 
+def _derate_speed(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """No more power than is demanded, by a lower rotor speed (`power_tracking`)."""
+    return PowerTracking.of_turbine(turbine, base, "speed", **parameters)
+
+
+def _derate_torque(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """No more power than is demanded, by a lower torque at rated speed (`power_tracking`)."""
+    return PowerTracking.of_turbine(turbine, base, "torque", **parameters)
+
+
+def _derate_pitch(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """No more power than is demanded, by a higher least pitch that keeps a reserve (`power_tracking`)."""
+    return PowerTracking.of_turbine(turbine, base, "pitch", **parameters)
+
+
+def _derate_kinetic(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """The demanded power, by torque, with the rotor as a store where the wind is too weak (`power_tracking`)."""
+    return PowerTracking.of_turbine(turbine, base, "kinetic", **parameters)
+
+
 def _bladed(turbine: Turbine, library: str | None = None, **parameters: Any) -> Controller:
     """A compiled controller with the Bladed interface (`wt_gym.control.bladed`)."""
     if library is None:
@@ -146,7 +168,14 @@ ADDITIONS: dict[str, Callable[..., Addition]] = {
     "yaw": _yaw,
 }
 """What changes the demand of a controller."""
-WRAPPERS: dict[str, Callable[..., Controller]] = {"lidar": _lidar, "supervisor": _supervisor}
+WRAPPERS: dict[str, Callable[..., Controller]] = {
+    "derate_speed": _derate_speed,
+    "derate_torque": _derate_torque,
+    "derate_pitch": _derate_pitch,
+    "derate_kinetic": _derate_kinetic,
+    "lidar": _lidar,
+    "supervisor": _supervisor,
+}
 """What works on a base before all additions, the first within the others."""
 SHORT_FOR = {
     "tower_dampers": ("fore_aft_damper", "side_side_damper"),
@@ -167,6 +196,10 @@ _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]
     "bladed": (bladed.PARAMETERS, (_bladed, BladedController)),
     "lidar": (lidar_feedforward.PARAMETERS, (LidarFeedforward.of_turbine,)),
     "supervisor": (supervisor.PARAMETERS, (Supervisor.of_turbine,)),
+    "derate_speed": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
+    "derate_torque": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
+    "derate_pitch": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
+    "derate_kinetic": (power_tracking.KINETIC_PARAMETERS, (PowerTracking.of_turbine, PowerTrackingLaw)),
     "ipc": (individual_pitch.PARAMETERS, (IndividualPitch.of_turbine,)),
     "ipc_2p": (individual_pitch.PARAMETERS, (_ipc_2p, IndividualPitch.of_turbine)),
     "constrained_ipc": (individual_pitch.PARAMETERS, (_constrained_ipc, IndividualPitch.of_turbine)),

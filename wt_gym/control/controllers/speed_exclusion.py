@@ -29,8 +29,8 @@ class SpeedExclusion:
     """Set point that waits at one end of a band of speeds, and then crosses it.
 
     A set point that rises into the band stays at its lower end until the requested one has passed the upper end, and
-    the other way round: as the resonance avoidance of ROSCO 2.10 (inputs TRA_ExclSpeed, TRA_ExclBand, TRA_RateLimit),
-    with a hysteresis of the whole band. It crosses at a limited rate.
+    the other way round: as the resonance avoidance of ROSCO 2.10 (TRA_ExclSpeed, TRA_ExclBand, TRA_RateLimit), with
+    a hysteresis of the whole band. It crosses at a limited rate.
 
     Parameters
     ----------

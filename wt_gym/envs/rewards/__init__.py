@@ -17,6 +17,7 @@ from wt_gym.envs.rewards.operation import ActuatorUse, Overspeed
 from wt_gym.envs.rewards.power import Power, available_power
 from wt_gym.envs.rewards.rainflow_counter import RainflowCounter
 from wt_gym.envs.rewards.term import RewardTerm, Transition
+from wt_gym.envs.rewards.tracking import PowerTracking
 
 __all__ = [
     "AVERAGED",
@@ -29,6 +30,7 @@ __all__ = [
     "Load",
     "Overspeed",
     "Power",
+    "PowerTracking",
     "RainflowCounter",
     "RewardTerm",
     "TipDeflection",

@@ -15,6 +15,7 @@ from wt_gym.envs.rewards.function import FunctionTerm
 from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
 from wt_gym.envs.rewards.operation import ActuatorUse, Overspeed
 from wt_gym.envs.rewards.power import Power
+from wt_gym.envs.rewards.tracking import PowerTracking
 from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ _CLASSES = (
     TowerLoad,
     ExtremeLoads,
     Damage,
+    PowerTracking,
 )
 _TERMS = {term.name: type(term) for term in (cls() for cls in _CLASSES)}
 
