@@ -179,9 +179,9 @@ def total_rate(row: Mapping[str, float], weights: Mapping[str, float] | None = N
 
 
 def task_weights() -> dict[str, dict[str, float]]:
-    """Weights of the reward of each task, in its newest version, that changes them and is in turbulence of one mean.
+    """Weights of the reward of each task, in its newest version, that changes them and is in the study's operation.
 
-    Without those that pay for a demanded power, which no run of the study has.
+    That is turbulence of one mean, without a power that is demanded from outside.
     """
     given = {
         name: task.newest.get("reward", {})

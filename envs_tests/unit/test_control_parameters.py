@@ -34,15 +34,32 @@ NUMBERS = [(name, parameter) for name, parameter in EVERY if not (parameter.only
 SHOWN = [(name, parameter) for name, parameter in NUMBERS if parameter.default is not None or parameter.in_use]
 DT = 0.4
 """Interval of the controllers [s]."""
-ON = {"thrust_limit": "iea_22mw"}
-"""Turbines for what the controller of the NREL 5-MW does not have, by parameter of "discon"."""
+ON = {"thrust_limit": "iea_22mw", "resonance": "iea_22mw"}
+"""Turbines for what the controller of the NREL 5-MW does not have, by parameter of "discon" or "supervisor"."""
 BESIDE = {
     "leak_time": {"level": 0.1},  # the pitch returns within a band only
     "stop": {"dead_band": 0.05},
+    **{
+        name: {"averaging": 20.0}  # in which the run gets through storm, calm and start
+        for name in (
+            "derate_from",
+            "least_speed",
+            "least_power",
+            "hysteresis",
+            "restart_delay",
+            "run_up",
+            "stop_rate",
+        )
+    },
 }
 """What must be chosen too for a parameter to have an effect."""
 CHOSEN = {
+    "averaging": 10.0,
     "fade": 0.2,
+    "hysteresis": 20.0,
+    "least_speed": 0.6,
+    "overspeed": 1.05,
+    "resonance": 0.1,
     "filter_damping": 0.7,
     "lead": 1.0,
     "level": 0.3,
@@ -63,7 +80,7 @@ CHOSEN = {
 
 def of(name, parameter):
     """Turbine on which a parameter is tried."""
-    return load_turbine(ON.get(parameter.name, "nrel_5mw") if name == "discon" else "nrel_5mw")
+    return load_turbine(ON.get(parameter.name, "nrel_5mw") if name in ("discon", "supervisor") else "nrel_5mw")
 
 
 @cache
@@ -73,22 +90,32 @@ def winds():
     return 11.5 + 3.0 * np.sin(0.05 * time) + 0.8 * np.sin(0.6 * time)
 
 
+@cache
+def storm():
+    """The same for a supervisor: light wind, storm, a gust that stops the turbine, a calm, and a wind to start in."""
+    time = DT * np.arange(500)
+    return np.interp(time, [0, 30, 60, 80, 81, 90, 91, 110, 111], [6, 6, 22, 26, 45, 45, 0.5, 0.5, 20])
+
+
 def answers(turbine, choice, **parameters):
     """Demands of a controller to a made-up run about rated wind, shape (n, n_blades + 2)."""
     controller = make_controller(choice, turbine, **parameters)
     drivetrain, rated = turbine.drivetrain, turbine.drivetrain.rated_rotor_speed
-    point = operating_point(turbine, float(winds()[0]))
+    blows = storm() if choice == "supervisor" else winds()
+    point = operating_point(turbine, float(blows[0]))
     demand = Demand(np.full(turbine.n_blades, point.pitch), 0.0, point.generator_torque)
     rows, azimuth = [], 0.3
     flap = 2.0 * drivetrain.rated_power / rated  # of the size of a flap moment
-    for k, wind in enumerate(winds()):
-        time, speed = DT * k, rated * min(wind / 12.0, 1.0 + 0.02 * (wind - 12.0))
+    for k, wind in enumerate(blows.tolist()):
+        time, speed = DT * k, rated * min(wind / 12.0, 1.0 + 0.02 * (wind - 12.0), 1.1)
         azimuth += DT * speed
         signals = {
             "generator_speed": speed * drivetrain.gear_ratio,
             "rotor_speed": speed,
             "generator_torque": demand.generator_torque,
             "azimuth": azimuth,
+            "wind_x": wind,
+            "wind_y": 0.0,
             "yaw_error": 0.25 * math.sin(0.05 * time),
             "nacelle_acceleration_fore_aft": 0.5 * math.sin(2.0 * time),
             "nacelle_acceleration_side_side": 0.3 * math.sin(2.1 * time),

@@ -443,10 +443,10 @@ class WindSampler:
         text = f"{box.description}, carried along at {speed:.4g} m/s with sigma_u {sigma:.3g} m/s"
         return box.carried_along(speed, intensity, text)
 
-    def _make_box(self, made_at: float, seed: int, **more: Any) -> TurbulenceBox:
+    def _make_box(self, made_at: float, seed: int, duration: float = 600.0) -> TurbulenceBox:
         """Turbulence as it is synthesized at a speed."""
         turbine, make = self._turbine, TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
-        return make(made_at, turbine.hub_height, turbine.rotor_diameter, self._box_class, seed=seed, **more)
+        return make(made_at, turbine.hub_height, turbine.rotor_diameter, self._box_class, seed=seed, duration=duration)
 
     def _range(self, wind_speed: Any) -> tuple[float, float]:
         """Lower and upper wind speed at the hub [m/s]."""
