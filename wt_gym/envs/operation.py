@@ -69,6 +69,7 @@ class Operation:
 
     Attributes
     ----------
+    lidar : Lidar
     make_simulator : callable
     simulator : TurbineSimulator or None
         None before the first start.
@@ -114,7 +115,7 @@ class Operation:
         draws: VariationDraws | None = None,
     ):
         self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
-        self._lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
+        self.lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
         self.step, self.count = step, count
         self._draws, self._simulators = draws, dict[int, "TurbineSimulator"]()
         self.simulator: TurbineSimulator | None = None
@@ -278,7 +279,7 @@ class Operation:
 
     def _looked(self, instant: tuple[float, float]) -> np.ndarray:
         if self._look is None or self._look[0] != instant:
-            self._look = instant, self._lidar.read(self.wind.inflow, *instant, self.turbine.hub_height)
+            self._look = instant, self.lidar.read(self.wind.inflow, *instant, self.turbine.hub_height)
         return self._look[1]
 
     def _read_by(self, controller: Controller) -> Readings:
