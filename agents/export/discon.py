@@ -188,8 +188,8 @@ def _lidar_page(parts: Parts, library: str) -> list[str]:
         "heading of the nacelle (record 37); points farther than a fifth of the range from every gate are not read. "
         "A gate reads the mean over its points, times `lidar_speed_factor`: 1 over the cosine of the half angle where "
         "the records hold speeds along the beams.",
-        "", "While a gate has no point, or a point no speed, the pitch does not follow the wind ahead: the rest of the "
-        "controller goes on.",
+        "", "While a gate has no point, or a point no speed, the pitch does not follow the wind ahead; the rest of the "
+        "controller continues.",
         "", f"In wt_gym: `bladed:{library}:lidar=True` for the lidar by the rotor's size, else "
         "`BladedController(turbine, library, lidar=Lidar(...))`.",
     ]  # fmt: skip
