@@ -2,8 +2,9 @@
 
 InflowWind (5.0, ``Lidar.f90``) has three sensors. Single points (``SensorType`` 1) are up to five anywhere, of one
 gate; each gives the magnitude of the wind there. A continuous-wave lidar (2) has one beam and one point, a pulsed
-one (3) one beam along x with up to five gates. All are fixed in the global frame, whatever the nacelle's heading, in turbulence that does not change on its way. ServoDyn hands speeds and points to the controller
-library in the records from 2001 on. Single points are taken here: they alone lie across the rotor.
+one (3) one beam along x with up to five gates. All are fixed in the global frame, whatever the nacelle's heading, in
+turbulence that does not change on its way. ServoDyn hands speeds and points to the controller library in the records
+from 2001 on. Single points are taken here: they alone lie across the rotor.
 """
 
 from __future__ import annotations
