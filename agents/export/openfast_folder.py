@@ -131,7 +131,8 @@ def export_openfast(
     Returns
     -------
     dict
-        ``files``, the primary file first, ``held`` and ``lidar`` as of `wt_gym.agents.export.discon.export_discon`.
+        ``files``, the primary file first, ``held`` and ``lidar`` as of `wt_gym.agents.export.discon.export_discon`, and
+        ``lidar_points``: how many points InflowWind reads of the lidar.
 
     Raises
     ------
@@ -152,7 +153,8 @@ def export_openfast(
     if lidar is not None:
         with page.open("a", encoding="utf-8") as file:
             file.write("\n".join(_lidar_page(lidar)) + "\n")
-    return made | {"files": [str(primary), *made["files"]]}
+    read = 0 if lidar is None else len(lidar.points)
+    return made | {"files": [str(primary), *made["files"]], "lidar_points": read}
 
 
 def _lidar_page(lidar: PointLidar) -> list[str]:

@@ -946,6 +946,16 @@ def test_a_model_of_the_users_gets_the_controller_of_its_turbine(tmp_path, own_m
     assert float(torque) > 1e7  # without a gearbox
 
 
+def test_a_folder_for_openfast_tells_which_points_of_the_lidar_it_reads(tmp_path, capsys):
+    wind = '{"inflow": "steady", "wind_speed": 15.0}'
+    main(["lidar", "--to", "openfast", "--out", str(tmp_path), "--duration", "1", "--env-kwargs", wind])
+    assert "OpenFAST reads 5 of 12 points of the lidar" in capsys.readouterr().out
+    page = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "5 of 12 points, as many as it reads" in page
+    assert "| -126 | 33.76 | 0 |" in page
+    assert InputFile(tmp_path / "inflowwind.dat").number("NumBeam") == 5
+
+
 def test_a_model_of_another_turbine_than_the_one_named_is_refused(tmp_path, own_model):
     with pytest.raises(SystemExit, match=r"TipRad must be that of the turbine .*, 63 .*, got 12"):
         main(openfast_words(tmp_path / "flight", own_model, "--turbine", "nrel_5mw"))
