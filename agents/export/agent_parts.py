@@ -13,6 +13,7 @@ from wt_gym.agents.export.controller_parts import (
     Parts,
     estimator_values,
     note_fade,
+    note_lidar,
 )
 from wt_gym.control import NacelleAnemometer
 from wt_gym.control.controllers.wind_estimator import WindEstimator
@@ -73,7 +74,7 @@ _FIXED_FRAME = {
 }
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "HELD",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
 
@@ -146,6 +147,8 @@ def _seen(channel: Any, layout: EnvLayout) -> Seen:
         return Seen("DISTURBANCE", place, channel, LINEAR_READS)
     if parted := re.fullmatch(rf"linear_pitch_({'|'.join(_LINEAR)})", name):
         return Seen("LINEAR_PITCH", _LINEAR[parted[1]], channel, LINEAR_READS)
+    if parted := re.fullmatch(r"lidar_(\d+)", name):
+        return Seen("LIDAR", int(parted[1]) - 1, channel, {"lidar", "nacelle_yaw"})
     if numbered := re.fullmatch(r"(.+)_(\d)", name):
         index = int(numbered[2]) - 1
         if numbered[1] == "pitch_offset":
@@ -240,10 +243,13 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         parts.values |= estimator_values(estimator) | {"sensor_bandwidth": estimator.bandwidth}
         parts.tables["SENSOR_TABLE"] = estimator.table
     reads = set().union(*(one.reads for one in seen))
+    if "lidar" in reads:
+        assert layout.lidar is not None  # what the channels are read by
+        note_lidar(parts, layout.lidar)
     if turning:
         reads |= {"azimuth", "rotor_speed"}
     if parts.constants["FADE_AGENT"] or torque:
         reads.add("rotor_speed")
-    if reads & ACCELERATION:
+    if reads & (ACCELERATION - {"nacelle_yaw"}):
         parts.groups.add("acceleration")
     parts.reads["AGENT"] = reads

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.control.bladed.records import MOST_LIDAR_POINTS
 from wt_gym.control.controllers import (
     DisconController,
     ForeAftDamper,
@@ -23,6 +24,7 @@ from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
+    from wt_gym.control import Lidar
     from wt_gym.control.controllers import AboveRated, Controller
     from wt_gym.control.controllers.discon import BaselineParameters
     from wt_gym.control.controllers.wind_estimator import WindEstimator
@@ -32,18 +34,21 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ACCELERATION",
+    "FASTEST_LIDAR_WIND",
     "LINEAR_READS",
+    "LONGEST_LIDAR_DELAY",
     "MOST_SEEN_BINS",
     "SUPPORTED",
     "Parts",
     "controller_parts",
     "estimator_values",
     "note_fade",
+    "note_lidar",
 ]
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
-             "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
-             "side_side_damper", "tower_dampers", "tuned", "yaw",
+             "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
+             "side_side_damper", "tower_dampers", "tuned", "tuned_lidar", "yaw",
              "linear_pitch", "linear_optimal")  # fmt: skip
 """Names of controllers that can be exported."""
 ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
@@ -52,6 +57,10 @@ LINEAR_READS = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"} |
 """Readings of linear optimal pitch."""
 MOST_SEEN_BINS = 100
 """More than the bins of delays of any design; what the number of a channel counts outputs by."""
+LONGEST_LIDAR_DELAY = 10.0
+"""Greatest delay of the feed-forward that the parameter file of a library may have [s]."""
+FASTEST_LIDAR_WIND = 60.0
+"""Greatest wind that the gates of a lidar are believed to see [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +99,13 @@ class Parts:
     tables : dict
         Rotor tables by the name in the C source.
     reads : dict
-        Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR".
+        Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR".
     linear : LinearPitch or None
         Arrays of linear optimal pitch.
+    lidar : Lidar or None
+        That is read.
+    feedforward : LidarFeedforward or None
+        That moves the collective pitch.
     """
 
     turbine: Turbine
@@ -103,6 +116,8 @@ class Parts:
     tables: dict[str, RotorTable] = field(default_factory=dict)
     reads: dict[str, set[str]] = field(default_factory=dict)
     linear: LinearPitch | None = None
+    lidar: Lidar | None = None
+    feedforward: LidarFeedforward | None = None
 
 
 def controller_parts(controller: Controller, turbine: Turbine, step: float) -> Parts:
@@ -149,12 +164,16 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
         "FADE_IPC",
         "FADE_FORE_AFT",
         "FADE_LINEAR",
+        "FADE_LIDAR",
         "N_HARMONICS",
         "INDIVIDUAL_BLADES",
         "DERATE",
     )
     parts.constants |= dict.fromkeys(flags, 0)
     base, *additions = parts_of(controller)
+    if type(base) is LidarFeedforward:
+        _feedforward(parts, base)
+        base = base.base
     if type(base) is DisconController:  # what is derived from it may do something else
         _torque_curve(parts, base.parameters)
     elif type(base) is PowerTracking:
@@ -183,16 +202,40 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
 
 
 def _refused(part: object) -> ValueError:
-    why = ""
-    if type(part) is LidarFeedforward:
-        why = (
-            ": the Bladed interface has no records for the gates of a lidar, and those of OpenFAST's extended one "
-            "depend on the sensor that InflowWind is given. Export the controller without it, such as tuned for "
-            "tuned_lidar; an agent needs a base controller without it in its training"
+    return ValueError(f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}")
+
+
+def note_lidar(parts: Parts, lidar: Lidar) -> None:
+    """Note the lidar that a controller or an agent reads.
+
+    Raises
+    ------
+    ValueError
+        For more gates than the interface has records for.
+    """
+    if len(lidar.ranges) > MOST_LIDAR_POINTS:
+        raise ValueError(
+            f"a lidar to be exported must have at most {MOST_LIDAR_POINTS} gates, for which the Bladed interface has "
+            f"records, got {len(lidar.ranges)}"
         )
-    return ValueError(
-        f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}{why}"
-    )
+    parts.groups.add("lidar")
+    parts.lidar = lidar
+    parts.values["lidar_speed_factor"] = 1.0
+
+
+def _feedforward(parts: Parts, wrapper: LidarFeedforward) -> None:
+    """Collective pitch ahead of the wind: ranges and steady pitch go into the source, the rest into the parameters."""
+    note_lidar(parts, wrapper.lidar)
+    parts.groups.add("feedforward")
+    parts.feedforward = wrapper
+    parts.values |= {"lidar_gain": 1.0, "lidar_delay": wrapper.delay, "lidar_wavenumber": wrapper.wavenumber}
+    if wrapper.delay > LONGEST_LIDAR_DELAY:
+        raise ValueError(
+            f"the delay of a lidar's feed-forward must be at most {LONGEST_LIDAR_DELAY:g} s to be exported, got "
+            f"{wrapper.delay!r} s"
+        )
+    note_fade(parts, wrapper.fade, "lidar", "lidar", "FADE_LIDAR")
+    parts.reads["LIDAR"] = {"lidar", "nacelle_yaw", "rotor_speed"}
 
 
 def _baseline(parts: Parts, p: BaselineParameters) -> None:
@@ -246,6 +289,10 @@ def _torque_curve(parts: Parts, p: BaselineParameters) -> None:
 def _power_tracking(parts: Parts, base: PowerTracking) -> None:
     """What follows a demanded power beyond the torque curve."""
     law = base.law
+    if law.way == "pitch" and parts.feedforward is not None:
+        raise ValueError(
+            "a controller to be exported must have derate_pitch or lidar, not both: one moves the least pitch"
+        )
     parts.constants["DERATE"] = 1 + WAYS.index(law.way)
     parts.groups.add("power")
     parts.values |= {"generator_efficiency": base.generator_efficiency, "power_level": base.level}

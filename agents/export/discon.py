@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +55,8 @@ def export_discon(
     Returns
     -------
     dict
-        ``files``, and ``held``: names of the channels that are held.
+        ``files``, ``held``: names of the channels that are held, and ``lidar``: arguments of the
+        `wt_gym.control.Lidar` that is read, or None.
 
     Raises
     ------
@@ -93,7 +96,8 @@ def export_discon(
     compile_library(source, library, target)
     held = [one.channel.name for one in seen if one.kind == "HELD"]
     write_text_whole(page, _page(title, parts, [source, library, parameters], held))
-    return {"files": [str(file) for file in (source, library, parameters, page)], "held": held}
+    lidar = None if parts.lidar is None else asdict(parts.lidar)
+    return {"files": [str(file) for file in (source, library, parameters, page)], "held": held, "lidar": lidar}
 
 
 def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Seen], str]:
@@ -146,6 +150,7 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
         "YAW": "yaw",
         "AGENT": "agent",
         "LINEAR": "linear optimal pitch",
+        "LIDAR": "lidar preview",
     }
     for kind, record, name, low, high, users in readings(parts):
         needed = sorted(words[user] for user in users) + ["in place of record 20"] * (kind == "rotor_speed")
@@ -159,7 +164,32 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
         "reads a checkpoint: the file that is named in place of the parameter file, as by OpenFAST, else "
         "`OUTNAME.MILLISECONDS.checkpoint`.",
     ]  # fmt: skip
+    if parts.lidar is not None:
+        lines += _lidar_page(parts, library)
     if held:
         lines += ["", "## Held channels", "", f"The interface does not have {', '.join(held)}: the agent sees the "
                   "middle of their scale. It was not trained so, and does less than in its training."]  # fmt: skip
     return "\n".join(lines) + "\n"
+
+
+def _lidar_page(parts: Parts, library: str) -> list[str]:
+    """What the library reads of a lidar."""
+    lidar = parts.lidar
+    assert lidar is not None
+    ranges = ", ".join(f"{value:.4g}" for value in lidar.ranges)
+    return [
+        "", "## Lidar", "", f"Gates {ranges} m ahead of the tower axis, made for {lidar.n_beams} beam(s) on a cone of "
+        f"{math.degrees(lidar.half_angle):.3g}° half angle about a level axis at hub height.",
+        "", "| record | reading |", "|---|---|", "| 129 | length of the array, 2004 + 4 n at least |",
+        "| 2002, 2003 | beams and gates; n = beams × gates points, at most 124 |",
+        "| 2005 to 2004 + n | speeds along the axis [m/s], -60 to 60 |",
+        "| 2005 + n to 2004 + 4 n | x of all points, then y, then z [m], from the foot of the tower |",
+        "", "A point belongs to the gate whose range is nearest to its distance ahead of the tower axis along the "
+        "heading of the nacelle (record 37); points farther than a fifth of the range from every gate are not read. "
+        "A gate reads the mean over its points, times `lidar_speed_factor`: 1 over the cosine of the half angle where "
+        "the records hold speeds along the beams.",
+        "", "While a gate has no point, or a point no speed, the pitch does not follow the wind ahead; the rest of the "
+        "controller continues.",
+        "", f"In wt_gym: `bladed:{library}:lidar=True` for the lidar by the rotor's size, else "
+        "`BladedController(turbine, library, lidar=Lidar(...))`.",
+    ]  # fmt: skip

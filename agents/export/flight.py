@@ -13,7 +13,9 @@ from wt_gym.agents.export.discon import export_discon
 from wt_gym.agents.export.openfast_folder import export_openfast
 from wt_gym.agents.pool import load_model
 from wt_gym.analysis.metrics import run_metrics
-from wt_gym.bridges.openfast import find_driver, find_library, read_outputs, run_driver
+from wt_gym.bridges.openfast import PointLidar, find_driver, find_library, read_outputs, run_driver
+from wt_gym.control import Lidar
+from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import parse_name
 from wt_gym.envs.options.environment import flat_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -30,12 +32,14 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
     from wt_gym.simulation.contract import TurbineSimulator
 
-__all__ = ["LARGEST_CHANGE", "LARGEST_DIFFERENCE", "LOADS", "Flight", "fly"]
+__all__ = ["LARGEST_CHANGE", "LARGEST_CHANGE_WITH_LIDAR", "LARGEST_DIFFERENCE", "LOADS", "Flight", "fly"]
 
 LARGEST_DIFFERENCE = 1e-5
 """Of the demands of the library from those of Python: pitch [rad], torque over the greatest one [-], yaw [rad/s]."""
 LARGEST_CHANGE = 1e-3
 """Of each load in OpenFAST with the library from that with Python [-]."""
+LARGEST_CHANGE_WITH_LIDAR = 5e-3
+"""The same where a lidar is read: OpenFAST's and Python's look into winds that are interpolated in other ways."""
 PYTHON, LIBRARY = "wt_gym, Python", "wt_gym, library"
 PYTHON_IN_OPENFAST, LIBRARY_IN_OPENFAST = "OpenFAST, Python", "OpenFAST, library"
 """Names of the runs."""
@@ -58,6 +62,8 @@ class Flight:
         Why runs in OpenFAST were left out, by name.
     primary : Path
         Primary file of OpenFAST with the library, to be run again.
+    limit : float
+        Of the loads' changes in OpenFAST [-].
     """
 
     pitch: float
@@ -66,6 +72,7 @@ class Flight:
     metrics: dict[str, dict[str, float]]
     missing: dict[str, str]
     primary: Path
+    limit: float = LARGEST_CHANGE
 
     @property
     def changes(self) -> dict[str, float]:
@@ -77,9 +84,9 @@ class Flight:
 
     @property
     def agrees(self) -> bool:
-        """Whether everything that was run is within `LARGEST_DIFFERENCE` and `LARGEST_CHANGE`."""
+        """Whether everything that was run is within `LARGEST_DIFFERENCE` and `limit`."""
         near = max(self.pitch, self.torque, self.yaw_rate) <= LARGEST_DIFFERENCE
-        return near and all(abs(change) <= LARGEST_CHANGE for change in self.changes.values())
+        return near and all(abs(change) <= self.limit for change in self.changes.values())
 
 
 class _Held:
@@ -145,8 +152,9 @@ def fly(
     }  # the library has none, nor would two runs have the same
     python = arguments if own else arguments | {"controller": choice}
     agent = load_model(name) if own else None
-    libraries = f"bladed:{exported['files'][1]}:input_file={exported['files'][2]}"
-    alone = {"controller": libraries, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
+    lidar = None if exported["lidar"] is None else Lidar(**exported["lidar"])
+    library_alone = BladedController(scene.turbine, *exported["files"][1:3], lidar=lidar or False)
+    alone = {"controller": library_alone, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
 
     metrics: dict[str, dict[str, float]] = {}
     data, expected = _played(python, agent, scene, duration, held)
@@ -161,9 +169,11 @@ def fly(
         metrics[LIBRARY_IN_OPENFAST] = run_metrics(outputs.isel(time=slice(1, None)), scene.turbine, skip)
     if (path := _there(find_library, library, PYTHON_IN_OPENFAST, missing)) is not None:
         simulator = {"simulator": {"name": "openfast", "openfast_library": str(path), "duration": duration}}
-        data, _ = _played(python | simulator, agent, scene, duration, held)
+        points = None if lidar is None else PointLidar.of(lidar)
+        data, _ = _played(python | simulator, agent, scene, duration, held, points)
         metrics[PYTHON_IN_OPENFAST] = run_metrics(data, scene.turbine, skip)
-    return Flight(float(apart[:-2].max()), float(apart[-2]), float(apart[-1]), metrics, missing, primary)
+    limit = LARGEST_CHANGE if lidar is None else LARGEST_CHANGE_WITH_LIDAR
+    return Flight(float(apart[:-2].max()), float(apart[-2]), float(apart[-1]), metrics, missing, primary, limit)
 
 
 def _there(
@@ -180,11 +190,16 @@ def _there(
 
 
 def _played(
-    arguments: dict[str, Any], agent: Agent | None, scene: Scene, duration: float, held: Sequence[str] = ()
+    arguments: dict[str, Any],
+    agent: Agent | None,
+    scene: Scene,
+    duration: float,
+    held: Sequence[str] = (),
+    lidar: Lidar | None = None,
 ) -> tuple[xr.Dataset, NDArray[np.float64]]:
     """Signals after the start, and demands at every step of the simulator: pitch, torque over the greatest, yaw.
 
-    In rad, -, rad/s.
+    In rad, -, rad/s. A lidar takes the place of that which controller and agent read.
 
     Raises
     ------
@@ -192,6 +207,8 @@ def _played(
         If the run ends early.
     """
     env = WindTurbineEnv(**arguments)
+    if lidar is not None:
+        env.operation.lidar = lidar
     most = scene.turbine.drivetrain.max_generator_torque
     rows: list[NDArray[np.float64]] = []
     make = env.operation.make_simulator

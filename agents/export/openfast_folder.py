@@ -14,7 +14,8 @@ from wt_gym.agents.export.discon import export_discon
 from wt_gym.agents.pool import load_model
 from wt_gym.agents.trained_agent import model_card
 from wt_gym.agents.trained_environment import training_arguments
-from wt_gym.bridges.openfast import ServedController, write_driver_run
+from wt_gym.bridges.openfast import PointLidar, ServedController, write_driver_run
+from wt_gym.control import Lidar
 from wt_gym.control.controllers import parse_name
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.tasks import DEFAULT_ENV
@@ -130,7 +131,8 @@ def export_openfast(
     Returns
     -------
     dict
-        ``files``, the primary file first, and ``held`` as of `wt_gym.agents.export.discon.export_discon`.
+        ``files``, the primary file first, ``held`` and ``lidar`` as of `wt_gym.agents.export.discon.export_discon`, and
+        ``lidar_points``: how many points InflowWind reads of the lidar.
 
     Raises
     ------
@@ -142,9 +144,27 @@ def export_openfast(
     folder, trained = Path(folder), parse_name(choice).kind == "trained"
     where: dict[str, Any] = {} if trained else {"turbine": scene.turbine, "interval": scene.step}
     made = export_discon(choice, folder, drive=True, hold_missing=hold_missing, **where)
-    _, library, parameters, _ = (Path(file).name for file in made["files"])
+    _, library, parameters, page = (Path(file) for file in made["files"])
+    lidar = None if made["lidar"] is None else PointLidar.of(Lidar(**made["lidar"]))
     primary = write_driver_run(
-        scene.turbine, scene.inflow, folder, ServedController(library, parameters), duration=duration,
+        scene.turbine, scene.inflow, folder, ServedController(library.name, parameters.name, lidar), duration=duration,
         interval=scene.step, model=model,
     )  # fmt: skip
-    return {"files": [str(primary), *made["files"]], "held": made["held"]}
+    if lidar is not None:
+        with page.open("a", encoding="utf-8") as file:
+            file.write("\n".join(_lidar_page(lidar)) + "\n")
+    read = 0 if lidar is None else len(lidar.points)
+    return made | {"files": [str(primary), *made["files"]], "lidar_points": read}
+
+
+def _lidar_page(lidar: PointLidar) -> list[str]:
+    """What InflowWind reads of a lidar."""
+    rows = [f"| {x:.4g} | {y:.4g} | {z:.4g} |" for x, y, z in lidar.points.tolist()]
+    of = len(lidar.ranges) * lidar.n_beams
+    part = "all points" if lidar.whole else f"{len(lidar.points)} of {of} points, as many as it reads"
+    return [
+        "", "## Lidar of OpenFAST", "", f"`inflowwind.dat` has {part}, from the tower axis at hub height [m]:",
+        "", "| x | y | z |", "|---|---|---|", *rows,
+        "", "InflowWind gives the magnitude of the wind at points that do not yaw with the nacelle, in turbulence that "
+        "does not change on its way to the rotor: preview does more in OpenFAST than where turbulence evolves.",
+    ]  # fmt: skip

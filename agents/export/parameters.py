@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from wt_gym.agents.export.controller_parts import LONGEST_LIDAR_DELAY
+
 __all__ = ["PARAMETERS", "Entry", "parameter_file"]
 
 
@@ -131,6 +133,13 @@ PARAMETERS = (
     Entry("linear_lead", "s", "time by which the azimuth leads", "linear", 0.0),
     Entry("linear_schedule_time", "s", "time constant of the pitch that chooses between designs", "linear", 0.0),
     *_fade("linear", "linear"),
+    Entry("lidar_speed_factor", "-", "lidar: speeds in the records are taken times this; 1 for speeds along the axis, "
+          "one over the cosine of the cone's half angle for speeds along the beams", "lidar", 0.1, 10.0),
+    Entry("lidar_gain", "-", "factor on the pitch that follows the wind ahead; 0: none", "feedforward", 0.0, 2.0),
+    Entry("lidar_delay", "s", "delay of that pitch against the filtered wind at the tower", "feedforward", 0.0,
+          LONGEST_LIDAR_DELAY),
+    Entry("lidar_wavenumber", "rad/m", "of the filter on the wind ahead"),
+    *_fade("lidar", "lidar"),
     Entry("fore_aft_gain", "rad s/m", "fore-aft damper: from velocity to pitch", "fore_aft", 0.0),
     Entry("fore_aft_corner", "rad/s", "of the high-pass filter", "fore_aft", 1e-6),
     Entry("fore_aft_limit", "rad", "greatest pitch added", "fore_aft", 0.0, math.pi),

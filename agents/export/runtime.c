@@ -29,11 +29,23 @@ struct linear {
 };
 #endif
 
+#if WITH_FEEDFORWARD
+/* Wind ahead: readings of all gates over the travel of the air, the oldest one at `first` of a ring. */
+struct ahead {
+    int first, count;
+    double at[N_SEEN_AHEAD], seen[N_SEEN_AHEAD][N_GATES];
+    double traveled, speed, wind, fade, share;
+};
+#endif
+
 /* Measured values: the last good one of each reading, and those of the pitched blade that follow. */
 struct readings {
     double pitch[N_BLADES], generator_speed, rotor_speed, generator_power, generator_torque, yaw_error, wind_speed;
     double acceleration_fore_aft, acceleration_side_side, azimuth, demanded_power;
     double flap[N_BLADES], edge[N_BLADES];
+#if WITH_LIDAR
+    double gate[N_GATES];
+#endif
 };
 
 struct state {
@@ -55,6 +67,9 @@ struct state {
     struct integrator fore_aft, side_side;
 #if WITH_LINEAR
     struct linear linear;
+#endif
+#if WITH_FEEDFORWARD
+    struct ahead ahead;
 #endif
     double yaw_slow, yaw_fast;
     int turning;
@@ -441,6 +456,125 @@ static void base_step(const struct parameters *p, struct state *s, double dt) {
 }
 #endif
 
+#if WITH_FEEDFORWARD
+/* ---- collective pitch ahead of the wind that a lidar sees -------------------------------------------------------- */
+
+/* Move the present pitch and its integral, and with them the next one, within the limits. */
+static void shift_pitch(const struct parameters *p, struct state *s, double change) {
+    double before = s->pitch[0], low = p->min_pitch, moved;
+#if TRACKS_TIP_SPEED_RATIO
+    low = fmin(before, least_pitch(p, s));
+#endif
+    for (int b = 0; b < N_BLADES; b++) s->pitch[b] = fmin(fmax(s->pitch[b] + change, low), p->max_pitch);
+    moved = s->pitch[0] - before;
+    if (GAIN_TABLE) s->integral += moved;
+    else s->integral = (gain_factor(p, before) * s->integral + moved / p->integral_gain) / gain_factor(p, s->pitch[0]);
+}
+
+static void ahead_forget(struct ahead *a) {
+    a->first = a->count = 0;
+    a->traveled = 0.0;
+    a->wind = NAN;
+}
+
+static void ahead_start(struct state *s) {
+    ahead_forget(&s->ahead);
+    s->ahead.share = FADE_LIDAR ? 0.0 : 1.0;
+    s->ahead.fade = mean_of(s->present.pitch);
+}
+
+static double gates_mean(const double *gates) {
+    double sum = 0.0;
+    for (int g = 0; g < N_GATES; g++) sum += gates[g];
+    return sum / N_GATES;
+}
+
+static int ring(const struct ahead *a, int k) { return (a->first + k) % N_SEEN_AHEAD; }
+
+/* Readings that were taken before the air had traveled so far. */
+static int ahead_before(const struct ahead *a, double place) {
+    int low = 0, high = a->count;
+    while (low < high) {
+        int middle = (low + high) / 2;
+        if (a->at[ring(a, middle)] < place) low = middle + 1;
+        else high = middle;
+    }
+    return low;
+}
+
+/* What a gate saw when the air had traveled so far; outside of what is kept the nearest reading. */
+static double ahead_read(const struct ahead *a, int gate, double place) {
+    int k = ahead_before(a, place), i, j;
+    double part;
+    if (k == 0) return a->seen[ring(a, 0)][gate];
+    if (k == a->count) return a->seen[ring(a, k - 1)][gate];
+    i = ring(a, k - 1);
+    j = ring(a, k);
+    part = (place - a->at[i]) / (a->at[j] - a->at[i]);
+    return a->seen[i][gate] + part * (a->seen[j][gate] - a->seen[i][gate]);
+}
+
+/* Take a reading of all gates; mean of what they saw of the air that the filter is to get now. */
+static double ahead_coming(const struct parameters *p, struct state *s) {
+    struct ahead *a = &s->ahead;
+    double lag = 1.0 / p->lidar_wavenumber, ahead, sum = 0.0, farthest = 0.0;
+    int old;
+    if (a->count > 0 && a->traveled - a->at[ring(a, a->count - 1)] > lag) ahead_forget(a); /* too long without */
+    if (a->count == 0) a->speed = gates_mean(s->now.gate);
+    if (a->count > 0 && a->traveled - a->at[ring(a, a->count - 1)] < LIDAR_SPACING) {
+        memcpy(a->seen[ring(a, a->count - 1)], s->now.gate, sizeof s->now.gate); /* in a calm the last one counts */
+    } else {
+        if (a->count == N_SEEN_AHEAD) {
+            a->first = ring(a, 1);
+            a->count--;
+        }
+        a->at[ring(a, a->count)] = a->traveled;
+        memcpy(a->seen[ring(a, a->count)], s->now.gate, sizeof s->now.gate);
+        a->count++;
+    }
+    ahead = lag - fmax(a->speed, 0.0) * p->lidar_delay;
+    for (int g = 0; g < N_GATES; g++) farthest = fmax(farthest, LIDAR_RANGES[g]);
+    old = ahead_before(a, a->traveled - (farthest - ahead)) - 1;
+    if (old > 0) {
+        a->first = ring(a, old);
+        a->count -= old;
+    }
+    for (int g = 0; g < N_GATES; g++) sum += ahead_read(a, g, a->traveled - (LIDAR_RANGES[g] - ahead));
+    return sum / N_GATES;
+}
+
+/* Before the base controller: its pitch moves with the wind that is about to arrive, unless the lidar is missing. */
+static void ahead_shift(const struct parameters *p, struct state *s, double dt) {
+    struct ahead *a = &s->ahead;
+    double coming, before, farthest = 0.0, change;
+    if (s->bad_users & FOR_LIDAR) return;
+    coming = ahead_coming(p, s);
+    before = a->wind; /* none after a long time without */
+    if (isnan(before)) {
+        a->wind = coming;
+        return;
+    }
+    a->wind = coming + exp(-p->lidar_wavenumber * fmax(a->speed, 0.0) * dt) * (before - coming);
+    for (int g = 0; g < N_GATES; g++) farthest = fmax(farthest, LIDAR_RANGES[g]);
+    if (a->traveled < farthest || a->share <= 0.0) return;
+    change = interpolate(a->wind, STEADY_WIND, STEADY_PITCH, N_WINDS) - interpolate(before, STEADY_WIND, STEADY_PITCH, N_WINDS);
+    shift_pitch(p, s, p->lidar_gain * a->share * change);
+}
+
+/* After the base controller: how far it acts, and the way of the air. */
+static void ahead_travel(const struct parameters *p, struct state *s, double dt) {
+    struct ahead *a = &s->ahead;
+    if (FADE_LIDAR) {
+        a->fade = low_pass(a->fade, mean_of(s->pitch), dt, p->lidar_fade_time);
+        a->share = above_rated(p, a->fade, s->now.rotor_speed, p->lidar_fade_pitch, p->lidar_fade_speed,
+                               p->lidar_fade_fine_speed);
+    }
+    if (a->count == 0) return;
+    a->speed = low_pass(a->speed, gates_mean(a->seen[ring(a, a->count - 1)]), dt, 30.0);
+    a->traveled += fmax(a->speed, 0.0) * dt;
+}
+#endif
+
 /* ---- additions --------------------------------------------------------------------------------------------------- */
 
 static void shorten(double *vector, double size) {
@@ -700,6 +834,9 @@ static void yaw_by_dead_band(const struct parameters *p, struct state *s, struct
 static void additions_start(const struct parameters *p, struct state *s) {
     memset(s->harmonics, 0, sizeof s->harmonics);
     s->fresh_ipc = s->fresh_fore_aft = 1;
+#if WITH_FEEDFORWARD
+    ahead_start(s);
+#endif
 #if WITH_LINEAR
     linear_start(&s->linear);
 #endif
@@ -712,7 +849,13 @@ static void additions_start(const struct parameters *p, struct state *s) {
 
 static void controller_step(const struct parameters *p, struct state *s, double dt) {
     struct demand *d = &s->base;
+#if WITH_FEEDFORWARD
+    ahead_shift(p, s, dt);
+#endif
     base_step(p, s, dt);
+#if WITH_FEEDFORWARD
+    ahead_travel(p, s, dt);
+#endif
     memcpy(d->pitch, s->pitch, sizeof d->pitch);
     d->torque = s->torque;
     d->yaw_rate = 0.0;
@@ -788,6 +931,9 @@ static double observed(const struct parameters *p, const struct state *s, const 
     case SEE_DEAD_BAND_ERROR: return s->yaw_slow;
     case SEE_DEAD_BAND_TURNING: return s->turning;
     case SEE_PREVIOUS_ACTION: return s->action[i];
+#if WITH_LIDAR
+    case SEE_LIDAR: return r->gate[i];
+#endif
     case SEE_DEMANDED_POWER: return demanded_power(p, s);
     case SEE_POWER_ERROR: return r->generator_power - demanded_power(p, s);
     case SEE_ROTOR_ENERGY: return 0.5 * p->rotor_inertia * r->rotor_speed * r->rotor_speed;
@@ -1050,15 +1196,46 @@ static void take_acceleration(const struct parameters *p, struct state *s) {
     }
 }
 
+#if WITH_LIDAR
+static const double LIDAR_TOLERANCE = 0.2; /* of a distance ahead of the tower axis, in ranges of the gate */
+
+/* Each point belongs to the gate whose range is nearest to its distance ahead of the tower axis; means over the points of the
+ * gates. Returns whether every gate has points, and each of them a speed. */
+static int read_lidar(const struct parameters *p, struct state *s, const float *swap) {
+    const float *of_lidar = swap + LIDAR_SENSOR - 1, *points = swap + LIDAR_SPEEDS - 1;
+    double sum[N_GATES] = {0.0}, yaw = s->raw[READ_NACELLE_YAW];
+    int found[N_GATES] = {0}, n;
+    if (!(swap[128] >= LIDAR_SPEEDS)) return 0; /* the array ends before */
+    if (!(of_lidar[1] >= 1.0f && of_lidar[2] >= 1.0f && of_lidar[1] * of_lidar[2] <= MOST_LIDAR_POINTS)) return 0;
+    n = (int)lround(of_lidar[1]) * (int)lround(of_lidar[2]);
+    if (!(swap[128] >= LIDAR_SPEEDS - 1 + 4 * n)) return 0;
+    for (int k = 0; k < n; k++) {
+        double distance = -(cos(yaw) * points[n + k] + sin(yaw) * points[2 * n + k]), speed = points[k];
+        int gate = 0;
+        for (int g = 1; g < N_GATES; g++)
+            if (fabs(distance - LIDAR_RANGES[g]) < fabs(distance - LIDAR_RANGES[gate])) gate = g;
+        if (!isfinite(distance)) return 0;
+        if (fabs(distance - LIDAR_RANGES[gate]) > LIDAR_TOLERANCE * LIDAR_RANGES[gate]) continue; /* a gate of others */
+        if (!(speed >= READINGS[READ_LIDAR].low && speed <= READINGS[READ_LIDAR].high)) return 0;
+        sum[gate] += speed;
+        found[gate]++;
+    }
+    for (int g = 0; g < N_GATES; g++)
+        if (found[g] == 0) return 0;
+    for (int g = 0; g < N_GATES; g++) s->now.gate[g] = p->lidar_speed_factor * sum[g] / found[g];
+    return 1;
+}
+#endif
+
 /* Take the readings: one that is no number or out of range keeps its last good value and rests who needs it. */
 static void read_swap(const struct parameters *p, struct state *s, const float *swap, double elapsed) {
     struct readings *r = &s->now;
     const double *raw = s->raw;
     s->bad = s->bad_users = 0;
-    for (int k = 0; k < N_READINGS; k++) {
+    for (int k = 0; k < N_READINGS - WITH_LIDAR; k++) {
         const struct reading *from = &READINGS[k];
         double value = swap[from->record - 1];
-        if (k == READ_NACELLE_YAW && p->acceleration_axes != 0.0) continue; /* not needed */
+        if (k == READ_NACELLE_YAW && p->acceleration_axes != 0.0 && !WITH_LIDAR) continue; /* not needed */
         if (value >= from->low && value <= from->high) { /* false for what is no number */
             s->raw[k] = value;
         } else {
@@ -1066,6 +1243,12 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
             s->bad_users |= from->users;
         }
     }
+#if WITH_LIDAR
+    if (!read_lidar(p, s, swap)) {
+        s->bad |= 1u << READ_LIDAR;
+        s->bad_users |= READINGS[READ_LIDAR].users;
+    }
+#endif
     if (s->bad & (1u << READ_AZIMUTH)) s->raw[READ_AZIMUTH] = wrapped(raw[READ_AZIMUTH] + raw[READ_ROTOR_SPEED] * elapsed);
     if (s->bad & (1u << READ_GENERATOR_SPEED) && !(s->bad & (1u << READ_ROTOR_SPEED)))
         s->raw[READ_GENERATOR_SPEED] = raw[READ_ROTOR_SPEED] * p->gear_ratio;

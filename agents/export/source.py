@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.agents.export.agent_parts import KINDS
+from wt_gym.agents.export.controller_parts import FASTEST_LIDAR_WIND, LONGEST_LIDAR_DELAY
 from wt_gym.agents.export.parameters import PARAMETERS
+from wt_gym.control.bladed.records import LIDAR_SENSOR, LIDAR_SPEEDS, MOST_LIDAR_POINTS
+from wt_gym.control.controllers.lidar_feedforward import SPACING
 from wt_gym.control.reference_loads import reference_flap_moment
 
 if TYPE_CHECKING:
@@ -19,6 +22,8 @@ if TYPE_CHECKING:
     from wt_gym.agents.export.agent_parts import Seen
     from wt_gym.agents.export.controller_parts import LinearPitch, Parts
     from wt_gym.agents.export.network import Network
+    from wt_gym.control import Lidar
+    from wt_gym.control.controllers import LidarFeedforward
     from wt_gym.control.rotor_table import RotorTable
 
 __all__ = ["c_source", "readings"]
@@ -26,7 +31,7 @@ __all__ = ["c_source", "readings"]
 _MARK = "/* DATA */"
 _MAKER = "wt_gym "
 """First bytes of every checkpoint, whichever controller it belongs to."""
-_USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR")
+_USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR")
 _ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW", "LINEAR_PITCH_ADDED")
 _DERATED = ("NOT_DERATED", "BY_SPEED", "BY_TORQUE", "BY_PITCH", "BY_ROTOR_ENERGY")
 _FORMS = ("NO_PITCH", "COLLECTIVE", "INDIVIDUAL", "FIXED_FRAME", "CYCLIC")
@@ -36,7 +41,7 @@ _FIRST = {
     "generator_speed": "READ_GENERATOR_SPEED", "rotor_speed": "READ_ROTOR_SPEED", "power": "READ_POWER",
     "generator_torque": "READ_TORQUE", "yaw_error": "READ_YAW_ERROR", "wind": "READ_WIND",
     "fore_aft": "READ_FORE_AFT", "side_side": "READ_SIDE_SIDE", "azimuth": "READ_AZIMUTH",
-    "nacelle_yaw": "READ_NACELLE_YAW", "demanded_power": "READ_DEMANDED_POWER",
+    "nacelle_yaw": "READ_NACELLE_YAW", "demanded_power": "READ_DEMANDED_POWER", "lidar": "READ_LIDAR",
 }  # fmt: skip
 """Names of the first reading of each kind in the C source."""
 
@@ -46,6 +51,7 @@ _LISTS = {
     "ipc_proportional_gain", "ipc_level", "ipc_leak", "ipc_limit", "ipc_rate_limit", "offset_pitch_limit",
     "ipc_fade_pitch", "ipc_fade_speed", "fore_aft_fade_pitch", "fore_aft_fade_speed", "offset_fade_pitch",
     "offset_fade_speed", "linear_fade_pitch", "linear_fade_speed",
+    "lidar_fade_pitch", "lidar_fade_speed", "lidar_fade_fine_speed",
     "ipc_fade_fine_speed", "fore_aft_fade_fine_speed", "offset_fade_fine_speed", "linear_fade_fine_speed",
 }  # fmt: skip
 """Parameters with several values."""
@@ -77,6 +83,8 @@ def readings(parts: Parts) -> list[tuple[str, int, str, float, float, set[str]]]
         ("nacelle_yaw", 37, "nacelle yaw", 1e4),
         ("demanded_power", 13, "demanded power", 5.0 * drive.rated_power),
     ]
+    if parts.lidar is not None:  # behind all others, which are one record each
+        rows.append(("lidar", LIDAR_SPEEDS, "lidar", FASTEST_LIDAR_WIND))
     needed = {kind: {user for user in _USERS if kind in parts.reads.get(user, set())} for kind in _FIRST}
     return [(kind, record, name, -most, most, needed[kind]) for kind, record, name, most in rows]
 
@@ -155,6 +163,26 @@ def _linear(linear: LinearPitch) -> list[str]:
     ]
 
 
+def _lidar(lidar: Lidar, feedforward: LidarFeedforward | None) -> list[str]:
+    """Gates of a lidar, and the steady pitch of a feed-forward."""
+    lines = [
+        _enum([f"LIDAR_SENSOR = {LIDAR_SENSOR}", f"LIDAR_SPEEDS = {LIDAR_SPEEDS}",
+               f"MOST_LIDAR_POINTS = {MOST_LIDAR_POINTS}", f"N_GATES = {len(lidar.ranges)}"]),
+        _array("double", "LIDAR_RANGES", lidar.ranges),
+    ]  # fmt: skip
+    if feedforward is not None:
+        # way of the air from the farthest gate to where the filter takes it, over the way between two readings
+        way = max(lidar.ranges) + FASTEST_LIDAR_WIND * LONGEST_LIDAR_DELAY
+        spacing = SPACING / feedforward.wavenumber
+        lines += [
+            f"static const double LIDAR_SPACING = {_number(spacing)};",
+            _enum([f"N_SEEN_AHEAD = {math.ceil(way / spacing) + 3}", f"N_WINDS = {feedforward._winds.size}"]),
+            _array("double", "STEADY_WIND", feedforward._winds),
+            _array("double", "STEADY_PITCH", feedforward._steady),
+        ]
+    return lines
+
+
 def _agent(network: Network, seen: list[Seen]) -> list[str]:
     """Channels and network."""
     lines = [
@@ -201,6 +229,8 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
         "WITH_AGENT": int(network is not None),
         "SENSES_WIND": 0,
         "WITH_LINEAR": int(parts.linear is not None),
+        "WITH_LIDAR": int(parts.lidar is not None),
+        "WITH_FEEDFORWARD": int(parts.feedforward is not None),
         "N_GAINS": len(values.get("gain_pitch", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_SHARES": len(values.get("power_shares", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_SCHEDULE": len(values.get("schedule_wind", [0.0, 0.0])),  # type: ignore[arg-type]
@@ -209,7 +239,8 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
     constants["WITH_ESTIMATOR"] = int(bool(parts.tables))
     rows = readings(parts)
     lines = [f"#define {name} {value}" for name, value in constants.items()]
-    firsts = {first: next(k for k, row in enumerate(rows) if row[0] == kind) for kind, first in _FIRST.items()}
+    kinds = [row[0] for row in rows]
+    firsts = {first: kinds.index(kind) for kind, first in _FIRST.items() if kind in kinds}
     lines += [
         _enum(f"{name} = {k}" for name, k in firsts.items()),
         _enum(f"FOR_{user} = {1 << k}" for k, user in enumerate(_USERS)),
@@ -232,6 +263,8 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
             lines += _table(name, table)
     if parts.linear is not None:
         lines += _linear(parts.linear)
+    if parts.lidar is not None:
+        lines += _lidar(parts.lidar, parts.feedforward)
     if network is not None and seen is not None:
         lines += [_enum(_FORMS), _enum(_ACTIVATIONS), *_agent(network, seen)]
     runtime = Path(__file__).with_name("runtime.c").read_text(encoding="utf-8")

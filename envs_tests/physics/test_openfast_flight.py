@@ -71,6 +71,23 @@ def test_a_trained_agent_flies_alike_in_python_and_as_a_library(agent, duration,
     assert alone["pitch_travel"] != pytest.approx(library["pitch_travel"], rel=0.1)
 
 
+def test_a_controller_reads_the_lidar_of_openfast(tmp_path):
+    """It follows the wind ahead as Python does with the same points, and it is the lidar that moves it."""
+    flight = fly("lidar", tmp_path, scene_of("lidar", **WIND, duration=40.0), duration=40.0, skip=20.0, driver=DRIVER,
+                 library=LIBRARY)  # fmt: skip
+    assert flight.agrees, flight.changes
+    assert flight.limit == 5e-3
+    found = flight.metrics["OpenFAST, library"]["pitch_travel"]
+    assert found == pytest.approx(flight.metrics["OpenFAST, Python"]["pitch_travel"], rel=0.01)
+    file = InputFile(flight.primary.with_name("inflowwind.dat"))
+    file.set("SensorType", 0)
+    file.write(file.path)
+    blind = read_outputs(run_driver(flight.primary, DRIVER), scene_of("lidar", **WIND, duration=1.0).turbine)
+    assert run_metrics(blind, scene_of("lidar", **WIND, duration=1.0).turbine, 20.0)["pitch_travel"] != pytest.approx(
+        found, rel=0.03
+    )
+
+
 def test_a_controller_goes_on_from_a_checkpoint_of_openfast(tmp_path):
     scene = scene_of(BASE, **WIND, duration=4.0)
     primary = Path(export_openfast(BASE, tmp_path, scene, duration=4.0)["files"][0])

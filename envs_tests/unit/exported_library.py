@@ -11,7 +11,7 @@ import pytest
 
 from wt_gym.control import Demand
 from wt_gym.control.bladed.library import Library
-from wt_gym.control.bladed.records import new_swap, write_demand, write_readings, write_turbine
+from wt_gym.control.bladed.records import new_swap, write_demand, write_lidar, write_readings, write_turbine
 from wt_gym.control.reference_loads import reference_flap_moment
 
 OUT_OF_PLANE, IN_PLANE, PITCH = (30, 31, 32), (69, 70, 71), (4, 33, 34)
@@ -20,17 +20,19 @@ OUT_OF_PLANE, IN_PLANE, PITCH = (30, 31, 32), (69, 70, 71), (4, 33, 34)
 class Exported:
     """A loaded library, called like a simulation does."""
 
-    def __init__(self, path, turbine, input_file="", demand=None, individual=True):
+    def __init__(self, path, turbine, input_file="", demand=None, individual=True, lidar=None):
         self.library, self.turbine, self.input_file = Library(Path(path)), turbine, str(input_file)
         self.swap = new_swap()
         write_turbine(self.swap, turbine, individual, (self.input_file, self.library.output_name))
         if demand is not None:
             write_demand(self.swap, demand)
-        self.calls, self.flag, self.message = 0, 0, ""
+        self.lidar, self.calls, self.flag, self.message = lidar, 0, 0, ""
 
     def read(self, signals):
         """Take readings and give them back as the library has them: in single precision."""
         write_readings(self.swap, signals, self.turbine.n_blades)
+        if self.lidar is not None:
+            write_lidar(self.swap, signals, self.lidar.ranges, self.turbine.hub_height)
         return as_read(self.swap, self.turbine.n_blades)
 
     def call(self, time, interval, status=None):
@@ -60,10 +62,11 @@ def as_read(swap, n_blades):
         read[f"pitch_{b + 1}"] = angle
         read[f"root_flap_moment_{b + 1}"] = out * math.cos(angle) + within * math.sin(angle)
         read[f"root_edge_moment_{b + 1}"] = within * math.cos(angle) - out * math.sin(angle)
+    read |= {f"lidar_{k + 1}": swap[2004 + k] for k in range(round(swap[2002]))}
     return {name: float(value) for name, value in read.items()}
 
 
-def random_readings(turbine, count, seed, dt):
+def random_readings(turbine, count, seed, dt, n_gates=0):
     """Readings that wander over everything that a turbine meets, with jumps."""
     rng = np.random.default_rng(seed)
     drive = turbine.drivetrain
@@ -87,6 +90,7 @@ def random_readings(turbine, count, seed, dt):
     }  # fmt: skip
     names |= {f"pitch_{b + 1}": (-0.05, 0.5, 0.01) for b in range(n)}
     names |= {f"root_{kind}_moment_{b + 1}": (-moment, moment, 0.03) for kind in ("flap", "edge") for b in range(n)}
+    names |= {f"lidar_{k + 1}": (3.0, 25.0, 0.02) for k in range(n_gates)}
     walks = {name: walk(*row) for name, row in names.items()}
     azimuth = rng.uniform(0.0, 2.0 * math.pi)
     for k in range(count):
@@ -123,7 +127,12 @@ int main(int n, char **words) {
         swap[19] = uniform(-10.0f, 200.0f); swap[20] = swap[19] / 97.0f; swap[14] = uniform(0.0f, 6e6f);
         swap[22] = uniform(0.0f, 5e4f); swap[23] = uniform(-7.0f, 7.0f); swap[26] = uniform(0.0f, 40.0f);
         swap[52] = uniform(-60.0f, 60.0f); swap[53] = uniform(-2.0f, 2.0f); swap[59] = uniform(-10.0f, 10.0f);
-        swap[36] = uniform(-4.0f, 4.0f);
+        swap[128] = 3500.0f; swap[2000] = 3.0f; swap[2001] = 1.0f; swap[2002] = 3.0f;
+        for (int g = 0; g < 3; g++) {
+            swap[2004 + g] = uniform(3.0f, 25.0f); swap[2007 + g] = -63.0f * (float)(g + 1); swap[2010 + g] = 0.0f;
+        }
+        swap[36] = uniform(-0.3f, 0.3f);
+        if (k > 0 && k % 5 == 0) swap[2001 + rand() % 15] = k % 2 ? NAN : uniform(-1e9f, 1e9f);
         if (k > 0 && k % 7 == 0) swap[rand() % 75 + 3] = k % 2 ? NAN : INFINITY;
         DISCON(swap, &fail, words[1], words[2], message);
         if (fail < worst) worst = fail;

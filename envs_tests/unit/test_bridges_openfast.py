@@ -19,6 +19,7 @@ from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.bridges.openfast import (
     DRIVER_VARIABLE,
     OpenFASTSimulator,
+    PointLidar,
     ServedController,
     find_driver,
     find_library,
@@ -38,6 +39,7 @@ from wt_gym.bridges.openfast.turbine_file import read_turbine, write_turbine
 from wt_gym.bridges.openfast.wind_file import sampled, write_wind
 from wt_gym.commands import loadcases
 from wt_gym.commands.loads import main as loads_command
+from wt_gym.control import Lidar
 from wt_gym.control.blade_element import BladeElementRotor, BladeElements
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.simulators import simulator_maker
@@ -572,6 +574,41 @@ class TestChoice:
         assert len(made) == 1
 
 
+class TestPointLidar:
+    """What InflowWind reads of a lidar."""
+
+    def test_the_default_lidar_keeps_points_in_every_gate(self):
+        lidar = Lidar.for_rotor(126.0)
+        points = PointLidar.of(lidar)
+        r2, r3 = (d * math.tan(lidar.half_angle) for d in lidar.ranges[1:])
+        expected = [[-63, 0, 0], [-126, r2, 0], [-126, -r2, 0], [-189, 0, r3], [-189, 0, -r3]]
+        assert not points.whole
+        assert points.points == pytest.approx(np.array(expected))
+        wind = SteadyInflow(10.0, 90.0, shear_exponent=0.2)
+        height = 90.0 + np.array([0.0, 0.0, 0.0, r3, -r3])
+        speeds = 10.0 * (height / 90.0) ** 0.2
+        found = points.read(wind, 0.0, 0.4, 90.0)
+        assert found == pytest.approx([speeds[0], speeds[1:3].mean(), speeds[3:].mean()])
+
+    def test_a_lidar_of_few_points_keeps_its_places_and_reads_magnitudes(self):
+        lidar = Lidar((100.0,), 0.2, 4, frozen=True)
+        points, wind = PointLidar.of(lidar), SteadyInflow(10.0, inclination=0.1)
+        assert points.whole
+        assert points.points == pytest.approx(lidar._beams(0.0, 0.0)[0].reshape(-1, 3), abs=1e-9)
+        assert points.read(wind, 0.0, 0.0, 90.0) == pytest.approx([10.0])
+        assert lidar.read(wind, 0.0, 0.0, 90.0) == pytest.approx([10.0 * math.cos(0.1)])
+
+    @pytest.mark.parametrize("gates", [1, 2, 3, 4, 5])
+    def test_it_has_five_points_at_most_and_each_gate_at_its_range(self, gates):
+        points = PointLidar(tuple(50.0 * (k + 1) for k in range(gates)), n_beams=8).points
+        assert len(points) == 5
+        assert sorted(set(-points[:, 0])) == [50.0 * (k + 1) for k in range(gates)]
+
+    def test_more_gates_than_points_are_refused(self):
+        with pytest.raises(ValueError, match=r"a lidar in OpenFAST must have at most 5 gates, .* got 6"):
+            PointLidar.of(Lidar((50.0, 60.0, 70.0, 80.0, 90.0, 100.0)))
+
+
 @pytest.fixture(scope="module")
 def written(turbine, tmp_path_factory):
     """Primary file of a folder for the driver, in a wind that OpenFAST has no formula for."""
@@ -614,6 +651,28 @@ class TestDriverRuns:
         assert elasto.number("RotSpeed") * math.pi / 30.0 == pytest.approx(point.rotor_speed)
         assert math.radians(elasto.number("BlPitch(2)")) == pytest.approx(point.pitch)
         assert math.radians(elasto.number("Azimuth")) == pytest.approx(0.5)
+
+    def test_inflowwind_reads_the_points_of_a_lidar(self, turbine, tmp_path, written):
+        """Counted from the apex of the rotor, with the tip of the cone on the tower axis at hub height."""
+        assert InputFile(written.with_name("inflowwind.dat")).number("SensorType") == 0
+        lidar = PointLidar((60.0, 120.0), half_angle=0.3, n_beams=2)
+        write_driver_run(
+            turbine, SteadyInflow(8.0), tmp_path, ServedController("a", "b", lidar), duration=1.0, interval=0.1
+        )
+        file, step = InputFile(tmp_path / "inflowwind.dat"), InputFile(tmp_path / "model.fst").number("DT")
+        lines = [line.split() for line in file.lines]
+        found = {
+            words[-2]: [float(word.strip(",")) for word in words[:-2]]
+            for words in lines
+            if len(words) > 2 and words[-2].startswith(("FocalDistance", "RotorApex"))
+        }
+        apex = np.array([-5.0, 0.0, 90.0])
+        places = np.array([found[f"FocalDistance{axis}"] for axis in "XYZ"]).T + apex + found["RotorApexOffsetPos"]
+        up = math.tan(0.3)
+        expected = [[-d, 0.0, 90.0 + sign * d * up] for d in lidar.ranges for sign in (1.0, -1.0)]
+        assert places == pytest.approx(np.array(expected), abs=1e-3)
+        assert [file.number(key) for key in ("SensorType", "NumBeam", "NumPulseGate")] == [1, 4, 1]
+        assert file.number("MeasurementInterval") == step
 
     @staticmethod
     def own_model(turbine, folder, **values):

@@ -12,7 +12,7 @@ import pytest
 from wt_gym.agents.comparison import Case, run_cases
 from wt_gym.agents.names import fingerprint
 from wt_gym.bridges.compiler import CompilerError, compile_library, find_compiler, library_name
-from wt_gym.control import Demand
+from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import RECORDS, BladedController, rosco_library
 from wt_gym.control.bladed.records import channels_read, new_swap, write_readings
 from wt_gym.control.bladed.rosco import tuned_input
@@ -246,6 +246,45 @@ def test_another_library_is_another_agent(library, tmp_path):
 def test_the_table_of_records_counts_none_twice():
     numbers = [number for record in RECORDS for number in record.numbers]
     assert len(set(numbers)) == len(numbers)
+
+
+def test_a_lidar_fills_its_records_gate_by_gate_along_the_heading(library, monkeypatch):
+    """And interpolated between calls, in what copies repeat."""
+    seen, lidar, yaw = [], Lidar((50.0, 120.0), 0.2, 3), 0.5
+    answer = BladedController._answer
+
+    def noting(self, swap):
+        seen.append(swap[1998:2020].copy())
+        answer(self, swap)
+
+    monkeypatch.setattr(BladedController, "_answer", noting)
+    controller = started(library, readings(yaw=yaw, lidar_1=10.0, lidar_2=8.0), interval=0.05, lidar=lidar)
+    assert controller.lidar == lidar
+    assert controller.channels[-2:] == ("lidar_1", "lidar_2")
+    controller.step(readings(yaw=yaw, lidar_1=10.0, lidar_2=8.0), 0.1)
+    controller.step(readings(0.1, yaw=yaw, lidar_1=12.0, lidar_2=9.0), 0.1)
+    x, y = [-d * math.cos(yaw) for d in lidar.ranges], [-d * math.sin(yaw) for d in lidar.ranges]
+    places = [*x, *y, TURBINE.hub_height, TURBINE.hub_height]
+    for found, speeds in zip(seen, ([10.0, 8.0], [11.0, 8.5], [12.0, 9.0]), strict=True):
+        expected = [0.0, 0.0, 3.0, 1.0, 2.0, 0.0, *speeds, *places, *[0.0] * 8]
+        assert found == pytest.approx(np.array(expected, dtype=np.float32), abs=1e-5)
+    other = copy.deepcopy(controller)
+    other.step(readings(0.2, yaw=yaw, lidar_1=13.0, lidar_2=9.0), 0.1)
+    assert np.array_equal(np.array(seen[:3]), np.array(seen[3:6]))
+
+
+def test_a_library_in_an_environment_reads_what_the_lidar_of_its_turbine_sees(library):
+    env = WindTurbineEnv(
+        controller=f"bladed:{library}:lidar=True", observation=["lidar"], inflow="turbulent", wind_speed=12.0,
+        action_mode="residual",
+    )  # fmt: skip
+    env.reset(seed=1)
+    base = env.operation.controller
+    assert base.lidar == Lidar.for_rotor(env.turbine.rotor_diameter)
+    look = env.operation.ahead(env.signals)
+    assert np.ptp(look) > 0.1
+    assert base._swap[2004:2007] == pytest.approx(look, rel=1e-6)
+    env.close()
 
 
 @needs_rosco

@@ -12,14 +12,17 @@ import numpy as np
 import pytest
 
 from envs_tests.unit.exported_library import Exported, numbers_read, random_readings, sanitized
+from wt_gym.agents.export.controller_parts import controller_parts
 from wt_gym.agents.export.discon import export_discon
 from wt_gym.agents.export.parameters import PARAMETERS
 from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.bridges.openfast import write_model
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.export import main
-from wt_gym.control import Demand
-from wt_gym.control.controllers import make_controller
+from wt_gym.control import Demand, Lidar
+from wt_gym.control.bladed import BladedController
+from wt_gym.control.controllers import Combined, make_controller
+from wt_gym.control.controllers.controller import lidar_of
 from wt_gym.control.optimal.design_file import LinearDesign, save_design
 from wt_gym.turbines import load_turbine
 
@@ -40,6 +43,11 @@ CONTROLLERS = (
     ("discon", "iea_15mw"),  # the published one: table of gains, tip-speed ratio, second-order filter
     ("discon+constrained_ipc", "iea_22mw"),
     ("discon+fore_aft_damper", "gebhardt_45m"),
+    ("tuned_lidar", "nrel_5mw"),
+    ("lidar:fade=False", "nrel_5mw"),
+    ("derate_speed+lidar:fade=False", "nrel_5mw"),
+    ("tsr_tracking+lidar+ipc:ipc__fade=False,lidar__fade=False,delay=3.0", "nrel_5mw"),
+    ("lidar:fade=0.05", "iea_15mw"),
 )
 
 
@@ -81,11 +89,11 @@ def test_random_readings_give_the_demands_of_the_controller(choice, name, seed, 
     turbine = load_turbine(name)
     _, library, parameters, _ = exported(choice, name)
     controller = make_controller(choice, turbine)
-    moved = 0.0
-    for k, signals in enumerate(random_readings(turbine, 1000, seed, DT)):
+    lidar, moved = lidar_of(controller), 0.0
+    for k, signals in enumerate(random_readings(turbine, 1000, seed, DT, 3 if lidar else 0)):
         if k == 0:
             held = start_demand(signals, turbine)
-            ours = Exported(library, turbine, parameters, held)
+            ours = Exported(library, turbine, parameters, held, lidar=lidar)
         read = ours.read(signals)
         if k == 0:
             controller.start(read, held)
@@ -731,8 +739,8 @@ def test_drives_that_are_servos_settle_on_the_demand(tmp_path):
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
-        ("tuned_lidar", "must be made of discon, .*tuned.* got LidarFeedforward: .* no records .* such as tuned for"),
         ("ipc+ipc_2p", "individual pitch is there twice"),
+        ("derate_pitch+lidar", "must have derate_pitch or lidar, not both"),
         ("envs_tests/unit/test_export_discon.py:Exported", "must be a trained agent or a controller of discon"),
     ],
 )
@@ -786,11 +794,168 @@ def test_every_parameter_of_a_file_is_one_of_the_table(exported):
 
 @pytest.mark.parametrize(
     "choice",
-    ["discon", "tsr_tracking+ipc+yaw:dead_band=0.05", "constrained_ipc+tower_dampers+yaw", "linear_optimal"],
+    [
+        "discon",
+        "tsr_tracking+ipc+yaw:dead_band=0.05",
+        "constrained_ipc+tower_dampers+yaw",
+        "linear_optimal",
+        "tuned_lidar",
+    ],
 )
 def test_sanitizers_find_nothing(choice, exported, tmp_path):
     source, _, parameters, _ = exported(choice)
     sanitized(source, parameters, tmp_path)
+
+
+WITH_LIDAR = "lidar:fade=False"
+
+
+def steady_readings(turbine, count, rng, gusts=True):
+    """Readings of a turbine that keeps its pitch and speed in a wind that moves, as three gates see it."""
+    base = next(random_readings(turbine, 1, 0, DT))
+    speed = turbine.drivetrain.rated_rotor_speed
+    base |= {"rotor_speed": speed, "generator_speed": speed * turbine.drivetrain.gear_ratio, "yaw": 0.0}
+    base |= {f"pitch_{b + 1}": 0.2 for b in range(turbine.n_blades)}
+    wind = 16.0 + (np.cumsum(rng.normal(size=(count, 3)), axis=0) * 0.2 if gusts else np.zeros((count, 3)))
+    for row in wind:
+        yield base | {f"lidar_{k + 1}": float(value) for k, value in enumerate(row)}
+
+
+def with_and_without(exported, count, spoil, seed=2):
+    """Pitch of a library with a lidar and of one without on spoiled readings, and what the first said."""
+    turbine, lidar = load_turbine("nrel_5mw"), Lidar.for_rotor(load_turbine("nrel_5mw").rotor_diameter)
+    readings = list(steady_readings(turbine, count, np.random.default_rng(seed)))
+    held, pairs, said = start_demand(readings[0], turbine), [], []
+    ours = Exported(*exported(WITH_LIDAR)[1:2], turbine, exported(WITH_LIDAR)[2], held, lidar=lidar)
+    plain = Exported(*exported("discon")[1:2], turbine, exported("discon")[2], held)
+    for k, signals in enumerate(readings):
+        for one in (ours, plain):
+            one.read(signals)
+        spoil(k, ours.swap)
+        pairs.append([one.call(k * DT, DT).pitch[0] for one in (ours, plain)])
+        if ours.flag:
+            said.append((k, ours.flag, ours.message))
+    return np.array(pairs), said
+
+
+def test_the_pitch_follows_the_wind_ahead_once_it_has_come(exported):
+    pairs, said = with_and_without(exported, 400, lambda k, swap: None)
+    apart = abs(pairs[:, 0] - pairs[:, 1])
+    assert said == []
+    assert apart[:100].max() < 1e-7  # the air of the farthest gate takes 189 m / 16 m/s
+    assert apart[150:].max() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("record", "value"),
+    [(2006, math.nan), (2005, math.inf), (2007, -99.0), (2008, math.nan), (2009, -20.0), (2003, 0.0), (2003, math.nan),
+     (2002, 60.0), (129, 2000.0), (129, 2010.0), (37, math.nan)],
+)  # fmt: skip
+def test_without_the_lidar_the_rest_of_the_controller_goes_on(record, value, exported):
+    """Nothing is shifted from then on, which is said once; the demands are those of the pitch that is reached."""
+
+    def spoil(k, swap):
+        if k >= 200:
+            swap[record - 1] = value
+
+    def spoil_all(k, swap):
+        if k >= 200:
+            swap[2004:2007] = math.nan
+
+    pairs, said = with_and_without(exported, 400, spoil)
+    expected, _ = with_and_without(exported, 400, spoil_all)
+    assert [(k, flag) for k, flag, _ in said] == [(200, 1)]
+    assert ("nacelle yaw (record 37)" if record == 37 else "lidar (record 2005)") in said[0][2]
+    assert np.array_equal(pairs, expected)
+    steps = np.diff(pairs[:, 0] - pairs[:, 1])
+    assert abs(steps[150:199]).max() > 1e-4
+    whole, _ = with_and_without(exported, 400, lambda k, swap: None)
+    assert abs(whole[:, 0] - pairs[:, 0])[250:].max() > 1e-3
+
+
+def test_a_lidar_that_never_reads_leaves_the_controller_without(exported):
+    pairs, said = with_and_without(exported, 300, lambda k, swap: swap.__setitem__(slice(2000, 2500), 0.0))
+    assert np.array_equal(pairs[:, 0], pairs[:, 1])
+    assert [k for k, *_ in said] == [0]
+
+
+def test_a_short_gap_hardly_matters_and_a_long_one_is_a_new_start(exported):
+    def gap(first, last):
+        def spoil(k, swap):
+            if first <= k < last:
+                swap[2004] = math.nan
+
+        return spoil
+
+    whole, _ = with_and_without(exported, 500, gap(0, 0))
+    short, _ = with_and_without(exported, 500, gap(200, 203))
+    apart = abs(short[:, 0] - whole[:, 0])
+    assert apart[:200].max() == 0.0
+    assert 0.0 < apart.max() < 0.2 * abs(whole[:, 0] - whole[:, 1]).max()
+    long, _ = with_and_without(exported, 500, gap(200, 250))
+    steps = np.diff(long[:, 0] - long[:, 1])
+    alone, _ = with_and_without(exported, 500, gap(200, 500))
+    assert np.array_equal(long[:340], alone[:340])  # 5 s, then the air of 189 m again
+    assert abs(steps[400:]).max() > 1e-4
+
+
+def test_points_are_told_by_where_they_are_and_speeds_along_beams_are_scaled(exported, tmp_path):
+    """Four beams in each of three gates and another gate, in any order, with the nacelle turned."""
+    turbine = load_turbine("nrel_5mw")
+    lidar = Lidar.for_rotor(turbine.rotor_diameter)
+    _, library, parameters, _ = exported(WITH_LIDAR)
+    scaled = tmp_path / "along.in"
+    factor = 1.0 / math.cos(lidar.half_angle)
+    scaled.write_text(
+        Path(parameters).read_text(encoding="utf-8").replace("speed_factor = 1.0", f"speed_factor = {factor!r}"),
+        encoding="utf-8",
+    )
+    rng, yaw = np.random.default_rng(3), 0.7
+    readings = [now | {"yaw": yaw} for now in steady_readings(turbine, 300, rng)]
+    held = start_demand(readings[0], turbine)
+    ours, plain = Exported(library, turbine, scaled, held), Exported(library, turbine, parameters, held, lidar=lidar)
+    order = rng.permutation(16)
+    for k, signals in enumerate(readings):
+        plain.read(signals)
+        ours.read(signals)
+        speeds, places = [], []
+        for gate, distance in enumerate((*lidar.ranges, 300.0)):
+            mean = signals[f"lidar_{gate + 1}"] if gate < 3 else 99.0
+            for beam, side in enumerate(np.array([[0.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0]])):
+                speeds.append((mean + (0.5, -0.5, 1.5, -1.5)[beam]) / factor)
+                level, up = distance * math.tan(lidar.half_angle) * side
+                x = -distance * math.cos(yaw) - level * math.sin(yaw)
+                places.append((x, -distance * math.sin(yaw) + level * math.cos(yaw), 90.0 + up))
+        ours.swap[2000:2004] = 3.0, 4.0, 4.0, 0.0
+        ours.swap[2004 : 2004 + 64] = np.concatenate([np.array(speeds)[order], *np.array(places)[order].T])
+        found, expected = ours.call(k * DT, DT), plain.call(k * DT, DT)
+        assert ours.flag == 0, ours.message
+        assert found.pitch == pytest.approx(expected.pitch, abs=2e-7)
+    assert abs(found.pitch[0] - readings[0]["pitch_1"]) > 1e-3
+
+
+def test_a_lidar_with_more_gates_than_there_are_records_is_refused(tmp_path, monkeypatch):
+    turbine = load_turbine("nrel_5mw")
+    many = Lidar(tuple(60.0 + k for k in range(125)))
+    with pytest.raises(ValueError, match="a lidar on the Bladed interface must have at most 124 gates, got 125"):
+        BladedController(turbine, exported_file(tmp_path), lidar=many)
+    controller = make_controller("lidar", turbine, lidar=many)
+    with pytest.raises(ValueError, match=r"a lidar to be exported must have at most 124 gates, .* got 125"):
+        controller_parts(controller, turbine, DT)
+    late = make_controller("lidar:delay=11.0", turbine)
+    with pytest.raises(ValueError, match=r"delay of a lidar's feed-forward must be at most 10 s .* got 11\.0 s"):
+        controller_parts(Combined(late), turbine, DT)
+
+
+def exported_file(folder):
+    return export_discon("discon", folder)["files"][1]
+
+
+def test_the_page_tells_what_is_read_of_a_lidar(exported):
+    page = Path(exported("tuned_lidar")[3]).read_text(encoding="utf-8")
+    assert "| 2005 | lidar | -60 to 60 | lidar preview |" in page
+    assert "Gates 63, 126, 189 m ahead of the tower axis, made for 4 beam(s) on a cone of 15° half angle" in page
+    assert "Lidar" not in Path(exported("tuned")[3]).read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -817,6 +982,16 @@ def test_a_model_of_the_users_gets_the_controller_of_its_turbine(tmp_path, own_m
     parameters = (tmp_path / "flight" / "discon.in").read_text(encoding="utf-8")
     (torque,) = re.findall(r"^max_torque = ([\d.e+]+)", parameters, re.MULTILINE)
     assert float(torque) > 1e7  # without a gearbox
+
+
+def test_a_folder_for_openfast_tells_which_points_of_the_lidar_it_reads(tmp_path, capsys):
+    wind = '{"inflow": "steady", "wind_speed": 15.0}'
+    main(["lidar", "--to", "openfast", "--out", str(tmp_path), "--duration", "1", "--env-kwargs", wind])
+    assert "OpenFAST reads 5 of 12 points of the lidar" in capsys.readouterr().out
+    page = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "5 of 12 points, as many as it reads" in page
+    assert "| -126 | 33.76 | 0 |" in page
+    assert InputFile(tmp_path / "inflowwind.dat").number("NumBeam") == 5
 
 
 def test_a_model_of_another_turbine_than_the_one_named_is_refused(tmp_path, own_model):

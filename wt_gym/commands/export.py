@@ -62,6 +62,9 @@ def main(words: list[str] | None = None) -> None:
         print(f"actions equal those of the policy within {made['largest_difference']:.1e}")
     elif made["held"]:
         print(f"held at the middle of their scale: {', '.join(made['held'])}")
+    if made.get("lidar_points"):
+        of = len(made["lidar"]["ranges"]) * made["lidar"]["n_beams"]
+        print(f"OpenFAST reads {made['lidar_points']} of {of} points of the lidar, without evolution: README.md")
     if arguments.json:
         print(json.dumps(made))
 

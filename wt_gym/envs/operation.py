@@ -71,6 +71,7 @@ class Operation:
 
     Attributes
     ----------
+    lidar : Lidar
     make_simulator : callable
     simulator : TurbineSimulator or None
         None before the first start.
@@ -120,7 +121,7 @@ class Operation:
         draws: VariationDraws | None = None,
     ):
         self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
-        self._lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
+        self.lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
         self.step, self.count = step, count
         self.supervised = supervisor_of(controller) is not None
         self._draws, self._simulators = draws, dict[int, "TurbineSimulator"]()
@@ -292,7 +293,7 @@ class Operation:
 
     def _looked(self, instant: tuple[float, float]) -> np.ndarray:
         if self._look is None or self._look[0] != instant:
-            self._look = instant, self._lidar.read(self.wind.inflow, *instant, self.turbine.hub_height)
+            self._look = instant, self.lidar.read(self.wind.inflow, *instant, self.turbine.hub_height)
         return self._look[1]
 
     def _read_by(self, controller: Controller) -> Readings:

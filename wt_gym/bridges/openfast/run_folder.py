@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from wt_gym.bridges.openfast.lidar import PointLidar
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
@@ -68,10 +69,13 @@ class ServedController:
     ----------
     library, input_file : str
         Paths, whole or beside the file of ServoDyn.
+    lidar : PointLidar or None
+        What InflowWind reads for it.
     """
 
     library: str
     input_file: str
+    lidar: PointLidar | None = None
 
 
 @dataclass(frozen=True)
@@ -170,6 +174,10 @@ def prepare_run(
     files["AeroDyn"].set_outputs(AERODYN_OUTPUTS)
     inflow_file = InputFile(write_wind(inflow, turbine, folder, duration, start.yaw))
     inflow_file.set_outputs(INFLOW_OUTPUTS)
+    if controller is not None and controller.lidar is not None:
+        hub = _hub(files["ElastoDyn"])
+        for key, value in controller.lidar.inputs(hub, turbine.hub_height, step).items():
+            inflow_file.set(key, value)
     inflow_file.write(inflow_file.path)
     primary.set("InflowFile", inflow_file.path.name)
     for name, key in MODULES.items():
@@ -231,6 +239,13 @@ def _set_primary(file: InputFile, step: float, driver: DriverRun | None) -> None
     file.set("Linearize", False)
     file.set("WrVTK", 0)
     file.set("SumPrint", False)
+
+
+def _hub(elastodyn: InputFile) -> tuple[float, float, float]:
+    """Apex of the rotor of a nacelle that heads along x [m]."""
+    overhang, tilt = elastodyn.number("OverHang"), math.radians(elastodyn.number("ShftTilt"))
+    height = elastodyn.number("TowerHt") + elastodyn.number("Twr2Shft")
+    return overhang * math.cos(tilt), 0.0, height + overhang * math.sin(tilt)
 
 
 def _set_elastodyn(file: InputFile, n_blades: int, start: RunStart) -> None:

@@ -16,16 +16,20 @@ from wt_gym.control.bladed.records import (
     FIRST_CALL,
     LAST_CALL,
     MAX_BLADES,
+    MOST_LIDAR_POINTS,
     RECORDS,
     STEP,
     channels_read,
     demand_of,
+    lidar_indices,
     new_swap,
     write_demand,
+    write_lidar,
     write_readings,
     write_turbine,
 )
 from wt_gym.control.controllers.parameters import PATH, Parameter
+from wt_gym.control.sensors import Lidar
 from wt_gym.errors import ControllerError, SimulationError
 
 if TYPE_CHECKING:
@@ -43,7 +47,11 @@ PARAMETERS = (
     Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
     Parameter("individual_pitch", "-", "whether each blade has its own demand", switch=True, only_object=True),
     Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
-)
+    Parameter(
+        "lidar", "-", "lidar that it reads; True: three gates by the rotor's size", switch=True, kind="Lidar",
+        only_object=True,
+    ),
+)  # fmt: skip
 """What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
 
@@ -56,8 +64,6 @@ _READ = _indices("simulation")
 """Readings, status, time and interval among them."""
 _DEMANDS = _indices("controller")
 _AZIMUTH = int(np.flatnonzero(_READ == AZIMUTH)[0])
-_KEPT = np.concatenate([_READ, _DEMANDS])
-"""What is noted of a call."""
 
 
 class BladedController:
@@ -84,6 +90,9 @@ class BladedController:
         Whether records 42 to 44 or record 45 are read.
     isolated : bool
         Whether the library runs in a process of its own, so that a crash of it ends the episode and not this process.
+    lidar : Lidar or bool
+        What the records of a lidar hold (`wt_gym.control.bladed.records`); True: `Lidar.for_rotor`. By default there is
+        none, and they are zero.
 
     Raises
     ------
@@ -105,6 +114,7 @@ class BladedController:
         interval: float | None = None,
         individual_pitch: bool = True,
         isolated: bool = False,
+        lidar: Lidar | bool = False,
     ):
         if turbine.n_blades > MAX_BLADES:
             raise ControllerError(
@@ -118,12 +128,17 @@ class BladedController:
         self.function, self.interval = function, interval
         self.individual_pitch, self.isolated = individual_pitch, isolated
         check_library(self.library, function)
-        self.channels = channels_read(turbine.n_blades)
+        self.lidar = _lidar(lidar, turbine)
+        """What `wt_gym.control.controllers.lidar_of` finds."""
+        n_gates = 0 if self.lidar is None else len(self.lidar.ranges)
+        self.channels = channels_read(turbine.n_blades, n_gates)
+        self._read = np.concatenate([_READ, lidar_indices(n_gates)])
+        self._kept = np.concatenate([self._read, _DEMANDS])  # what is noted of a call
         self._loaded: Library | None = None
         self._swap = new_swap()
         self._calls: list[np.ndarray] = []  # records of each call, up to the last one that is not zero
         self._begin = self._now = math.nan
-        self._readings = self._swap[_READ]
+        self._readings = self._swap[self._read]
         self._warned: set[str] = set()
 
     @classmethod
@@ -143,8 +158,8 @@ class BladedController:
         self._begin = self._now = signals["time"]
         self._calls = []
         self._load(demand)
-        write_readings(self._swap, signals, self.turbine.n_blades)
-        self._readings = self._swap[_READ]
+        self._write(signals)
+        self._readings = self._swap[self._read]
 
     def step(self, signals: Readings, dt: float) -> Demand:
         """Demand for the next ``dt`` [s].
@@ -161,12 +176,12 @@ class BladedController:
         elapsed = time - self._now
         if elapsed > 1e-9:
             swap, before, count = self._swap, self._readings, self._count(elapsed)
-            write_readings(swap, signals, self.turbine.n_blades)
-            after = swap[_READ]
+            self._write(signals)
+            after = swap[self._read]
             change = after - before
             change[_AZIMUTH] = math.remainder(change[_AZIMUTH], 2.0 * math.pi)
             for k in range(1, count + 1):
-                swap[_READ] = after if k == count else before + np.float32(k / count) * change
+                swap[self._read] = after if k == count else before + np.float32(k / count) * change
                 self._call(STEP, self._now + k / count * elapsed - self._begin, elapsed / count)
             self._readings, self._now = after, time
         pitch, yaw_rate, torque = demand_of(self._swap, self.turbine.n_blades, self.individual_pitch)
@@ -194,6 +209,12 @@ class BladedController:
         if demand is not None:
             write_demand(self._swap, demand)
 
+    def _write(self, signals: Readings) -> None:
+        """Write the readings of an instant."""
+        write_readings(self._swap, signals, self.turbine.n_blades)
+        if self.lidar is not None:
+            write_lidar(self._swap, signals, self.lidar.ranges, self.turbine.hub_height)
+
     def _count(self, elapsed: float) -> int:
         """Calls in an interval of the controller."""
         return 1 if self.interval is None else max(1, math.ceil(elapsed / self.interval - 1e-6))
@@ -202,7 +223,7 @@ class BladedController:
         """Call the library, and note the call."""
         swap = self._swap
         swap[0], swap[1], swap[2] = status, time, interval
-        self._calls.append(swap[_KEPT].copy())
+        self._calls.append(swap[self._kept].copy())
         self._answer(swap)
 
     def _answer(self, swap: np.ndarray) -> None:
@@ -247,12 +268,30 @@ class BladedController:
             raise RuntimeError(f"{type(self).__name__}.step was called before start")
         expected = self._swap
         self._load(None)
-        self._swap[_KEPT] = expected[_KEPT]
+        self._swap[self._kept] = expected[self._kept]
         for call in self._calls:
-            self._swap[_KEPT] = call
+            self._swap[self._kept] = call
             self._answer(self._swap)
         if not np.array_equal(self._swap[_DEMANDS], expected[_DEMANDS]):
             raise SimulationError(
                 f"a copy of the controller library {self.library.name} does not repeat its demands: it depends on more "
                 "than its readings, so that neither snapshots nor copies of it are possible"
             )
+
+
+def _lidar(given: Lidar | bool, turbine: Turbine) -> Lidar | None:
+    """The lidar of a library.
+
+    Raises
+    ------
+    ValueError
+        For more gates than there are records for.
+    """
+    if given is False:
+        return None
+    lidar = Lidar.for_rotor(turbine.rotor_diameter) if given is True else given
+    if len(lidar.ranges) > MOST_LIDAR_POINTS:
+        raise ValueError(
+            f"a lidar on the Bladed interface must have at most {MOST_LIDAR_POINTS} gates, got {len(lidar.ranges)}"
+        )
+    return lidar

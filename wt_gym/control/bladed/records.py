@@ -13,6 +13,9 @@ Tower-top accelerations belong to the axes of the tower top, which do not yaw wi
 YawBrTAyp), while the channels are along the axes of the nacelle. With the yaw ψ of record 37
 
 ``a_x = a_fore-aft cos ψ − a_side-side sin ψ``,   ``a_y = a_fore-aft sin ψ + a_side-side cos ψ``.
+
+A lidar has the records from 2001 on (OpenFAST's ``BladedInterface_EX.f90``): its kind, beams and gates, then for n =
+beams times gates points all speeds, all x, all y and all z of the points.
 """
 
 from __future__ import annotations
@@ -33,8 +36,9 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "AZIMUTH", "FIRST_CALL", "LAST_CALL", "MAX_BLADES", "MESSAGE_LENGTH", "RECORDS", "SIZE", "STEP", "Record",
-    "channels_read", "demand_of", "new_swap", "write_demand", "write_readings", "write_turbine",
+    "AZIMUTH", "FIRST_CALL", "LAST_CALL", "LIDAR_SENSOR", "LIDAR_SPEEDS", "MAX_BLADES", "MESSAGE_LENGTH",
+    "MOST_LIDAR_POINTS", "RECORDS", "SIZE", "STEP", "Record", "channels_read", "demand_of", "lidar_indices", "new_swap",
+    "write_demand", "write_lidar", "write_readings", "write_turbine",
 ]  # fmt: skip
 
 SIZE = 3500
@@ -43,6 +47,9 @@ MAX_BLADES = 3
 """Blades that the interface has records for."""
 FIRST_CALL, STEP, LAST_CALL = 0, 1, -1
 """Status of a call, record 1."""
+LIDAR_SENSOR, LIDAR_SPEEDS, MOST_LIDAR_POINTS = 2001, 2005, 124
+"""Record of the kind of a lidar, that of its first speed, and most points that the records up to 2500 have room for."""
+_PULSED = 3.0
 MESSAGE_LENGTH = 1025
 """Characters of the message that a library may return, with the final null."""
 
@@ -56,8 +63,9 @@ class Record:
     numbers : tuple of int
         From 1; one per blade where the record is given per blade.
     unit : str
-    given_by : {"simulation", "controller", "turbine"}
-        Who writes it: the simulation in each call, the controller, or the simulation once from the turbine's data.
+    given_by : {"simulation", "controller", "turbine", "lidar"}
+        Who writes it: the simulation in each call, the controller, the simulation once from the turbine's data, or in
+        each call where the controller has a lidar.
     meaning : str
     """
 
@@ -107,7 +115,14 @@ RECORDS = (
     Record((109,), "N m", "simulation", "torque in the low-speed shaft"),
     Record((110,), "N", "simulation", "axial force in the low-speed shaft"),
     Record((129,), "-", "turbine", "length of the array"),
-)
+    Record((2001,), "-", "lidar", "kind of lidar, 3: pulsed"),
+    Record((2002, 2003), "-", "lidar", "1 beam, n gates"),
+    Record(
+        (2005,), "m/s", "lidar",
+        "wind along the axis, mean over the beams of a cone, in n records, one a gate; from 2005 + n on x, y and z of "
+        "the gates on the axis [m], n records each",
+    ),
+)  # fmt: skip
 """Records that are exchanged; every other one is zero."""
 
 AZIMUTH = 60 - 1
@@ -121,11 +136,17 @@ _SINGLE = (
 _ACCELERATIONS = ("nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side")
 
 
-def channels_read(n_blades: int) -> tuple[str, ...]:
-    """Channels behind the readings of a turbine with so many blades."""
+def channels_read(n_blades: int, n_gates: int = 0) -> tuple[str, ...]:
+    """Channels behind the readings of a turbine with so many blades, and of a lidar with so many gates."""
     per_blade = ("pitch", "root_flap_moment", "root_edge_moment")
     blades = [f"{name}_{b}" for name in per_blade for b in range(1, n_blades + 1)]
-    return ("time", "wind_x", "wind_y", *_ACCELERATIONS, *(name for _, name in _SINGLE), *blades)
+    gates = [f"lidar_{k + 1}" for k in range(n_gates)]
+    return ("time", "wind_x", "wind_y", *_ACCELERATIONS, *(name for _, name in _SINGLE), *blades, *gates)
+
+
+def lidar_indices(n_gates: int) -> np.ndarray:
+    """Indices of the records of a lidar with so many gates; none without a lidar."""
+    return np.arange(LIDAR_SENSOR - 1, LIDAR_SPEEDS - 1 + 4 * n_gates if n_gates else LIDAR_SENSOR - 1)
 
 
 def new_swap() -> np.ndarray:
@@ -186,6 +207,28 @@ def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:
         swap[_PITCH[b] - 1] = pitch
         swap[_OUT_OF_PLANE[b] - 1] = flap * c - edge * s
         swap[_IN_PLANE[b] - 1] = flap * s + edge * c
+
+
+def write_lidar(swap: np.ndarray, signals: Readings, ranges: Sequence[float], hub_height: float) -> None:
+    """Write what a lidar sees: one beam along the axis with a gate at each range.
+
+    Parameters
+    ----------
+    swap : numpy.ndarray, shape (`SIZE`,), float32
+    signals : Readings
+        With ``yaw`` and ``lidar_1`` ….
+    ranges : sequence of float
+        Of the gates ahead of the tower axis [m].
+    hub_height : float
+        [m].
+    """
+    n, yaw, first = len(ranges), signals["yaw"], LIDAR_SPEEDS - 1
+    swap[LIDAR_SENSOR - 1 : first] = _PULSED, 1.0, n, 0.0
+    ahead = np.asarray(ranges)
+    swap[first : first + n] = [signals[f"lidar_{k + 1}"] for k in range(n)]
+    swap[first + n : first + 2 * n] = -ahead * math.cos(yaw)
+    swap[first + 2 * n : first + 3 * n] = -ahead * math.sin(yaw)
+    swap[first + 3 * n : first + 4 * n] = hub_height
 
 
 def write_demand(swap: np.ndarray, demand: Demand) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "LidarFeedforward", "ShiftablePitch"]
+__all__ = ["PARAMETERS", "SPACING", "LidarFeedforward", "ShiftablePitch"]
 
 PARAMETERS = (
     Parameter("filter_length", "-", "lag of the filter on the wind in rotor diameters", 0.0, above=True),
@@ -37,7 +37,8 @@ PARAMETERS = (
 """What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
 _WINDS = np.linspace(1.0, 40.0, 157)
-_SPACING = 0.01  # of readings that are kept, in lags of the filter: a slow wind does not fill the memory
+SPACING = 0.01
+"""Of readings that are kept, in lags of the filter: a slow wind does not fill the memory."""
 
 
 @runtime_checkable
@@ -203,7 +204,7 @@ class LidarFeedforward:
         seen = tuple(signals[name] for name in self._readings)
         if not self._seen:
             self._travel_speed.reset(self._mean(seen))
-        if self._at and self._traveled - self._at[-1] < _SPACING / self.wavenumber:  # in a calm the last one counts
+        if self._at and self._traveled - self._at[-1] < SPACING / self.wavenumber:  # in a calm the last one counts
             self._seen[-1] = seen
         else:
             self._at.append(self._traveled)
