@@ -208,9 +208,13 @@ def test_notes_on_trainings_are_shown_and_no_wind_is_called_unseen_then(tmp_path
 
 
 def test_a_pretraining_is_named_as_such():
-    text = agent_text(evaluation(training={"PPO": record(steps=0, pretraining={"rounds": 2})}))
-    assert text.startswith("PPO was pretrained on an identified model in 3.0 min. PPO made")
-    assert "short training" not in summarize(evaluation(training={"PPO": record(steps=0, pretraining={"a": 1})}))[-1]
+    result = evaluation(training={"PPO": record(steps=0, pretraining={"seconds": 150.0})})
+    text = agent_text(result)
+    assert text.startswith("PPO was pretrained on an identified model in 2.5 min. PPO made")
+    assert (
+        "short training"
+        not in summarize(evaluation(training={"PPO": record(steps=0, pretraining={"seconds": 1.0})}))[-1]
+    )
 
 
 def test_a_checkpoint_is_named_as_such():

@@ -363,7 +363,7 @@ def _training_sentence(evaluation: Evaluation, agent: str) -> str:
     minutes = training["wall_seconds"] / 60
     pretrained = " pretrained on an identified model" if training.get("pretraining") else ""
     if pretrained and not training["steps"]:
-        return f"{agent} was{pretrained} in {minutes:.1f} min."
+        return f"{agent} was{pretrained} in {training['pretraining']['seconds'] / 60:.1f} min."
     hours = training["steps"] * training["control_dt"] / 3600
     checkpoint = f" This is its checkpoint after {training['checkpoint']:,} steps." if "checkpoint" in training else ""
     return (

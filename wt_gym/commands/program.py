@@ -103,8 +103,8 @@ def json_value(text: str) -> Any:
 def user_errors() -> Iterator[None]:
     """End the program with one line and status 1 where what the user asked for is refused, or needs an extra.
 
-    Where the reader of the output has gone (``| head``), it ends silently, with the status of other programs. Whoever
-    names an earlier version of a task is not told on every start that there is a newer one.
+    Where the reader of the output has gone (``| head``), it ends silently, with the status of other programs. An
+    earlier version of a task runs without gymnasium's advice to take the newer one.
     """
     try:
         with warnings.catch_warnings():
