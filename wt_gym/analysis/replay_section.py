@@ -48,7 +48,9 @@ _STYLE = """<style>
 @media (max-width: 900px) {
   .replay { grid-template-columns: minmax(0, 1fr); } .replay .scene { height: 400px; }
 }
-@media print { .replay .bar { display: none; } .replay .scene { height: 380px; break-inside: avoid; } }
+@media print {
+  .replay .bar, .replay .charts, .replay .blades { display: none; } .replay .scene { height: 380px; }
+}
 </style>"""
 
 _CONTROLS = """<div class="replay">

@@ -279,7 +279,7 @@ def _elsewhere(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None, age
     for key in JUDGED:
         change = changes.get("mean_power" if key == "corrected_power" else key)
         if change is not None:
-            known = {name: math.nan if value is None else value for name, value in change.items()}
+            known: dict[str, Any] = {name: math.nan if value is None else value for name, value in change.items()}
             cells[key] = f"<span class='diff'>{format_estimate(key, Estimate(**known)).partition(' [')[0]}</span>"
     return cells or None
 
