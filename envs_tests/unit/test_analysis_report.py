@@ -15,7 +15,7 @@ from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.replay import Replay, ReplayRecorder, trailing_strength
 from wt_gym.analysis.replay_section import encode
-from wt_gym.analysis.report import write_report
+from wt_gym.analysis.report import _GROUPS, write_report
 from wt_gym.analysis.results import Evaluation, Run, Wind
 
 SPEEDS = (12.0, 16.0)
@@ -143,6 +143,10 @@ def test_legend_then_verdicts_then_picture(page):
         assert f"class='{kind}'" in verdict[: places[1]]
     assert "Tip clearance, smallest" in verdict
     assert verdict.count("1.00 m") == 3  # the reference's and those of both agents
+
+
+def test_every_metric_is_in_one_group():
+    assert sorted(key for keys in _GROUPS.values() for key in keys) == sorted(METRICS)
 
 
 def test_every_table_scrolls_or_becomes_cards(page):

@@ -10,7 +10,7 @@ from urllib.parse import quote
 from wt_gym.analysis.comparison_plots import pareto_figure, verdict_figure
 from wt_gym.analysis.learning_plots import learning_figure, trainings
 from wt_gym.analysis.lifetime import wind_weights
-from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.metrics import METRICS, TRACKING_METRICS, measured_metrics
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS, Estimate, lifetime, lifetime_change, paired_change
 from wt_gym.analysis.plots import agent_styles, spectra_figure, time_series_figure
 from wt_gym.analysis.replay_section import replay_script, replay_section
@@ -67,8 +67,9 @@ _CLEARANCE = "tip_clearance_min"
 _GROUPS = {
     "Power and rotor speed": (
         "mean_power", "corrected_power", "energy", "power_std", "rotor_speed_mean", "rotor_speed_std",
-        "rotor_speed_max", "overspeed_count",
+        "rotor_speed_max", "overspeed_count", "time_without_power", "time_at_standstill",
     ),
+    "Power tracking": TRACKING_METRICS,
     "Blades": ("blade_flap_del", "blade_edge_del", "blade_flap_max", "tip_deflection_max", _CLEARANCE),
     "Tower base": ("tower_fore_aft_del", "tower_side_side_del", "tower_del", "tower_base_max"),
     "Actuators": ("pitch_duty_cycle", "pitch_travel", "yaw_travel", "torque_rate"),
@@ -325,9 +326,11 @@ def _table(evaluation: Evaluation, speed: float | None) -> str:
     """Metrics of all agents over all winds, or those of one speed."""
     styles = agent_styles(evaluation)
     rows = [Row("Winds survived", [_survival(evaluation, agent, speed) for agent in evaluation.agents])]
+    measured = measured_metrics(run.metrics for run in evaluation.runs)
     for group, keys in _GROUPS.items():
-        rows.append(Row(group))
-        for key in keys:
+        shown = [key for key in keys if key in measured]
+        rows += [Row(group)] if shown else []
+        for key in shown:
             metric = METRICS[key]
             unit = "" if metric.unit == "-" else f" <small>[{metric.unit}]</small>"
             cells = [_cell(evaluation, key, agent, speed) for agent in evaluation.agents]
