@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COLUMNS",
+    "LEAST_FOR_INTERVAL",
     "LEAST_MEASURED",
     "RESIDUAL_INTERFACE",
     "Case",
@@ -356,12 +357,13 @@ def change(run: ControllerRuns, reference: ControllerRuns, wind_speed: float, me
     ratios = np.array([new / old - 1.0 for new, old in _pairs(run, reference, wind_speed, metric)])
     if ratios.size == 0:
         return float("nan"), float("nan")
-    if ratios.size < _LEAST_FOR_INTERVAL:
+    if ratios.size < LEAST_FOR_INTERVAL:
         return float(ratios.mean()), float("nan")
     return float(ratios.mean()), half_width(ratios)
 
 
-_LEAST_FOR_INTERVAL = 3
+LEAST_FOR_INTERVAL = 3
+"""Seeds from which on a change has an interval."""
 
 
 def half_width(values: np.ndarray) -> float:

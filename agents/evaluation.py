@@ -230,6 +230,8 @@ def _settings(config: EvaluationConfig, layout: EnvLayout, env: gym.Env) -> dict
         "env_kwargs": config.env_kwargs,
         "fidelity": fidelity if isinstance(fidelity, str) else fidelity.name,
         "control_dt": layout.control_dt,
+        "iec_class": layout.turbine.iec_class,
+        "turbulence_class": layout.turbine.turbulence_class,
         "duration": config.duration,
         "skip": config.skip,
         "seed": config.seed,

@@ -21,6 +21,12 @@ for name in sys.argv[1:]:
 END
 }
 
+# The CPU build, which needs no GPU packages of several gigabytes; where its index is out of reach, whatever build the
+# usual ones have. TORCH_INDEX names another index.
+install_torch() {
+    install --no-deps --retries 0 --extra-index-url "${TORCH_INDEX:-https://download.pytorch.org/whl/cpu}" torch
+}
+
 install() {
     .venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt "$@"
 }
@@ -48,6 +54,7 @@ set_up() {
     "$python" -m venv .venv
     # the build runs in the environment itself: another one would be downloaded each time
     install 'setuptools>=77'
+    install_torch
     install --no-build-isolation --editable ".[$extras]"
     if [[ $extras == "$all" ]]; then
         # its library and its input files; its tuning tools would bring some hundred MB more

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from datetime import datetime
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,10 +13,23 @@ from plotly.subplots import make_subplots
 
 from wt_gym.agents.loadcases.cases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
 from wt_gym.agents.loadcases.results import CLEARANCE, PARKED, SPEED
+from wt_gym.agents.loadcases.study import RUNS_FOLDER, TABLE_FILE
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.plots import agent_styles, style, titles_at_left
-from wt_gym.analysis.report_page import SHELL, figure_element, section, write_page
+from wt_gym.analysis.report_page import (
+    Row,
+    Section,
+    agent_label,
+    badge,
+    details,
+    figure_element,
+    legend,
+    settings_element,
+    table,
+    today,
+    write_page,
+)
 from wt_gym.analysis.summary import format_value
 
 if TYPE_CHECKING:
@@ -61,6 +72,9 @@ _ENDINGS = {
     "overspeed": "overspeed", "standstill": "standstill", "tower_strike": "tower strike",
     "failure": "simulation failed",
 }  # fmt: skip
+_HEADS = [f"{shown.label} <small>[{shown.unit}]</small>" for shown in _EXTREMES.values()]
+_NEGLIGIBLE = 0.01
+"""Differences of extremes below this share are called equal."""
 _BEYOND = "\u2020"
 _NONE = "\u2013"
 
@@ -137,85 +151,150 @@ def write_load_case_report(results: LoadCaseResults, path: str | Path, title: st
     -------
     pathlib.Path
     """
-    parts = {
-        "title": escape(title or f"{results.turbine}: design load cases"),
-        "headline": escape(_headline(results)),
-        "facts": _facts(results),
-        "body": _body(results),
-        "replayjs": "",
-    }
-    return write_page(path, SHELL, parts)
+    path = Path(path)
+    return write_page(
+        path,
+        title=title or f"{results.turbine}: design load cases",
+        result=_result(results),
+        facts=_facts(results),
+        sections=[
+            Section("verdict", "Who comes through, and with which loads?", _verdict(results), link="Verdict"),
+            Section("table", "Extreme loads by case", _table(results), _TABLE_CAPTION, "By case"),
+            Section(
+                "loads", "Design loads side by side", figure_element("loads-figure", _loads(results)), link="Loads"
+            ),
+            _lifetime_section(results),
+            Section("failed", "What did not come through", _failed(results), _FAILED_CAPTION, "Failures"),
+            Section("transients", "Transients", _transients(results), _TRANSIENTS_CAPTION),
+            Section("runs", "Runs", _links(path.parent)),
+            Section("method", "How to read the numbers", _method(results), link="Method"),
+        ],
+    )
 
 
-def _headline(results: LoadCaseResults) -> str:
-    """Who came through."""
-    words = []
-    for agent in results.agents:
-        lost = [c for c, a in results.rows() if a == agent and len(set(results.survived(c, a))) > 1]
-        words.append(
-            f"{agent} " + (f"does not come through DLC {', '.join(lost)}" if lost else "comes through all cases")
-        )
+_TABLE_CAPTION = (
+    "Design values: characteristic ones, in small print, times the partial safety factor \u03b3 of the case. \u2020: a"
+    " run ended early, so that its extremes are those until then."
+)
+_FAILED_CAPTION = "Runs that did not go as planned, with the time at which they ended."
+_TRANSIENTS_CAPTION = "Courses in transients, from 10 s before them on. All rows share one time axis."
+
+
+def _lost(results: LoadCaseResults, agent: str) -> list[str]:
+    """Cases that an agent does not come through."""
+    return [c for c, a in results.rows() if a == agent and len(set(results.survived(c, a))) > 1]
+
+
+def _result(results: LoadCaseResults) -> str:
+    """Who came through; what all have in common is said once."""
+    lost = {agent: _lost(results, agent) for agent in results.agents}
+    if not any(lost.values()):
+        who = results.agents[0] if len(lost) == 1 else "Both agents" if len(lost) == 2 else "All agents"
+        return f"{who} come{'s' if len(lost) == 1 else ''} through all {len(results.cases)} load cases."
+    common = [case for case in results.cases if len(lost) > 1 and all(case in cases for cases in lost.values())]
+    words = [f"No agent comes through DLC {', '.join(common)}"] if common else []
+    for agent, cases in lost.items():
+        alone = [case for case in cases if case not in common]
+        if alone:
+            words.append(f"{agent} does not come through DLC {', '.join(alone)}")
+        elif not common:
+            words.append(f"{agent} comes through all cases")
     return "; ".join(words) + "."
 
 
-def _facts(results: LoadCaseResults) -> str:
-    """Line of facts below the title."""
-    settings = results.settings
+def _facts(results: LoadCaseResults) -> dict[str, str | None]:
+    """What stands below the result."""
+    settings, climate = results.settings, results.climate
     n_runs = len({id(run.result) for runs in results.runs.values() for run in runs})
-    facts = [
-        results.turbine, f"fidelity \u201c{settings['fidelity']}\u201d", f"{n_runs} runs",
-        "quick set" if settings["quick"] else "full set", datetime.now().strftime("%d %B %Y"),
-    ]  # fmt: skip
-    return "".join(f"<li>{escape(fact)}</li>" for fact in facts)
+    return {
+        "Turbine": results.turbine,
+        "Cases": f"DLC {', '.join(results.cases)} of IEC 61400-1",
+        "Runs": f"{n_runs}, {'quick' if settings['quick'] else 'full'} set",
+        "Turbulence": settings.get("turbulence"),
+        "Wind climate": None if climate is None else f"{climate.mean_speed:g} m/s on average",
+        "Simulation": f"fidelity \u201c{settings['fidelity']}\u201d",
+        "Date": today(),
+    }
 
 
-def _body(results: LoadCaseResults) -> str:
-    """Sections of the page."""
-    caption = (
-        "Design values: characteristic ones, in small print, times the partial safety factor of the case. \u2020: a run"
-        " ended early, so that its extremes are those until then."
-    )
-    table = f"<div class='scroll'>{_table(results)}</div>"
-    parts = [section("table", "Extreme loads", caption, table)]
-    parts.append(section("loads", "Design loads side by side", "", figure_element("loads-figure", _loads(results))))
-    parts.append(_lifetime_section(results))
-    parts.append(_failed_section(results))
-    parts.append(_transient_section(results))
-    parts.append(section("method", "How to read the numbers", "", _method(results)))
-    return "".join(parts)
+def _verdict(results: LoadCaseResults) -> str:
+    """A row an agent: whether it comes through, and its worst design values with the cases that they are of."""
+    styles, base = agent_styles(results), results.agents[0]
+    rows = []
+    for agent in results.agents:
+        lost = _lost(results, agent)
+        number = sum(results.survived(case, a)[0] for case, a in results.rows() if a == agent)
+        planned = sum(results.survived(case, a)[1] for case, a in results.rows() if a == agent)
+        word = badge("lost" if lost else "better", f"Lost {planned - number} of {planned} runs" if lost else "Passed")
+        cells = [_governing_cell(results, agent, base, key) for key in _EXTREMES]
+        rows.append(Row(agent_label(agent, styles[agent]), [word, *cells]))
+    head = ["Agent", "Verdict", *_HEADS]
+    more = [
+        "worst design value of all cases, and the case that it is of",
+        f"difference to <b>{escape(base)}</b>",
+        f"{_BEYOND} without cases in which a run ended early",
+    ]
+    marks = {"better": "better", "worse": "worse (both: by 1 % or more)", "equal": "within \u00b11 %"}
+    return legend(marks if len(results.agents) > 1 else {}, more) + table(head, rows, texts=(1,))
+
+
+def _governing(results: LoadCaseResults, agent: str, key: str) -> tuple[float, str, bool] | None:
+    """Worst design value over the cases that were come through, its case, and whether these were all."""
+    sign, whole, found = (-1.0 if key == CLEARANCE else 1.0), True, []
+    for case, name in results.rows():
+        if name != agent or CASES[case].fatigue:
+            continue
+        value = results.value(case, agent, key)
+        if len(set(results.survived(case, agent))) > 1:
+            whole = False
+        elif value is not None:
+            found.append((sign * value.design, case))
+    if not found:
+        return None
+    worst, case = max(found)
+    return sign * worst, case, whole
+
+
+def _governing_cell(results: LoadCaseResults, agent: str, base: str, key: str) -> str:
+    mine, other = _governing(results, agent, key), _governing(results, base, key)
+    if mine is None:
+        return _NONE
+    value, case, whole = mine
+    text = f"{_EXTREMES[key].text(value)}{'' if whole else f' {_BEYOND}'}<small class='note'>DLC {case}</small>"
+    if agent == base or other is None or not (whole and other[2]) or other[0] <= 0.0:
+        return text
+    change = value / other[0] - 1.0
+    good = (change > 0.0) == (key == CLEARANCE)
+    kind = "equal" if abs(change) < _NEGLIGIBLE else "better" if good else "worse"
+    shown = f"{100 * change:+.1f} %".replace("-", "\u2212")
+    return f"{text}<span class='diff {kind}'>{shown}</span>"
 
 
 def _table(results: LoadCaseResults) -> str:
-    """Extremes of all cases and agents."""
-    styles = agent_styles(results)
-    head = "".join(f"<th scope='col'>{shown.label} <small>[{shown.unit}]</small></th>" for shown in _EXTREMES.values())
-    rows = []
+    """Extremes of all cases and agents, a block a case."""
+    styles, rows, before = agent_styles(results), [], ""
     for case, agent in results.rows():
         kind = CASES[case]
         if kind.fatigue:
             continue
+        if case != before:
+            rows.append(Row(f"DLC {case} {escape(kind.title)} <small>\u03b3 {kind.factor:g}</small>"))
+            before = case
         passed, planned = results.survived(case, agent)
-        badge = "better" if passed == planned else "lost"
-        color = "" if agent == PARKED else f"<i style='background:{styles[agent]['color']}'></i>"
-        cells = "".join(_html_cell(results, case, agent, key) for key in _EXTREMES)
-        rows.append(
-            f"<tr><th scope='row'><b>{case}</b> {escape(kind.title)} <small>\u03b3 {kind.factor:g}</small></th>"
-            f"<th scope='row'>{color}{escape(agent)}</th>"
-            f"<td><span class='badge {badge}'>{escape(_survival(results, case, agent))}</span></td>{cells}</tr>"
-        )
-    return (
-        f"<table class='verdicts'><thead><tr><th scope='col'>Case</th><th scope='col'>Agent</th>"
-        f"<th scope='col'>Came through</th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-    )
+        came = badge("better" if passed == planned else "lost", _survival(results, case, agent))
+        cells = [_html_cell(results, case, agent, key) for key in _EXTREMES]
+        rows.append(Row(agent_label(agent, None if agent == PARKED else styles[agent]), [came, *cells]))
+    head = ["Agent", "Came through", *_HEADS]
+    return table(head, rows, texts=(1,))
 
 
 def _html_cell(results: LoadCaseResults, case: str, agent: str, key: str) -> str:
     """Design value, below it the characteristic one and where it comes from."""
     value: Value | None = results.value(case, agent, key)
     if value is None:
-        return f"<td>{_NONE}</td>"
+        return _NONE
     note = f"{_EXTREMES[key].text(value.characteristic)}: {escape(value.where)}"
-    return f"<td>{escape(_cell(results, case, agent, key))}<small style='display:block'>{note}</small></td>"
+    return f"{escape(_cell(results, case, agent, key))}<small class='note where'>{note}</small>"
 
 
 def _loads(results: LoadCaseResults) -> go.Figure:
@@ -235,51 +314,42 @@ def _loads(results: LoadCaseResults) -> go.Figure:
     return style(figure, 190 * len(_EXTREMES) + 80)
 
 
-def _lifetime_section(results: LoadCaseResults) -> str:
+def _lifetime_section(results: LoadCaseResults) -> Section:
     """Loads over a life."""
     if "1.2" not in results.cases or results.climate is None:
-        return ""
+        return Section("lifetime", "", "")
     climate, styles = results.climate, agent_styles(results)
-    head = "".join(
-        f"<th scope='col'>{METRICS[key].label} <small>[{METRICS[key].unit}]</small></th>" for key in LIFETIME_EXPONENTS
-    )
-    rows = "".join(
-        f"<tr><th scope='row'><i style='background:{styles[agent]['color']}'></i>{escape(agent)}</th>"
-        + "".join(f"<td>{escape(_lifetime(results, agent, key))}</td>" for key in LIFETIME_EXPONENTS)
-        + "</tr>"
+    rows = [
+        Row(agent_label(agent, styles[agent]), [escape(_lifetime(results, agent, key)) for key in LIFETIME_EXPONENTS])
         for agent in results.agents
-    )
+    ]
+    head = ["Agent", *(f"{METRICS[key].label} <small>[{METRICS[key].unit}]</small>" for key in LIFETIME_EXPONENTS)]
     caption = (
         "DLC 1.2: the load at 1 Hz throughout that does the damage of production in normal turbulence, \u03b3 1."
         f" Weibull distribution of the mean wind speed: {climate.mean_speed:g} m/s on average, exponent"
         f" {climate.shape:g}, between {climate.cut_in:g} and {climate.cut_out:g} m/s. Starts, stops, idling and faults"
         " are not in it."
     )
-    table = (
-        f"<div class='scroll'><table class='verdicts'><thead><tr><th scope='col'>Agent</th>{head}</tr></thead>"
-        f"<tbody>{rows}</tbody></table></div>"
-    )
-    return section("lifetime", "Fatigue over a life", escape(caption), table)
+    return Section("lifetime", "Fatigue over a life", table(head, rows), caption, "Lifetime")
 
 
-def _failed_section(results: LoadCaseResults) -> str:
+def _failed(results: LoadCaseResults) -> str:
     """Which runs did not go as planned."""
     items = []
     for case, agent in results.rows():
         for end, runs in results.failures(case, agent).items():
-            items += [f"<li>{escape(_failed(case, agent, end, run))}</li>" for run in runs]
-    caption = "Runs that did not go as planned, with the time at which they ended."
-    return section("failed", "What did not come through", caption, f"<ul>{''.join(items)}</ul>") if items else ""
+            items += [f"<li>{escape(_failed_run(case, agent, end, run))}</li>" for run in runs]
+    return f"<ul>{''.join(items)}</ul>" if items else ""
 
 
-def _failed(case: str, agent: str, end: str, run: CaseRun) -> str:
+def _failed_run(case: str, agent: str, end: str, run: CaseRun) -> str:
     """One run that ended early, in words."""
     seed = "" if run.condition.seed is None else f", seed {run.condition.seed}"
     why = "" if run.result["failure"] is None else f": {run.result['failure']}"
     return f"DLC {case}, {agent}, {run.condition.name}{seed}: {_ENDINGS[end]} after {run.result['time']:.1f} s{why}"
 
 
-def _transient_section(results: LoadCaseResults) -> str:
+def _transients(results: LoadCaseResults) -> str:
     """Courses of the transients, the first azimuth of each."""
     parts: list[str] = []
     for case in results.cases:
@@ -292,9 +362,18 @@ def _transient_section(results: LoadCaseResults) -> str:
             name = f"trace{len(parts)}"
             heading = f"DLC {case}: {next(iter(runs.values())).condition.name}"
             figure = figure_element(name, _courses(results, runs))
-            parts.append(f"<details{'' if parts else ' open'}><summary>{escape(heading)}</summary>{figure}</details>")
-    caption = "Courses in transients, from 10 s before them on. All rows share one time axis."
-    return section("transients", "Transients", caption, "".join(parts)) if parts else ""
+            parts.append(details(heading, figure, opened=not parts))
+    return "".join(parts)
+
+
+def _links(folder: Path) -> str:
+    """Files of the runs, where they are beside the page."""
+    if not (folder / TABLE_FILE).exists():
+        return ""
+    return (
+        f"<p>All design values and endings: <a href='{TABLE_FILE}'>{TABLE_FILE}</a>. One file for each run, named by"
+        f" the hash of what it depends on: <a href='{RUNS_FOLDER}/'>{RUNS_FOLDER}/</a>.</p>"
+    )
 
 
 def _courses(results: LoadCaseResults, runs: dict[str, CaseRun]) -> go.Figure:
@@ -334,5 +413,4 @@ def _method(results: LoadCaseResults) -> str:
     if results.settings["quick"]:
         items.append("This is the quick set: too few seeds and too short runs for a certificate.")
     listed = "".join(f"<li>{escape(item)}</li>" for item in items)
-    settings = escape(json.dumps(results.settings, indent=1, default=str))
-    return f"<ul>{listed}</ul><details><summary>All settings</summary><pre>{settings}</pre></details>"
+    return f"<ul>{listed}</ul>{settings_element(results.settings)}"

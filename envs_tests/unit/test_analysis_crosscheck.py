@@ -9,6 +9,7 @@ import xarray as xr
 
 from wt_gym.analysis.crosscheck import SERIES, Crosscheck
 from wt_gym.analysis.crosscheck_page import _changes_figure, page, tables, write_page
+from wt_gym.analysis.crosscheck_report import write_crosscheck_report
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.results import Evaluation, Run, Wind
 
@@ -114,3 +115,24 @@ def test_runs_that_ended_early_are_named():
     second.runs[1] = Run(run.agent, run.wind, run.data, {}, 0.0, {}, 120.0, 33.0, "failure", "OpenFAST: it broke")
     text = page(Crosscheck(("wt_gym", "openfast"), (evaluation(FLAP), second)))
     assert "openfast: ipc at 12 m/s, seed 1001 ended after 33 s (failure) OpenFAST: it broke" in text
+
+
+def test_the_report_answers_first_and_links_to_both_evaluations(check, tmp_path):
+    for name, each in zip(check.names, check.evaluations, strict=True):
+        each.save(tmp_path / name)
+    page = write_crosscheck_report(check, tmp_path, "wt-gym crosscheck discon <ipc>").read_text(encoding="utf-8")
+    header, body = page.split("</header>")[0], page.split("</header>")[1]
+    # each agent at two speeds; the last loses 10 % in one simulator and 1 % in the other
+    assert "wt_gym and openfast agree on what gets better and worse in 6 of 6 changes of fatigue loads" in header
+    first = body.split("</section>")[0]
+    places = [first.index(mark) for mark in ("class='legend'", "<table>", "class='plot'")]
+    assert places == sorted(places)
+    assert "\u221220.0 %<small>wt_gym" in first
+    assert "\u221215.0 %<small>openfast" in first
+    assert "a|b" in first
+    assert "wt-gym crosscheck discon &lt;ipc&gt;" in body
+    for name in check.names:
+        assert f"href='{name}/evaluation.json'" in body
+        links = [link.split("'")[0] for link in body.split("href='")[1:] if link.startswith(f"{name}/runs/")]
+        assert len(links) == len(WINDS) * len(FLAP)
+        assert all((tmp_path / link.replace("%7C", "|")).exists() for link in links)

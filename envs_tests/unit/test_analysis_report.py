@@ -2,6 +2,7 @@
 
 import base64
 import json
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -14,7 +15,7 @@ from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.replay import Replay, ReplayRecorder, trailing_strength
 from wt_gym.analysis.replay_section import encode
-from wt_gym.analysis.report import write_report
+from wt_gym.analysis.report import _GROUPS, write_report
 from wt_gym.analysis.results import Evaluation, Run, Wind
 
 SPEEDS = (12.0, 16.0)
@@ -108,7 +109,8 @@ def outline(page):
 def test_report_answers_first(page, outline):
     assert not outline.open  # well nested
     assert outline.sections == [
-        "verdict", "summary", "comparison", "lifetime", "pareto", "replay", "training0", "time", "spectra", "method",
+        "verdict", "summary", "comparison", "lifetime", "pareto", "replay", "training0", "time", "spectra", "runs",
+        "method",
     ]  # fmt: skip
     assert outline.headings[:2] == ["Turbine: evaluation of controllers", "Is any of these better than Baseline?"]
     assert "<PPO>" not in page.split("<script")[0]  # names are escaped
@@ -116,6 +118,100 @@ def test_report_answers_first(page, outline):
     assert "\u221220.0 %<small>[\u221220.0, \u221220.0]</small>" in page  # flap DEL of PPO, the same in every wind
     for address in ("src=", "http-equiv", "@import", "url("):
         assert address not in page.split("<script")[0]
+
+
+def part(page, name):
+    """HTML of a section."""
+    return page.split(f"<section id='{name}'>")[1].split("</section>")[0]
+
+
+def test_the_result_is_one_sentence_before_all_else(page):
+    header = page.split("<header>")[1].split("</header>")[0]
+    assert (
+        "Against Baseline in six winds, ipc lowers flapwise blade fatigue by 28.2\u00a0% at the same power." in header
+    )
+    for name, value in (("Mean wind speed", "12, 16 m/s"), ("Winds", "6 winds (3 each), turbulent, unseen in training"),
+                        ("Duration", "80 s each, without the first 10 s")):  # fmt: skip
+        assert f"<dt>{name}</dt><dd>{value}</dd>" in header
+
+
+def test_legend_then_verdicts_then_picture(page):
+    verdict = part(page, "verdict")
+    places = [verdict.index(mark) for mark in ("class='legend'", "<table>", "class='plot'")]
+    assert places == sorted(places)
+    for kind in ("better", "worse", "equal", "open"):
+        assert f"class='{kind}'" in verdict[: places[1]]
+    assert "Tip clearance, smallest" in verdict
+    assert verdict.count("1.00 m") == 3  # the reference's and those of both agents
+
+
+def test_every_metric_is_in_one_group():
+    assert sorted(key for keys in _GROUPS.values() for key in keys) == sorted(METRICS)
+
+
+def test_every_table_scrolls_or_becomes_cards(page):
+    body = page.split("</style>")[1].split("<script>")[0]
+    assert body.count("<table>") == body.count("<div class='scroll'><table>") > 4
+    for table in body.split("<table>")[1:]:
+        cells = table.split("</table>")[0].split("<td")[1:]
+        assert cells
+        assert all(cell.startswith("></td>") or "><span class='label'" in cell for cell in cells)
+    assert "@container (max-width: 720px)" in page
+    assert "prefers-color-scheme: dark" in page
+
+
+def test_shown_equal_is_another_mark_than_no_difference_seen(evaluation, tmp_path):
+    runs = []
+    for run in evaluation.runs:
+        scatter = run.wind.seed - 1002  # -1, 0 and 1 at each speed
+        change = {"ipc": 0.05 * scatter + 0.02, "<PPO>": 0.001 * scatter}.get(run.agent, 0.0)
+        runs.append(replace(run, metrics=MEAN | {"blade_flap_del": (1.0 + change) * MEAN["blade_flap_del"]}))
+    page = write_report(replace(evaluation, runs=runs, training={}), tmp_path / "report.html").read_text("utf-8")
+    rows = {row.split("</th>")[0].split("</i>")[-1]: row for row in part(page, "verdict").split("<tr")[2:]}
+    assert "<span class='diff main equal'>" in rows["&lt;PPO&gt;"]
+    assert "<span class='badge equal'>Equal" in rows["&lt;PPO&gt;"]
+    assert "<span class='diff main open'>" in rows["ipc"]
+    assert "<span class='badge open'>No difference seen" in rows["ipc"]
+    assert "No agent is better than Baseline in six winds." in page
+
+
+def test_runs_are_linked(evaluation, page, tmp_path):
+    assert "<a href=" not in part(page, "runs")
+    files = [f"runs/{run.agent.strip('<>')} {k}.nc" for k, run in enumerate(evaluation.runs)]
+    linked = part(write_report(evaluation, tmp_path / "report.html", files=files).read_text("utf-8"), "runs")
+    assert [f"href='{file.replace(' ', '%20')}'" in linked for file in files] == [True] * len(files)
+    assert "href='metrics.csv'" in linked
+    with pytest.raises(ValueError, match="one for each of 18 runs, got 1"):
+        write_report(evaluation, tmp_path / "report.html", files=files[:1])
+
+
+def test_another_simulators_figures_stand_beside(evaluation, tmp_path):
+    winds = [run.wind for run in evaluation.runs if run.wind.speed == 12.0]
+    one_speed = replace(evaluation, runs=[run for run in evaluation.runs if run.wind in winds], training={})
+    change = {"value": -0.25, "low": None, "high": None, "relative": True, "n_winds": 2}
+    record = {
+        "simulators": ["wt_gym", "openfast"], "baseline": "Baseline", "winds": ["12 m/s, seed 7", "15 m/s, seed 7"],
+        "settings": [{}, {"duration": 260.0, "skip": 60.0}],
+        "metrics": [{"wind_speed": 12.0, "metric": "blade_flap_del", "changes": {"ipc": [None, change]}}],
+    }  # fmt: skip
+    page = write_report(one_speed, tmp_path / "report.html", crosscheck=record).read_text("utf-8")
+    verdict = part(page, "verdict")
+    assert verdict.count("in OpenFAST</th>") == 1  # PPO has none
+    assert "\u221225.0 %" in verdict.split("in OpenFAST</th>")[1].split("</tr>")[0]
+    assert "in 1 wind of 200 s" in verdict.split("<table>")[0]
+    other = write_report(one_speed, tmp_path / "report.html", crosscheck=record | {"baseline": "discon"})
+    assert "in OpenFAST</th>" not in other.read_text("utf-8")
+
+
+def test_lengths_that_are_all_the_same_have_no_axis(evaluation):
+    def titles(lengths):
+        record = evaluation.training["<PPO>"]
+        record = record | {"curve": record["curve"] | {"episode_length": lengths}}
+        figure = learning_figure(replace(evaluation, training={"<PPO>": record}), ["<PPO>"])
+        return [title.text for title in figure.layout.annotations]
+
+    assert titles([60.0] * 20) == ["Return of a training episode [-]"]
+    assert titles([60.0] * 19 + [31.0])[1] == "Length of a training episode [s]"
 
 
 def test_verdict_shows_changes_with_intervals(evaluation, outline):

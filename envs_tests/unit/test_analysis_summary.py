@@ -18,8 +18,10 @@ from wt_gym.analysis.summary import (
     format_difference,
     format_value,
     headline,
+    result_sentence,
     summarize,
     unseen,
+    verdict,
 )
 
 WINDS = (Wind(12.0, 1001), Wind(12.0, 1002))
@@ -101,8 +103,12 @@ def test_more_power_without_more_load_is_ahead():
     assert "ahead" not in agent_text(evaluation(corrected_power=1.05e6, blade_flap_del=1.2e6))
 
 
-def test_equal_is_equal():
-    assert "do equally well" in agent_text(evaluation(corrected_power=1.001e6))
+def test_equal_is_shown_and_no_difference_is_not_seen():
+    assert "do equally well" in agent_text(evaluation())
+    assert verdict(evaluation(), "PPO").kind == "equal"
+    small = evaluation(corrected_power=1.001e6)  # two winds give no interval that shows it to be small
+    assert "No difference between PPO and Baseline is seen" in agent_text(small)
+    assert verdict(small, "PPO").kind == "open"
 
 
 def test_an_early_end_is_told_and_not_compared(tmp_path):
@@ -117,10 +123,53 @@ def test_an_early_end_is_told_and_not_compared(tmp_path):
     assert "\u2020" in page
 
 
+def test_what_all_have_in_common_is_said_once():
+    both = evaluation()
+    assert summarize(both)[0].startswith("Both kept the turbine running in both winds. Baseline made 1.000 MW")
+    assert " ".join(summarize(both)).count("kept the turbine running") == 1
+    lost = [replace(one, ending="overspeed", duration=40.0) if one.wind == WINDS[1] else one for one in both.runs]
+    text = summarize(replace(both, runs=lost))
+    assert text[0] == "Both lost the turbine in one wind (12 m/s, seed 1002: overspeed after 40 s)."
+    assert " ".join(text).count("lost the turbine") == 1
+    ran = [replace(one, metrics=one.metrics | {"overspeed_count": 2.0}) for one in both.runs]
+    assert "All ran into overspeed (above 110 % of rated), in number of events: Baseline 4, PPO 4." in summarize(
+        replace(both, runs=ran)
+    )[0]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"blade_flap_del": 0.8e6}, "PPO lowers flapwise blade fatigue by 20.0 % at the same power."),
+        (
+            {"blade_flap_del": 0.8e6, "tower_side_side_del": 1.1e6, "pitch_travel": np.radians(4.0)},
+            "PPO lowers flapwise blade fatigue by 20.0 % and raises side-side tower fatigue by 10.0 % at the same power"
+            " and with 4.0 times the pitch travel.",
+        ),
+        ({"corrected_power": 1.02e6}, "PPO makes 2.0 % more power."),
+        (
+            {"tower_fore_aft_del": 2.5e6},
+            "PPO is not better than Baseline: it raises fore-aft tower fatigue by a factor of 2.5 at the same power.",
+        ),
+        ({"pitch_travel": np.radians(1.5)}, "PPO is not better than Baseline: it needs 50.0 % more pitch travel."),
+        ({}, "PPO and Baseline do equally well."),
+        ({"corrected_power": 1.001e6}, "No difference is seen between PPO and Baseline."),
+    ],
+)  # fmt: skip
+def test_the_result_in_one_sentence(changes, expected):
+    sentence = result_sentence(evaluation(**changes)).replace("\u00a0", " ")
+    assert "in two winds" in sentence
+    assert sentence.replace("Against Baseline in two winds, ", "").replace(" in two winds.", ".") == expected
+
+
+def test_the_result_of_runs_that_ended_early_compares_nothing():
+    assert "ended early" in result_sentence(evaluation(endings=("time", "overspeed")))
+
+
 def test_short_training_is_named_as_such():
     result = evaluation(training={"PPO": record()})
     assert agent_text(result).startswith("PPO was trained for 3.0 min on 36\u202f000 control steps (2.0 h")
-    assert "the short training here" in summarize(result)[-1]
+    assert "the short training of PPO" in summarize(result)[-1]
     long = evaluation(training={"PPO": record(steps=2_000_000)})
     assert "short training" not in summarize(long)[-1]
 
@@ -156,6 +205,16 @@ def test_notes_on_trainings_are_shown_and_no_wind_is_called_unseen_then(tmp_path
     assert note.replace("<its>", "&lt;its&gt;") in page
     result.save(tmp_path)
     assert Evaluation.load(tmp_path).notes == {"PPO": note}
+
+
+def test_a_pretraining_is_named_as_such():
+    result = evaluation(training={"PPO": record(steps=0, pretraining={"seconds": 150.0})})
+    text = agent_text(result)
+    assert text.startswith("PPO was pretrained on an identified model in 2.5 min. PPO made")
+    assert (
+        "short training"
+        not in summarize(evaluation(training={"PPO": record(steps=0, pretraining={"seconds": 1.0})}))[-1]
+    )
 
 
 def test_a_checkpoint_is_named_as_such():

@@ -166,6 +166,32 @@ def test_failures_are_shown_as_results(tmp_path):
     assert json.dumps(found.to_json())
 
 
+def test_the_page_answers_first_and_names_common_failures_once(tmp_path):
+    """Both agents fail DLC 1.4, one fails DLC 1.5 too; the worst load is that of the cases that were come through."""
+    runs = {
+        (case, agent): [CaseRun(agent, Condition("NTM", 12.0, 80.0, 0), result(flap, ending=ending))]
+        for case, agent, flap, ending in (
+            ("1.3", "A", 1e6, "time"), ("1.3", "B", 2e6, "time"), ("1.4", "A", 9e6, "overspeed"),
+            ("1.4", "B", 9e6, "overspeed"), ("1.5", "A", 3.2e6, "time"), ("1.5", "B", 9e6, "tower_strike"),
+        )
+    }  # fmt: skip
+    settings = {"quick": True, "fidelity": "training"}
+    found = LoadCaseResults("T", ("1.3", "1.4", "1.5"), ("A", "B"), runs, None, settings)
+    page = write_load_case_report(found, tmp_path / "report.html").read_text(encoding="utf-8")
+    header, verdict = page.split("</header>")[0], page.split("<section id='verdict'>")[1].split("</section>")[0]
+    assert "No agent comes through DLC 1.4; B does not come through DLC 1.5." in header
+    assert verdict.index("class='legend'") < verdict.index("<table>")
+    rows = {row.split("</th>")[0].split("</i>")[-1]: row for row in verdict.split("<tr>")[2:]}
+    assert "Lost 1 of 3 runs" in rows["A"]
+    assert "4.3 \u2020<small class='note'>DLC 1.5</small>" in rows["A"]  # 1.35 times 3.2 MN m
+    assert "2.7 \u2020<small class='note'>DLC 1.3</small>" in rows["B"]
+    assert page.index("<section id='verdict'>") < page.index("class='plot'")
+    assert "loadcases.json" not in page  # there is none beside the page
+    (tmp_path / "loadcases.json").write_text("{}")
+    page = write_load_case_report(found, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "href='loadcases.json'" in page
+
+
 # ---- how a study keeps and resumes runs ----
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 SETUP = Path(__file__).resolve().parents[2] / "scripts" / "setup.sh"
-WHOLE = 5
-"""Calls of a set-up: environment, three installations, bytecode."""
+WHOLE = 6
+"""Calls of a set-up: environment, four installations, bytecode."""
 # Stands for an interpreter: notes what it is asked to do, and copies itself where an environment is wanted. A file
 # "cut" ends it there as a signal would.
 PYTHON = """#!/bin/sh
@@ -45,10 +45,21 @@ def calls(clone, status=0, **variables):
 def test_it_is_done_once(clone):
     venv, *installs, bytecode = calls(clone)
     assert venv == "-m venv .venv"
-    assert [line.split()[-1] for line in installs] == ["setuptools>=77", ".[train,test,tune,docs]", "rosco>=2.10,<3"]
+    wanted = ["setuptools>=77", "torch", ".[train,test,tune,docs]", "rosco>=2.10,<3"]
+    assert [line.split()[-1] for line in installs] == wanted
     assert all("--no-compile" in line for line in installs)
     assert bytecode.startswith("- gymnasium ")
     assert calls(clone) == []
+
+
+def test_torch_is_the_build_for_cpus_and_comes_alone(clone):
+    """Another index is asked for one package; a name that only it knows can come from nowhere else."""
+    (torch,) = [line for line in calls(clone) if line.endswith(" torch")]
+    assert "--extra-index-url https://download.pytorch.org/whl/cpu" in torch
+    assert "--no-deps" in torch
+    shutil.rmtree(clone / ".venv")
+    (torch,) = [line for line in calls(clone, TORCH_INDEX="https://example.org/simple") if line.endswith(" torch")]
+    assert "--extra-index-url https://example.org/simple" in torch
 
 
 def test_an_environment_with_all_serves_what_needs_less(clone):

@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from wt_gym.analysis.paired import level_of, paired_change
-from wt_gym.analysis.plots import MUTED, agent_styles, style, titles_at_left
+from wt_gym.analysis.plots import BETTER, MUTED, agent_styles, style, titles_at_left
 from wt_gym.analysis.summary import format_estimate
 
 if TYPE_CHECKING:
@@ -21,12 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["pareto_figure", "verdict_figure"]
 
 _LOADS = {
-    "blade_flap_del": "Blade root, flapwise",
-    "blade_edge_del": "Blade root, edgewise",
-    "tower_fore_aft_del": "Tower base, fore-aft",
-    "tower_side_side_del": "Tower base, side-side",
+    "blade_flap_del": "Blade root,<br>flapwise",
+    "blade_edge_del": "Blade root,<br>edgewise",
+    "tower_fore_aft_del": "Tower base,<br>fore-aft",
+    "tower_side_side_del": "Tower base,<br>side-side",
 }
-_BETTER = "#e4f3ec"
 # Numbers stand beside the points of so many agents at most.
 _MOST_LABELED = 3
 
@@ -46,7 +45,7 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
     height = 150 + max(24 * sum(rows), 190)
     figure = make_subplots(
         rows=2, cols=1, row_heights=[rows[0] + 0.4, rows[1] + 0.4], vertical_spacing=66 / height,
-        subplot_titles=["Power [%], more is better", "Damage-equivalent loads [%], less is better"],
+        subplot_titles=["Power, more is better", "Fatigue loads (DEL), less is better"],
     )  # fmt: skip
     styles = agent_styles(evaluation)
     for row, (panel, better) in enumerate(zip(panels, (+1, -1), strict=True), start=1):
@@ -60,7 +59,7 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
                     shown.append((key, found[agent, key]))
             _add_points(figure, row, agent, heights, shown, styles[agent], len(agents) <= _MOST_LABELED)
         # after the points: nothing is drawn into an empty panel
-        figure.add_vrect(x0=0.0, x1=better * 2 * reach, fillcolor=_BETTER, line_width=0, layer="below", row=row, col=1)
+        figure.add_vrect(x0=0.0, x1=better * 2 * reach, fillcolor=BETTER, line_width=0, layer="below", row=row, col=1)
         figure.add_vline(x=0.0, line={"color": MUTED, "width": 1}, row=row, col=1)
         figure.update_xaxes(range=[-reach, reach], ticksuffix=" %", row=row, col=1)
         figure.update_yaxes(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from wt_gym.analysis.crosscheck import Crosscheck
 
-__all__ = ["page", "tables", "write_page"]
+__all__ = ["figure_files", "page", "tables", "write_page"]
 
 _COLUMNS = {
     "blade_flap_del": "flap DEL",
@@ -141,6 +141,12 @@ def write_page(check: Crosscheck, folder: str | Path, command: str | None = None
     path = folder / "crosscheck.md"
     path.write_text(page(check, command), encoding="utf-8")
     return path
+
+
+def figure_files(check: Crosscheck) -> dict[str, list[str]]:
+    """Files of the figures of each agent, as seen from the folder of the page."""
+    return {agent: [_file(check, agent, what) for what in ("signals", "spectra")]
+            for agent in (check.baseline, *check.agents)}  # fmt: skip
 
 
 def _changes_figure(check: Crosscheck) -> Figure:

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 __all__ = ["learning_figure", "median_and_range", "running_mean", "trainings"]
 
-_PANELS = {"episode_return": "Return of a training episode [-]", "episode_length": "Length of a training episode [s]"}
+_LENGTH = "episode_length"
+_PANELS = {"episode_return": "Return of a training episode [-]", _LENGTH: "Length of a training episode [s]"}
+_SAME_LENGTH = 1e-6
+"""Difference of lengths that is rounding [s]."""
 _GRID = 200
 
 
@@ -76,12 +79,17 @@ def learning_figure(evaluation: Evaluation, agents: list[str]) -> go.Figure:
     """Return and length of the training episodes against environment steps, of the seeds of one training.
 
     One seed: episodes as points, and their running mean. Several: the median of the running means, and their range.
+    Where all episodes have the same length, that has no panel.
     """
     look = agent_styles(evaluation)[agents[0]]
+    panels = dict(_PANELS)
+    lengths = np.concatenate([_curve(evaluation.training[agent], _LENGTH)[1] for agent in agents])
+    if np.ptp(lengths) <= _SAME_LENGTH:
+        del panels[_LENGTH]
     figure = make_subplots(
-        rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.14, subplot_titles=list(_PANELS.values())
+        rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.14, subplot_titles=list(panels.values())
     )
-    for row, name in enumerate(_PANELS, start=1):
+    for row, name in enumerate(panels, start=1):
         curves = [_curve(evaluation.training[agent], name) for agent in agents]
         smooth = [(steps, running_mean(values, max(1, len(values) // 12))) for steps, values in curves]
         show = {"showlegend": row == 1}
@@ -106,8 +114,8 @@ def learning_figure(evaluation: Evaluation, agents: list[str]) -> go.Figure:
         for trace in traces:
             figure.add_trace(trace, row=row, col=1)
     titles_at_left(figure)
-    style(figure, height=500)
-    figure.update_xaxes(title_text="Environment steps", row=2, col=1)
+    style(figure, height=120 + 190 * len(panels))
+    figure.update_xaxes(title_text="Environment steps", row=len(panels), col=1)
     return figure
 
 

@@ -31,7 +31,7 @@ LIFETIME_EXPONENTS = {
 
 # What counts of these is their sum over the winds, in which no wind may be left out.
 _ADD_UP = ("mean_power", "corrected_power", "energy")
-# Differences below this share are called equal even where chance is excluded.
+# Differences below this share do not count even where chance is excluded.
 _NEGLIGIBLE = 0.01
 
 
@@ -63,15 +63,20 @@ class Estimate:
     def kind(self, key: str) -> str:
         """What a change of a metric means: ``"better"``, ``"worse"``, ``"equal"``, ``"open"`` or ``"none"``.
 
-        ``"open"`` is a change whose interval holds zero; ``"equal"`` one below 1 %, or below half the last digit shown;
-        ``"none"`` one of a metric without a better direction.
+        ``"better"`` and ``"worse"`` are changes of at least 1 % (or half the last digit shown) whose interval, if there
+        is one, excludes zero. ``"equal"`` is shown to be smaller: the whole interval is, or nothing changed at all.
+        ``"open"`` is all else: no difference was seen, and none was excluded. ``"none"`` is for metrics without a
+        better direction.
         """
         metric = METRICS[key]
+        least = _NEGLIGIBLE if self.relative else 0.5 * 10.0**-metric.digits
         if metric.better == 0:
             return "none"
-        if abs(self.value) < (_NEGLIGIBLE if self.relative else 0.5 * 10.0**-metric.digits):
+        if self.value == 0.0 and not self.has_interval:
             return "equal"
-        if self.has_interval and self.low <= 0.0 <= self.high:
+        if self.has_interval and max(abs(self.low), abs(self.high)) < least:
+            return "equal"
+        if abs(self.value) < least or (self.has_interval and self.low <= 0.0 <= self.high):
             return "open"
         return "better" if self.value * metric.better > 0 else "worse"
 

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 
 __all__ = [
+    "BETTER",
+    "DARK_COLORS",
     "FONT",
     "INK",
     "MUTED",
@@ -48,8 +50,15 @@ INK, MUTED, GRID = "#1c2733", "#465462", "#dde3ea"
 # Okabe & Ito (2008): told apart with every common color vision; the dashes help in print.
 _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 _DASHES = ("solid", "dash", "dot")
+_AXIS, _PAPER, BETTER = "#8a96a3", "#ffffff", "#e4f3ec"
 _SYMBOLS = ("circle", "diamond", "square", "triangle-up", "x", "star", "triangle-down")
 _WIND_COLOR = "#5f6b76"
+DARK_COLORS = {
+    INK: "#e3e9ef", MUTED: "#9fadba", GRID: "#2c3742", _AXIS: "#6d7a87", _PAPER: "#182029", BETTER: "#16352c",
+    _WIND_COLOR: "#93a1ad",
+    **dict(zip(_COLORS, ("#45A5E0", "#F2813A", "#2CC295", "#DD97BD", "#8ACCF2", "#F0B437"), strict=True)),
+}  # fmt: skip
+"""What becomes of the colors of figures in a dark scheme; report.css has the same for the page."""
 _RPM = 30 / np.pi
 
 
@@ -91,11 +100,12 @@ _ROWS = (
 
 
 def agent_styles(evaluation: _Compared) -> dict[str, dict[str, str]]:
-    """Color, dash and symbol of each agent, the same in every figure and table."""
+    """Color, dash and symbol of each agent, the same in every figure and table, and its swatch in a page."""
     n = len(_COLORS)
     return {
         agent: {
             "color": _COLORS[i % n],
+            "swatch": f"var(--agent-{i % n})",
             "dash": _DASHES[i // n % len(_DASHES)],
             "symbol": _SYMBOLS[i % len(_SYMBOLS)],
         }
@@ -117,17 +127,17 @@ def style(figure: go.Figure, height: int) -> go.Figure:
         margin={"l": 54, "r": 14, "t": 56, "b": 48},
         font={"family": FONT, "size": 13, "color": INK},
         legend={"orientation": "h", "x": 0, "xanchor": "left", "y": 1, "yanchor": "top", "yref": "container"},
-        modebar={"bgcolor": "rgba(0,0,0,0)", "color": "#8a96a3", "activecolor": INK},
+        modebar={"bgcolor": "rgba(0,0,0,0)", "color": _AXIS, "activecolor": INK},
         paper_bgcolor="rgba(0,0,0,0)",
-        plot_bgcolor="#ffffff",
-        hoverlabel={"font": {"family": FONT, "size": 12}},
+        plot_bgcolor=_PAPER,
+        hoverlabel={"font": {"family": FONT, "size": 12, "color": INK}, "bgcolor": _PAPER},
     )  # fmt: skip
     axis = {
         "gridcolor": GRID,
         "zeroline": False,
-        "linecolor": "#8a96a3",
+        "linecolor": _AXIS,
         "ticks": "outside",
-        "tickcolor": "#8a96a3",
+        "tickcolor": _AXIS,
         "tickfont": {"color": INK, "size": 12},
         "title_font": {"color": INK, "size": 13},
         "automargin": True,

@@ -7,6 +7,7 @@
   const data = JSON.parse(document.getElementById('replay-data').textContent);
   const find = (name) => root.querySelector('[data-part="' + name + '"]');
   const canvas = find('scene'), charts = find('charts'), slider = find('time'), playButton = find('play');
+  const scheme = (name) => getComputedStyle(document.documentElement).getPropertyValue('--' + name);
   const BLADES = ['#ffd166', '#7ee0c3', '#f7a1c4'];
   const VIEWS = {
     oblique: [-0.95, 0.22], side: [-Math.PI / 2, 0.04], front: [-Math.PI, 0.04], above: [-Math.PI / 2, 1.35],
@@ -210,11 +211,11 @@
     ROWS.forEach(([name, title], row) => {
       const top = row * step + 22, bottom = (row + 1) * step - 8, [low, high] = RANGES[name];
       const up = (value) => bottom - (bottom - top) * (value - low) / (high - low);
-      context.fillStyle = '#465462';
+      context.fillStyle = scheme('muted');
       context.textAlign = 'left';
       context.fillText(title, left, top - 8);
       context.textAlign = 'right';
-      context.strokeStyle = '#dde3ea';
+      context.strokeStyle = scheme('line');
       context.lineWidth = 1;
       for (const value of [low + 0.1 * (high - low), high - 0.1 * (high - low)]) {
         context.fillText(value.toFixed(1), left - 6, up(value) + 4);
@@ -230,7 +231,7 @@
         values.forEach((value, k) => (k ? context.lineTo(across(k), up(value)) : context.moveTo(across(k), up(value))));
         context.stroke();
       });
-      context.strokeStyle = '#1c2733';
+      context.strokeStyle = scheme('ink');
       context.beginPath();
       context.moveTo(across(Math.min(frame + a, count - 1)), top);
       context.lineTo(across(Math.min(frame + a, count - 1)), bottom);
@@ -304,5 +305,6 @@
   });
   for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, () => { held = null; });
   window.addEventListener('resize', draw);
+  window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
   draw();
 })();

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import base64
 import json
-from html import escape
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from wt_gym.analysis.report_page import Section
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -30,21 +31,25 @@ _STYLE = """<style>
 .replay .charts { height: 300px; }
 .replay .bar { grid-column: 1 / -1; display: flex; flex-wrap: wrap; align-items: center; gap: 8px 14px; }
 .replay button, .replay select { font: inherit; font-size: .9rem; padding: 5px 12px; border-radius: 8px;
-  border: 1px solid #b9c6d1; background: #fff; color: inherit; cursor: pointer; }
-.replay button:hover { background: #eef4f8; }
+  border: 1px solid var(--line); background: var(--paper); color: inherit; cursor: pointer; }
+.replay button:hover { background: var(--hover); }
 .replay [data-part=play] { min-width: 92px; background: #0b4f79; border-color: #0b4f79; color: #fff; }
+.replay [data-part=play]:hover { background: #136a8c; }
 .replay [data-part=time] { flex: 1 1 200px; min-width: 120px; accent-color: #0b4f79; }
 .replay [data-part=clock] { min-width: 66px; text-align: right; font-variant-numeric: tabular-nums; font-weight: 600; }
 .replay label { font-size: .9rem; color: var(--muted); }
 .replay dl { margin: 0 0 14px; }
 .replay dl div { display: flex; justify-content: space-between; gap: 10px; padding: 5px 0;
-  border-bottom: 1px solid #edf1f5; }
+  border-bottom: 1px solid var(--faint); }
 .replay dt { color: var(--muted); font-size: .9rem; }
 .replay dd { margin: 0; font-weight: 600; font-variant-numeric: tabular-nums; white-space: nowrap; }
 .replay .blades { display: flex; gap: 14px; font-size: .84rem; color: var(--muted); }
 .replay .blades i { display: inline-block; width: 14px; height: 3px; margin-right: 5px; vertical-align: middle; }
 @media (max-width: 900px) {
   .replay { grid-template-columns: minmax(0, 1fr); } .replay .scene { height: 400px; }
+}
+@media print {
+  .replay .bar, .replay .charts, .replay .blades { display: none; } .replay .scene { height: 380px; }
 }
 </style>"""
 
@@ -92,12 +97,12 @@ def encode(values: ArrayLike, bits: int = 16) -> dict[str, Any]:
     return {"bits": bits, "shape": list(values.shape), "offset": offset, "scale": scale, "data": packed}
 
 
-def replay_section(evaluation: Evaluation) -> str:
+def replay_section(evaluation: Evaluation) -> Section:
     """Section of the page with the replay, empty where no run kept its shapes."""
     runs = [run for agent in evaluation.agents for run in evaluation.runs_of(agent) if run.replay is not None]
     runs = runs[:_MOST_AGENTS]
     if not runs:
-        return ""
+        return Section("replay", "", "")
     replays = [run.replay for run in runs if run.replay is not None]
     blades = replays[0].blades
     data = {
@@ -117,10 +122,8 @@ def replay_section(evaluation: Evaluation) -> str:
     )
     if left_out:
         caption += f" The first {len(runs)} agents are shown."
-    return (
-        f"<section id='replay'><h2>Replay of rotor and wake</h2><p class='caption'>{escape(caption)}</p>"
-        f"{_STYLE}{_CONTROLS}<script type='application/json' id='replay-data'>{text}</script></section>"
-    )
+    content = f"{_STYLE}{_CONTROLS}<script type='application/json' id='replay-data'>{text}</script>"
+    return Section("replay", "Replay of rotor and wake", content, caption, "Replay")
 
 
 def replay_script() -> str:

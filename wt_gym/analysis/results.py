@@ -20,7 +20,7 @@ from wt_gym.files import whole_file, write_netcdf_whole, write_text_whole
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["METRICS_FILE", "RUNS_FOLDER", "TABLE_FILE", "Evaluation", "Run", "Wind", "run_file"]
+__all__ = ["METRICS_FILE", "RUNS_FOLDER", "TABLE_FILE", "Evaluation", "Run", "Wind", "run_file", "run_files"]
 
 TABLE_FILE, METRICS_FILE, RUNS_FOLDER = "evaluation.json", "metrics.csv", "runs"
 _COMBINE: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max, "min": np.min, "sum": np.sum}
@@ -148,6 +148,18 @@ def run_file(mark: str, agent: str) -> str:
     """Name of the file of a run: the agent, and a mark that tells the run from all others of the folder."""
     safe = "".join(c if c.isalnum() or c == "-" else "_" for c in agent).lower()
     return f"{safe}_{mark}.nc"
+
+
+def run_files(folder: str | Path) -> list[str]:
+    """Files of the runs of a folder, as seen from it, in the order of `Evaluation.runs`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder holds no evaluation.
+    """
+    table = json.loads((Path(folder) / TABLE_FILE).read_text(encoding="utf-8"))
+    return [row["file"] for row in table["runs"]]
 
 
 @dataclass(frozen=True)

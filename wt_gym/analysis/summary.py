@@ -11,7 +11,7 @@ from wt_gym.analysis.statistics import LEAST_PER_STRATUM
 
 if TYPE_CHECKING:
     from wt_gym.analysis.paired import Estimate
-    from wt_gym.analysis.results import Evaluation
+    from wt_gym.analysis.results import Evaluation, Wind
 
 __all__ = [
     "JUDGED",
@@ -22,6 +22,7 @@ __all__ = [
     "format_estimate",
     "format_value",
     "headline",
+    "result_sentence",
     "results_table",
     "summarize",
     "unseen",
@@ -40,6 +41,11 @@ JUDGED = {
 # Differences of extremes below this fraction are called equal.
 _NEGLIGIBLE = 0.01
 _LOADS = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
+_FATIGUE = {
+    "blade_flap_del": "flapwise blade fatigue",
+    "tower_fore_aft_del": "fore-aft tower fatigue",
+    "tower_side_side_del": "side-side tower fatigue",
+}
 _TABLE = {
     "corrected_power": "power",
     "blade_flap_del": "flap DEL",
@@ -148,6 +154,88 @@ def headline(evaluation: Evaluation) -> str:
     return f"{named} against {evaluation.baseline} in {winds}"
 
 
+def result_sentence(evaluation: Evaluation) -> str:
+    """The result in one sentence: what the best agent changes against the baseline, or that none is better.
+
+    The best is better in `JUDGED` at no cost or as a trade, and among those of most the one with the lowest loads.
+    """
+    others = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    winds = f"in {_count(len(evaluation.winds), 'wind')}"
+    if not others:
+        mean = evaluation.mean_metrics(evaluation.baseline)
+        power = f" and makes {_shown('corrected_power', mean)}" if "corrected_power" in mean else ""
+        whole = sum(run.complete for run in evaluation.runs)
+        return f"{evaluation.baseline} keeps the turbine running in {whole} of {len(evaluation.runs)} winds{power}."
+    verdicts = {agent: verdict(evaluation, agent) for agent in others}
+    gaining = [agent for agent in others if verdicts[agent].kind in ("better", "trade")]
+    if gaining:
+        best = min(gaining, key=lambda agent: _rank(evaluation, agent))
+        changes = _changes(evaluation, best, verdicts[best])
+        return f"Against {evaluation.baseline} {winds}, {best} {changes}."
+    if len(others) > 1:
+        lost = [agent for agent in others if verdicts[agent].kind == "lost"]
+        more = f"; runs of {' and '.join(lost)} ended early" if 0 < len(lost) <= _MOST_NAMED else ""
+        return f"No agent is better than {evaluation.baseline} {winds}{more}."
+    (agent,) = others
+    match verdicts[agent].kind:
+        case "lost":
+            return f"Runs of {agent} or {evaluation.baseline} ended early {winds}: nothing to compare."
+        case "equal":
+            return f"{agent} and {evaluation.baseline} do equally well {winds}."
+        case "open":
+            return f"No difference is seen between {agent} and {evaluation.baseline} {winds}."
+        case _:
+            changes = _changes(evaluation, agent, verdicts[agent])
+            return f"{agent} is not better than {evaluation.baseline}: it {changes} {winds}."
+
+
+def _rank(evaluation: Evaluation, agent: str) -> float:
+    """Mean change of the loads less that of power; least is best."""
+    loads = [change.value for key in _LOADS if (change := paired_change(evaluation, agent, key)) and change.relative]
+    power = paired_change(evaluation, agent, "corrected_power")
+    gained = power.value if power is not None and power.relative else 0.0
+    return (sum(loads) / len(loads) if loads else 0.0) - gained
+
+
+def _changes(evaluation: Evaluation, agent: str, result: Verdict) -> str:
+    """What an agent lowers and raises beyond chance, in words, and what becomes of power and pitch travel."""
+    # every metric of JUDGED can be compared where there is a verdict
+    change = {key: cast("Estimate", paired_change(evaluation, agent, key)) for key in JUDGED}
+
+    def listed(keys: list[str]) -> str:
+        return _and([f"{_FATIGUE[key]} by {_size(key, change[key])}" for key in keys])
+
+    lower, higher = ([key for key in _FATIGUE if key in keys] for keys in (result.gains, result.costs))
+    power, travel = change["corrected_power"], change["pitch_travel"]
+    verbs = [f"lowers {listed(lower)}"] if lower else []
+    verbs += [f"raises {listed(higher)}"] if higher else []
+    with_ = []
+    if (kind := power.kind("corrected_power")) in ("better", "worse"):
+        verb = "makes" if kind == "better" else "loses"
+        verbs.append(f"{verb} {_size('corrected_power', power)} {'more power' if kind == 'better' else 'of power'}")
+    elif verbs:
+        with_.append("at the same power" if kind == "equal" else "with no difference seen in power")
+    if travel.kind("pitch_travel") in ("better", "worse"):
+        if travel.relative and travel.value >= 1.0:
+            with_.append(f"with {1.0 + travel.value:.1f} times the pitch travel")
+        else:
+            with_.append(f"with {_size('pitch_travel', travel)} {'more' if travel.value > 0 else 'less'} pitch travel")
+    if not verbs:
+        verbs = ["needs " + with_.pop().removeprefix("with ")]
+    return " ".join([_and(verbs), *([_and(with_)] if with_ else [])])
+
+
+def _size(key: str, change: Estimate) -> str:
+    """Size of a change without its sign."""
+    text = format_estimate(key, change).partition(" [")[0].lstrip("+\u2212")
+    return text.replace(" ", "\u00a0").replace("\u00d7", "a factor of")
+
+
+def _and(words: list[str]) -> str:
+    """Words as a list in a sentence."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
 def unseen(evaluation: Evaluation) -> bool:
     """Whether no agent was trained on a turbulence seed of the evaluation; a wind without a seed may have been met."""
     seeds = {wind.seed for wind in evaluation.winds}
@@ -166,7 +254,8 @@ class Verdict:
     Attributes
     ----------
     kind : str
-        ``"better"``, ``"worse"``, ``"equal"``, ``"trade"`` or ``"lost"`` (a run ended early).
+        ``"better"``, ``"worse"``, ``"trade"``, ``"equal"`` (every change is shown to be below 1 %), ``"open"`` (no
+        difference is seen, and none excluded) or ``"lost"`` (a run ended early).
     word : str
         The same for people.
     gains, costs : tuple of str
@@ -195,11 +284,13 @@ def verdict(evaluation: Evaluation, agent: str) -> Verdict:
         return Verdict("worse", "Not better", gains, costs)
     if gains:
         return Verdict("trade", "A trade", gains, costs) if costs else Verdict("better", "Better", gains, costs)
-    return Verdict("equal", "No difference")
+    if kinds and all(kind == "equal" for kind in kinds.values()):
+        return Verdict("equal", "Equal")
+    return Verdict("open", "No difference seen")
 
 
 def summarize(evaluation: Evaluation) -> list[str]:
-    """Describe what was found, one paragraph an agent, one a note and one on how far the result carries.
+    """Describe what was found: what all have in common, then a paragraph an agent, a note, and how far it carries.
 
     Returns
     -------
@@ -213,14 +304,49 @@ def summarize(evaluation: Evaluation) -> list[str]:
 
 def _baseline_paragraph(evaluation: Evaluation) -> str:
     agent = evaluation.baseline
-    text = f"{_survival(evaluation, agent)}"
+    sentences = [_common_survival(evaluation), _survival(evaluation, agent), _common_overspeed(evaluation)]
     mean = evaluation.mean_metrics(agent)
     if _all_complete(evaluation, agent) and "corrected_power" in mean:
-        text += (
-            f" It made {_shown('corrected_power', mean)} on average, with a rotor speed of up to"
-            f" {_shown('rotor_speed_max', mean)} and a pitch duty cycle of {_shown('pitch_duty_cycle', mean)}."
+        fastest = _shown("rotor_speed_max", evaluation.overall_metrics(agent))
+        sentences.append(
+            f"{agent} made {_shown('corrected_power', mean)} on average, with a rotor speed of up to {fastest} and a"
+            f" pitch duty cycle of {_shown('pitch_duty_cycle', mean)}."
         )
-    return text
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _common_ends(evaluation: Evaluation) -> list[Wind]:
+    """Winds that ended every agent's run early; none where there is one agent."""
+    if len(evaluation.agents) < 2:
+        return []
+    return [wind for wind in evaluation.winds if not any(evaluation.run(a, wind).complete for a in evaluation.agents)]
+
+
+def _common_survival(evaluation: Evaluation) -> str:
+    """What became of all agents alike."""
+    if len(evaluation.agents) < 2:
+        return ""
+    every = "both" if len(evaluation.agents) == 2 else f"all {_WORDS.get(n := len(evaluation.agents), n)}"
+    if all(run.complete for run in evaluation.runs):
+        return f"{every.capitalize()} kept the turbine running in {_every_wind(len(evaluation.winds))}."
+    if not (ends := _common_ends(evaluation)):
+        return ""
+    reasons = []
+    for wind in ends:
+        runs = [evaluation.run(agent, wind) for agent in evaluation.agents]
+        first, last = min(run.duration for run in runs), max(run.duration for run in runs)
+        when = f"{first:.0f} s" if f"{first:.0f}" == f"{last:.0f}" else f"{first:.0f} to {last:.0f} s"
+        reasons.append(f"{wind.name}: {_and(list(dict.fromkeys(_REASONS[run.ending] for run in runs)))} after {when}")
+    return f"{every.capitalize()} lost the turbine in {_count(len(ends), 'wind')} ({'; '.join(reasons)})."
+
+
+def _common_overspeed(evaluation: Evaluation) -> str:
+    """Overspeeds that no agent avoids."""
+    counts = {agent: evaluation.overall_metrics(agent).get("overspeed_count", 0.0) for agent in evaluation.agents}
+    if len(counts) < 2 or not all(counts.values()):
+        return ""
+    events = ", ".join(f"{agent} {count:.0f}" for agent, count in counts.items())
+    return f"All ran into overspeed (above 110 % of rated), in number of events: {events}."
 
 
 def _agent_paragraph(evaluation: Evaluation, agent: str) -> str:
@@ -242,25 +368,33 @@ def _training_sentence(evaluation: Evaluation, agent: str) -> str:
     training = evaluation.training.get(agent)
     if not training:
         return ""
-    hours = training["steps"] * training["control_dt"] / 3600
     minutes = training["wall_seconds"] / 60
+    pretrained = " pretrained on an identified model" if training.get("pretraining") else ""
+    if pretrained and not training["steps"]:
+        return f"{agent} was{pretrained} in {training['pretraining']['seconds'] / 60:.1f} min."
+    hours = training["steps"] * training["control_dt"] / 3600
     checkpoint = f" This is its checkpoint after {training['checkpoint']:,} steps." if "checkpoint" in training else ""
     return (
-        f"{agent} was trained for {minutes:.1f} min on {training['steps']:,} control steps ({hours:.1f} h of simulated"
-        f" operation).{checkpoint}"
+        f"{agent} was{f'{pretrained} and' if pretrained else ''} trained for {minutes:.1f} min on"
+        f" {training['steps']:,} control steps ({hours:.1f} h of simulated operation).{checkpoint}"
     ).replace(",", "\u202f")
 
 
 def _survival(evaluation: Evaluation, agent: str) -> str:
-    """Say whether the agent kept the turbine running."""
-    runs = evaluation.runs_of(agent)
-    stopped = [run for run in runs if not run.complete]
+    """Say whether the agent kept the turbine running, where that was not said of all."""
+    runs, common = evaluation.runs_of(agent), _common_ends(evaluation)
+    stopped = [run for run in runs if not run.complete and run.wind not in common]
     if not stopped:
-        every = {1: "the wind", 2: "both winds"}.get(len(runs), f"all {_count(len(runs), 'wind')}")
-        return f"{agent} kept the turbine running in {every}."
+        said = common or (len(evaluation.agents) > 1 and all(run.complete for run in evaluation.runs))
+        return "" if said else f"{agent} kept the turbine running in {_every_wind(len(runs))}."
     reasons = "; ".join(f"{_REASONS[run.ending]} after {run.duration:.0f} s at {run.wind.name}" for run in stopped)
     number = _WORDS.get(len(stopped), len(stopped))
-    return f"{agent} lost the turbine in {number} of {_count(len(runs), 'wind')} ({reasons})."
+    alone = " alone" if common else ""
+    return f"{agent}{alone} lost the turbine in {number} of {_count(len(runs), 'wind')} ({reasons})."
+
+
+def _every_wind(number: int) -> str:
+    return {1: "the wind", 2: "both winds"}.get(number, f"all {_count(number, 'wind')}")
 
 
 _REASONS = {
@@ -278,11 +412,13 @@ def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
     change = {key: format_estimate(key, cast("Estimate", paired_change(evaluation, agent, key))) for key in JUDGED}
     loads = ", ".join(f"{JUDGED[key]} {change[key]}" for key in _LOADS)
     sentences = [
-        f"It made {_shown('corrected_power', mine)} ({change['corrected_power']} against {evaluation.baseline}).",
+        f"{agent} made {_shown('corrected_power', mine)} ({change['corrected_power']} against {evaluation.baseline}).",
         f"Damage-equivalent loads: {loads}.",
         f"Its pitch duty cycle is {_shown('pitch_duty_cycle', mine)} against {_shown('pitch_duty_cycle', base)}.",
     ]
-    if mine["overspeed_count"] > base["overspeed_count"]:
+    if mine["overspeed_count"] > base["overspeed_count"] == 0.0:
+        sentences.append("It ran into overspeed (above 110 % of rated), the baseline did not.")
+    elif mine["overspeed_count"] > base["overspeed_count"]:
         sentences.append("It ran into overspeed (above 110 % of rated) more often.")
     result = verdict(evaluation, agent)
     gains, costs = (", ".join(JUDGED[key] for key in keys) for keys in (result.gains, result.costs))
@@ -293,6 +429,8 @@ def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
             sentences.append(f"In these winds {agent} does not reach {evaluation.baseline}.")
         case "equal":
             sentences.append(f"In these winds {agent} and {evaluation.baseline} do equally well.")
+        case "open":
+            sentences.append(f"No difference between {agent} and {evaluation.baseline} is seen in these winds.")
         case _:
             sentences.append(f"That is a trade: better are {gains}; worse are {costs}.")
     return sentences
@@ -307,10 +445,15 @@ def _reach_paragraph(evaluation: Evaluation) -> str:
         sentences.append("Standards ask for at least six ten-minute winds at each mean speed.")
     if fewest < LEAST_PER_STRATUM:
         sentences.append("There are too few winds here for intervals: read differences of a few percent as chance.")
-    if any(training["steps"] < _SHORT_TRAINING for training in evaluation.training.values()):
+    short = [
+        agent
+        for agent, training in evaluation.training.items()
+        if training["steps"] < _SHORT_TRAINING and not training.get("pretraining")
+    ]
+    if short:
         sentences.append(
-            "An agent for a task like this needs some 10\u2075 to 10\u2076 steps: the short training here shows that"
-            " the way works from end to end, not what such an agent can reach."
+            "An agent for a task like this needs some 10\u2075 to 10\u2076 steps: the short training of"
+            f" {_and(short)} shows that the way works from end to end, not what such an agent can reach."
         )
     return " ".join(sentences)
 

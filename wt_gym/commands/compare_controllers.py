@@ -39,8 +39,21 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--control-dt", type=float, help="s")
     add_model_options(parser)
     add_engine_options(parser, "runs")
+    parser.add_argument("--report", metavar="FILE", help="HTML page to write")
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     return parser.parse_args(words)
+
+
+def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.Namespace) -> None:
+    """Write the page of the winds in which every controller has run."""
+    from wt_gym.agents.comparison import in_all_winds
+    from wt_gym.agents.comparison_page import write_comparison
+
+    settings = {
+        name: getattr(arguments, name)
+        for name in ("turbine", "winds", "seeds", "duration", "skip", "fidelity", "control_dt", "simulator")
+    }
+    print(f"report: {write_comparison(in_all_winds(runs), arguments.report, turbine, settings)}")
 
 
 def show(runs: list[ControllerRuns], as_json: bool) -> None:
@@ -92,3 +105,5 @@ def main(words: list[str] | None = None) -> None:
         finally:  # of a stopped series too
             if any(run.done for run in runs):
                 show(runs, arguments.json)
+                if arguments.report:
+                    write_report(runs, turbine.title, arguments)

@@ -7,8 +7,8 @@ Agents are those of wt-gym evaluate; the first is the baseline, in each simulato
 seconds of processor time for a minute of wind and is by far the slower one: --jobs shares the runs among processes.
 Every run is kept as soon as it is done, and the same command resumes where it was stopped.
 
-The folder gets crosscheck.md with figures, crosscheck.json with its numbers, and both evaluations. Runs start from the
-steady operating point.
+The folder gets report.html, crosscheck.md with figures, crosscheck.json with its numbers, and both evaluations. Runs
+start from the steady operating point.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.agents.evaluation import evaluate
         from wt_gym.agents.names import named_choices, own_controller, with_model_options
         from wt_gym.analysis.crosscheck import Crosscheck
-        from wt_gym.analysis.crosscheck_page import tables, write_page
+        from wt_gym.analysis.crosscheck_page import figure_files, tables, write_page
+        from wt_gym.analysis.crosscheck_report import write_crosscheck_report
 
         configs = [configuration(arguments, simulator) for simulator in (OWN_SIMULATOR, other)]
         given = with_model_options(arguments.agents, arguments.algo, arguments.trust)
@@ -102,5 +103,6 @@ def main(words: list[str] | None = None) -> None:
         check = Crosscheck((OWN_SIMULATOR, name), (found[0], found[1]))
         command = shlex.join(["wt-gym", "crosscheck", *(sys.argv[2:] if words is None else words)])
         path = write_page(check, out, command)
+        report = write_crosscheck_report(check, out, command, figure_files(check))
     print(tables(check.to_json()))
-    print(f"\npage: {path}")
+    print(f"\npage: {path}\nreport: {report}")

@@ -76,6 +76,11 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--replay", type=float, default=20.0, metavar="S",
         help="length of the replay, the end of the runs in the first wind [s]; 0: none (default: %(default)s)",
     )  # fmt: skip
+    report.add_argument(
+        "--crosscheck", metavar="FILE",
+        help="crosscheck.json: agents that have the same name in it get its figures of the other simulator beside "
+        "those of the evaluation, where that has one mean wind speed",
+    )  # fmt: skip
     report.add_argument("--no-report", action="store_true", help="write signals and metrics only")
     report.add_argument("--json", action="store_true", help="print the metrics as JSON at the end")
     return parser.parse_args(words)
@@ -116,16 +121,20 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.agents.evaluation_folder import REPORT_FILE
         from wt_gym.agents.names import named_choices, own_controller, with_model_options
         from wt_gym.analysis.report import write_report
+        from wt_gym.analysis.results import run_files
         from wt_gym.analysis.summary import results_table, summarize
 
         chosen = configuration(arguments)
+        crosscheck = None
+        if arguments.crosscheck is not None:
+            crosscheck = json.loads(Path(arguments.crosscheck).read_text(encoding="utf-8"))
         agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
         evaluation = evaluate(
             named_choices(agents, own_controller(chosen.env_id, chosen.env_kwargs)), chosen, folder=out,
             overwrite=arguments.overwrite, allow_other_environment=arguments.allow_other_environment, executor=executor,
         )  # fmt: skip
         if not arguments.no_report:
-            write_report(evaluation, out / REPORT_FILE, arguments.title)
+            write_report(evaluation, out / REPORT_FILE, arguments.title, run_files(out), crosscheck)
     print("\n".join([*results_table(evaluation), "", *summarize(evaluation)]))
     print(f"metrics and signals: {out}")
     if not arguments.no_report:
