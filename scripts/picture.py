@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 AGENT = ROOT / "agents" / "trained" / "load_reduction_on_linear_optimal"
 WIDTH, HEIGHT, DPI = 840, 480, 100
 SHEAR, LIGHT = 0.2, 0.35  # exponent of the profile; turbulence as a share of that of class B
+NEARLY_WHITE = 247  # of 255
 FRAME_TIME = 80  # of the animation [ms]
 BEFORE = 10.0  # part of the run before the first frame that the flap moment is shown for [s]
 LABELS = {"controller": "Published controller", "agent": "Trained agent"}
@@ -148,11 +149,11 @@ def save(frames, path, n_colors):
     for row, image in enumerate((images[0], images[len(images) // 2], images[-1])):
         sheet.paste(image, (0, HEIGHT * row))
     palette = sheet.quantize(n_colors, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    # averages with what is nearly white are white
     colors = palette.getpalette()[: 3 * n_colors]
-    lightest = max(
-        range(n_colors), key=lambda k: sum(colors[3 * k : 3 * k + 3])
-    )  # an average with what is nearly white
-    colors[3 * lightest : 3 * lightest + 3] = [255, 255, 255]
+    for k in range(0, len(colors), 3):
+        if min(colors[k : k + 3]) >= NEARLY_WHITE:
+            colors[k : k + 3] = [255, 255, 255]
     palette.putpalette(colors)
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     path.parent.mkdir(parents=True, exist_ok=True)

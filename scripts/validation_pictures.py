@@ -10,6 +10,7 @@ reference data are in the repository.
 """
 
 import argparse
+import io
 import json
 import math
 import re
@@ -22,18 +23,32 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 DATA = ROOT / "docs" / "data"
 CURVES, RECORD = "validation_figures.json", "validation.json"
-MOST_POINTS = 160  # of a curve
+MOST_POINTS = 240  # of a curve
 PICTURES = {
-    "validation_rotor": (2, ("nrel-5mw-rotor", r"Cp at|Ct at|Cp against|Ct against")),
-    "validation_phase_vi": (2, ("uae-phase-vi-stall", r"."), ("uae-phase-vi", r".")),
-    "validation_steps": (2, ("tjaereborg", r"."), ("wind-step", r".")),
-    "validation_gebhardt": (2, ("gebhardt-2012", r"^Figure \d+:")),
+    "validation_rotor": (
+        ("nrel-5mw-rotor", r"^Cp, tip-speed ratio ([\d.]+), pitch 0$", "Cp at pitch 0", "tip-speed ratio", "Cp"),
+        ("nrel-5mw-rotor", r"^Ct, tip-speed ratio ([\d.]+), pitch 0$", "Ct at pitch 0", "tip-speed ratio", "Ct"),
+        ("nrel-5mw-rotor", r"^Cp, tip-speed ratio 5, pitch ([\d.]+) deg$", "Cp at tip-speed ratio 5", "pitch [deg]",
+         "Cp"),
+        ("nrel-5mw-rotor", r"^Ct, tip-speed ratio 5, pitch ([\d.]+) deg$", "Ct at tip-speed ratio 5", "pitch [deg]",
+         "Ct"),
+    ),
+    "validation_phase_vi": (
+        ("uae-phase-vi-stall", r"^Snel, (\d+) m/s: shaft torque", "Shaft torque, stall delay of Snel",
+         "wind speed [m/s]", "torque [N m]"),
+        ("uae-phase-vi-stall", r"^Snel, (\d+) m/s: normal force", "Normal force at 30 % of the radius, Snel",
+         "wind speed [m/s]", "c_n"),
+        ("uae-phase-vi", "."),
+    ),
+    "validation_steps": (("tjaereborg", "."), ("wind-step", ".")),
+    "validation_gebhardt": (("gebhardt-2012", r"^Figure \d+:"),),
     "validation_observer": (
-        2, ("observer-frame-rotor", r"^Fig\. 3"), ("observer-frame-follower", r"^Fig\. 4"),
+        ("observer-frame-rotor", r"^Fig\. 3"), ("observer-frame-follower", r"^Fig\. 4"),
         ("observer-frame-references", r"^Fig\. 5"),
     ),
 }  # fmt: skip
-"""Pictures: columns, then cases with a pattern for the titles of their figures."""
+"""Parts of pictures: a case with a pattern for the titles of its figures; or with a pattern for its checks, whose group
+is the abscissa, and title and labels of the panel that shows them."""
 
 
 def parse_arguments(words=None):
@@ -51,7 +66,7 @@ def parse_arguments(words=None):
 
 def cases_of_pictures():
     """Names of the cases whose figures are drawn."""
-    return tuple(dict.fromkeys(name for _, *parts in PICTURES.values() for name, _ in parts))
+    return tuple(dict.fromkeys(part[0] for parts in PICTURES.values() for part in parts if len(part) == 2))
 
 
 def curves_of(result):
@@ -90,14 +105,41 @@ def run(names, path):
         print(f"{name}: {len(stored[name])} figures, {result.wall_time:.0f} s", flush=True)
 
 
-def panels(parts, stored):
-    """Case, title and data of the figures that a picture shows; those of cases without stored curves are left out."""
-    return [
-        (case, title, figure)
-        for case, pattern in parts
-        for title, figure in sorted(stored.get(case, {}).items(), key=lambda item: number(item[0]))
-        if re.search(pattern, title)
-    ]
+def panels(parts, stored, record):
+    """Titles and data of the figures that a picture shows; those of cases without data are left out.
+
+    Parameters
+    ----------
+    parts : sequence of tuple
+        As in `PICTURES`.
+    stored : dict
+        Curves by case and title.
+    record : dict
+        Cases of the record.
+    """
+    found = []
+    for case, pattern, *words in parts:
+        if words:
+            checks = [
+                (re.search(pattern, check["quantity"]), check) for check in record.get(case, {}).get("checks", ())
+            ]
+            chosen = sorted((float(match[1]), check) for match, check in checks if match)
+            found += [(words[0], compared(chosen, *words[1:]))] if chosen else []
+        else:
+            figures = sorted(stored.get(case, {}).items(), key=lambda item: number(item[0]))
+            found += [(title, figure) for title, figure in figures if re.search(pattern, title)]
+    return found
+
+
+def compared(chosen, x_label, y_label):
+    """Panel of checks, pairs of abscissa and check: expected values with their tolerance, and the obtained ones."""
+    x = [place for place, _ in chosen]
+    expected, obtained = ([check[key] for _, check in chosen] for key in ("expected", "obtained"))
+    band = [check["tolerance"] * (abs(check["expected"]) if check["relative"] else 1.0) for _, check in chosen]
+    source = "measured" if "UAE" in chosen[0][1]["source"] else "published"
+    curves = [{"label": source, "style": "ks-", "x": x, "y": expected},
+              {"label": "simulator", "style": "o-", "x": x, "y": obtained}]  # fmt: skip
+    return {"x_label": x_label, "y_label": y_label, "curves": curves, "band": band}
 
 
 def number(title):
@@ -106,23 +148,25 @@ def number(title):
     return int(found[1]) if found else 0
 
 
-def look(style, k):
-    """Marker, line style and color of the curve number k of a panel from matplotlib's short form."""
-    from wt_gym.picture_style import COLORS, INK
+def look(style, k, over_time=False):
+    """Marker, line style and color of the curve number k of a panel from matplotlib's short form; over time, a line."""
+    from wt_gym.picture_style import COLORS, INK, LINE_STYLES
 
     marker = next((m for m in "osx+*^." if m in style), None)
-    line = next((text for text in ("--", "-.", "-", ":") if text in style), "")
-    if not line and not marker:
-        line = "-"
+    line: object = next((text for text in ("--", "-.", "-", ":") if text in style), "")
+    if over_time and marker:
+        marker, line = None, LINE_STYLES[k % len(LINE_STYLES)]
+    filled = bool(line) or marker not in ("o", "s", "^")
     return {
-        "color": INK if "k" in style else COLORS[k % len(COLORS)],
-        "linestyle": line or "none", "marker": marker, "markersize": 3.5, "linewidth": 1.3,
-        "markerfacecolor": "none" if marker in ("o", "s", "^") and not line else None,
+        "color": INK if "k" in style else COLORS[k % len(COLORS)], "marker": marker, "markersize": 3.5,
+        "linestyle": line or ("none" if marker else "-"), "linewidth": 1.3,
+        "markerfacecolor": None if filled else "none",
     }  # fmt: skip
 
 
-def draw_panels(shown, columns):
-    """Figure with a panel for each figure of a case."""
+def draw_panels(shown, columns=2):
+    """Figure with a panel for each pair of a title and its data."""
+    import numpy as np
     from matplotlib.figure import Figure
 
     from wt_gym.picture_style import plain
@@ -130,14 +174,17 @@ def draw_panels(shown, columns):
     rows = -(-len(shown) // columns)
     figure = Figure(figsize=(9.2, 2.7 * rows), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False)
-    for axes, (_, title, data) in zip(grid.ravel(), shown, strict=False):
+    for axes, (title, data) in zip(grid.ravel(), shown, strict=False):
         plain(axes, data["x_label"], data["y_label"], title[0].upper() + title[1:])
         axes.title.set_fontsize(9)
         k = 0
         for curve in data["curves"]:
-            own = look(curve["style"], k)
+            own = look(curve["style"], k, "time" in data["x_label"])
             k += "k" not in curve["style"]
             axes.plot(curve["x"], curve["y"], label=curve["label"] or None, **own)
+        if "band" in data:
+            x, y, band = (np.array(values) for values in (data["curves"][0]["x"], data["curves"][0]["y"], data["band"]))
+            axes.fill_between(x, y - band, y + band, color="0.55", alpha=0.2, linewidth=0, label="tolerance")
         if any(curve["label"] for curve in data["curves"]):
             axes.legend(fontsize=7, frameon=False)
     for axes in grid.ravel()[len(shown) :]:
@@ -220,18 +267,23 @@ def draw(folder):
     from validation.record import read_record
     from wt_gym.picture_style import SVG
 
-    written = []
+    written, figures = [], {}
     stored = json.loads((folder / CURVES).read_text(encoding="utf-8")) if (folder / CURVES).exists() else {}
-    figures = {}
-    for name, (columns, *parts) in PICTURES.items():
-        if shown := panels(parts, stored):
-            figures[name] = draw_panels(shown, columns)
-    if (folder / RECORD).exists():
-        figures["validation_cases"] = draw_cases(read_record(folder / RECORD))
+    record = read_record(folder / RECORD) if (folder / RECORD).exists() else {}
+    for name, parts in PICTURES.items():
+        if shown := panels(parts, stored, record):
+            figures[name] = draw_panels(shown)
+    if record:
+        figures["validation_cases"] = draw_cases(record)
     for name, figure in figures.items():
+        drawing = io.StringIO()
         with mpl.rc_context({**SVG, "svg.hashsalt": name}):
-            figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
-        written.append(folder / f"{name}.svg")
+            figure.savefig(drawing, format="svg", metadata={"Date": None})
+        # hundredths of a point are enough
+        text = re.sub(r"\d+\.\d{3,}", lambda found: f"{float(found[0]):.2f}", drawing.getvalue())
+        path = folder / f"{name}.svg"
+        path.write_text(text, encoding="utf-8")
+        written.append(path)
     return written
 
 

@@ -1,15 +1,27 @@
 """What the pictures draw: wake, Campbell diagram, and the look they share."""
 
+import importlib.util
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from validation.case import CaseResult, Check, Curve, absolute
+from validation.case import Figure as CaseFigure
+from validation.record import read_record
+from wt_gym.analysis.replay import kept_filaments
+from wt_gym.analysis.replay_section import opening_agent, shown_agents
 from wt_gym.analysis.scene import Camera, Scene, filament_weights, line_look, smooth_curves
-from wt_gym.picture_style import COLORS, LINE_STYLES, MARKERS, baseline
+from wt_gym.picture_style import COLORS, LINE_STYLES, MARKERS, baseline, label_points
 from wt_gym.simulation.linear.campbell import CampbellDiagram
 from wt_gym.simulation.linear.campbell_figure import FAMILIES, campbell_figure, mode_family, mode_label, spread
 from wt_gym.turbines import load_turbine
 
+ROOT = Path(__file__).resolve().parents[2]
 RADIUS, HUB = 60.0, np.array([0.0, 0.0, 90.0])
 
 
@@ -186,3 +198,128 @@ def test_style_tells_apart_by_color_marker_and_line():
     baseline(axes, 2.0, "published controller")
     assert axes.lines[0].get_ydata()[0] == 2.0
     assert axes.texts[0].get_text() == "published controller"
+
+
+def load_script(name):
+    """A script of the clone as a module."""
+    path = ROOT / "scripts" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(path.parent))
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(path.parent))
+    return module
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    return load_script("validation_pictures")
+
+
+def check(expected, obtained, tolerance, quantity="x"):
+    return Check(quantity, expected, obtained, tolerance).as_dict()
+
+
+@pytest.mark.parametrize(
+    ("checks", "margin"),
+    [
+        ([check(2.0, 2.1, 0.1), check(1.0, 1.0, 0.1)], 0.5),  # half of the tolerance
+        ([check(2.0, 2.6, 0.1)], 3.0),
+        ([check("<= 2", 1.0, 0.0)], None),
+        ([check("<= 2", 3.0, 0.0)], 1.5),
+        ([check("in [1, 3]", 4.0, 0.0)], 1.5),
+        ([check(">= 0", -0.3, 0.0)], 2.0),  # a sign
+        ([check(0.0, 0.2, absolute(0.1))], 2.0),
+    ],
+)
+def test_bars_measure_errors_in_tolerances(pictures, checks, margin):
+    found = pictures.margin({"checks": checks})
+    assert found == (None if margin is None else pytest.approx(margin))
+    if margin is not None:
+        assert (found > 1.0) == (not all(one["passed"] for one in checks))
+
+
+def test_bars_of_the_record_tell_failed_cases(pictures):
+    record = read_record(ROOT / "docs" / "data" / "validation.json")
+    axes = pictures.draw_cases(record).axes
+    names = [label.get_text() for part in axes for label in part.get_yticklabels()]
+    assert sorted(names) == sorted(record)
+    shown = [text.get_text() for part in axes for text in part.texts]
+    assert len(shown) == sum(not case["passed"] for case in record.values())
+    assert all(" fail" in text for text in shown)
+
+
+def test_panels_show_expected_and_obtained_values_with_their_tolerance(pictures):
+    checks = [check(2.0 * x, 2.1 * x, 0.1, f"Cp at {x}") for x in (9.0, 3.0, 5.0)]
+    record = {"a": {"checks": [*checks, check(1.0, 1.0, 0.1, "Ct at 3")]}}
+    ((title, data),) = pictures.panels([("a", r"^Cp at ([\d.]+)$", "power", "x", "Cp")], {}, record)
+    assert title == "power"
+    assert data["curves"][0]["x"] == data["curves"][1]["x"] == [3.0, 5.0, 9.0]
+    assert data["curves"][0]["y"] == pytest.approx([6.0, 10.0, 18.0])
+    assert data["curves"][1]["y"] == pytest.approx([6.3, 10.5, 18.9])
+    assert data["band"] == pytest.approx([0.6, 1.0, 1.8])
+    axes = pictures.draw_panels([(title, data)]).axes[0]
+    assert [line.get_label() for line in axes.lines] == ["published", "simulator"]
+
+
+def test_curves_are_few_points_and_keep_their_ends(pictures):
+    time = np.linspace(0.0, 10.0, 5001)
+    result = CaseResult(
+        [], {"a": CaseFigure((Curve(time, np.sin(time), "sine", "o"),), "time [s]", "x [m]"), "b": print}
+    )
+    stored = pictures.curves_of(result)
+    assert list(stored) == ["a"]
+    (curve,) = stored["a"]["curves"]
+    assert len(curve["x"]) == len(curve["y"]) == pictures.MOST_POINTS
+    assert (curve["x"][0], curve["x"][-1]) == (0.0, 10.0)
+    assert pictures.look("o", 0, over_time=True)["marker"] is None  # markers of a time series hide each other
+    assert pictures.look("o", 0)["linestyle"] == "none"
+
+
+def test_pictures_of_the_page_are_drawn_from_the_data_that_are_there(pictures):
+    page = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
+    for name in (*pictures.PICTURES, "validation_cases"):
+        path = ROOT / "docs" / "data" / f"{name}.svg"
+        assert (f"data/{name}.svg" in page) == path.exists()
+        if path.exists():
+            assert path.stat().st_size < 200_000
+
+
+def test_names_of_points_do_not_cover_each_other():
+    figure = Figure(figsize=(6, 4))
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    points = [(1.0, 1.0), (1.05, 1.0), (1.0, 1.05), (3.0, 2.0)]
+    axes.plot(*zip(*points, strict=True), "o")
+    axes.set(xlim=(0, 4), ylim=(0, 3))
+    texts = ["controller one", "controller two", "controller three", "far"]
+    notes = label_points(axes, points, texts, ["k"] * 4)
+    boxes = [note.get_window_extent() for note in notes]
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+    at = axes.transData.transform(points)
+    assert all(not box.contains(*place) for box in boxes for place in at)
+
+
+def test_replay_opens_on_the_trained_agent_with_the_lowest_load(monkeypatch):
+    changes = {"good": -0.4, "better": -0.5, "by hand": -0.9}
+    monkeypatch.setattr(
+        "wt_gym.analysis.replay_section.paired_change",
+        lambda evaluation, agent, key, speed: SimpleNamespace(value=changes[agent]),
+    )
+    evaluation = SimpleNamespace(training={"good": {}, "better": {}}, speeds=[15.0], baseline="base")
+    agents = ["base", "a", "b", "c", "better", "good", "by hand"]
+    assert opening_agent(evaluation, agents) == "better"
+    assert shown_agents(evaluation, agents, "better") == {"base", "better", "a", "b"}
+    assert opening_agent(evaluation, ["base", "by hand"]) == "by hand"  # the last that was asked for
+
+
+def test_replay_keeps_filaments_near_the_tip():
+    kept = kept_filaments(17)
+    assert kept[0] == 0
+    assert kept[-1] == 16
+    assert len(kept) <= 5
+    assert np.all(np.diff(np.diff(kept)) <= 0)  # closer towards the tip
+    assert kept_filaments(3).tolist() == [0, 1, 2]

@@ -149,7 +149,9 @@ def kept_filaments(n_filaments: int) -> NDArray[np.int_]:
     numpy.ndarray of int, shape (n,)
         The first and the last among them.
     """
-    places = (n_filaments - 1) * np.sin(np.linspace(0.0, 0.5 * np.pi, min(n_filaments, _MOST_FILAMENTS)))
+    if n_filaments <= _MOST_FILAMENTS:
+        return np.arange(n_filaments)
+    places = (n_filaments - 1) * np.sin(np.linspace(0.0, 0.5 * np.pi, _MOST_FILAMENTS))
     return np.unique(places.round().astype(int))
 
 
