@@ -166,6 +166,7 @@ TASKS = {
                 {
                     **_MEASURED,
                     "observation": ("measurable", "dead_band"),
+                    "sensors": "all",
                     "history": 1,
                     "starts": 64,
                     "termination_penalty": 800.0,

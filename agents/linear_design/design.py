@@ -23,7 +23,7 @@ from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.optimal.design_file import LinearDesign, offset_fade
 from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.optimal.offsets import PitchOffsets, default_limits
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.runs.executors import SerialExecutor
 
@@ -244,7 +244,7 @@ def design(
     ----------
     turbine : Turbine
     task : LinearDesignTask, optional
-        By default at `default_speeds`.
+        By default at `default_speeds`, within `default_limits`.
     store : RecordingStore, optional
         Keeps recordings; what is there is not made again.
     executor : Executor, optional
@@ -259,7 +259,9 @@ def design(
     wt_gym.errors.SimulationError
         If a run fails.
     """
-    task = task or LinearDesignTask(default_speeds(turbine))
+    if task is None:
+        limit, rate_limit = default_limits(turbine)
+        task = LinearDesignTask(default_speeds(turbine), limit=limit, rate_limit=rate_limit)
     executor = SerialExecutor() if executor is None else executor
     make_controller(task.base, turbine)  # refuses a name before anything runs
     say = progress or (lambda _: None)

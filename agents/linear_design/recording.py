@@ -39,6 +39,9 @@ LOADS = ("tower_fore_aft", "tower_side_side", "power")
 class Excitation:
     """Offsets drawn for an identification: levels that are held, evenly drawn, for times drawn evenly in the logarithm.
 
+    They are small, and a level of the mean is followed by its opposite for as long: so the azimuth stays near that of
+    the run without offsets, and blades meet the same eddies.
+
     Attributes
     ----------
     mean, tilt_yaw : float
@@ -47,8 +50,8 @@ class Excitation:
         Time that a level is held [s].
     """
 
-    mean: float = math.radians(1.5)
-    tilt_yaw: float = math.radians(2.5)
+    mean: float = math.radians(0.2)
+    tilt_yaw: float = math.radians(0.6)
     shortest: float = 0.2
     longest: float = 5.0
 
@@ -60,13 +63,16 @@ class Excitation:
         """Levels (3, steps) of mean, tilt and yaw [rad]."""
         rng = np.random.default_rng(seed)
         out = np.zeros((3, steps))
-        for row, size in zip(out, (self.mean, self.tilt_yaw, self.tilt_yaw), strict=True):
-            k = 0
+        for which, size in enumerate((self.mean, self.tilt_yaw, self.tilt_yaw)):
+            row, k = out[which], 0
             while k < steps:
                 held = math.exp(rng.uniform(math.log(self.shortest), math.log(self.longest)))
-                n = max(round(held / dt), 1)
-                row[k : k + n] = size * rng.uniform(-1.0, 1.0)
+                n, level = max(round(held / dt), 1), size * rng.uniform(-1.0, 1.0)
+                row[k : k + n] = level
                 k += n
+                if which == 0:
+                    row[k : k + n] = -level
+                    k += n
         return out
 
 

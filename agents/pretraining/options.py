@@ -12,7 +12,41 @@ from wt_gym.errors import did_you_mean
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["PretrainingOptions"]
+__all__ = ["PretrainingOptions", "pretraining_environment"]
+
+_ENVIRONMENT: dict[str, Any] = {
+    "controller": "linear_optimal",
+    "observation": ["disturbances"],
+    "residual_form": "offset",
+    "residual_fade": {"pitch": [math.radians(0.5), math.radians(3.0)], "fine_speed": [0.97, 1.02]},
+    "residual_washout": None,
+    "sensor_washout": None,
+}
+_SPAN, _RATE = 0.5, 1.0
+"""Of the agent's offsets and their rates over those that a design of the turbine has by default [-]."""
+
+
+def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of an environment whose policy is pretrained, with what is not given set as pretraining needs it.
+
+    The agent acts by offsets on the linear optimal controller, sees what no action changes, and fades as that does; its
+    offsets are within what the pitch drives of the turbine can do.
+
+    Parameters
+    ----------
+    env_id : str
+    env_kwargs : mapping
+        What is given.
+    """
+    import gymnasium as gym  # the configuration of a training is read without it
+
+    from wt_gym.control.optimal.offsets import default_limits
+    from wt_gym.turbines import load_turbine
+
+    turbine = {**gym.spec(env_id).kwargs, **env_kwargs}.get("turbine", "nrel_5mw")
+    limit, rate = default_limits(load_turbine(turbine) if isinstance(turbine, str) else turbine)
+    spans = {"pitch": _SPAN * limit, "pitch_mean": _SPAN * limit, "pitch_rate": _RATE * rate}
+    return {**_ENVIRONMENT, "action_spans": spans, **env_kwargs}
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import importlib.util
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from wt_gym.agents.pretraining.options import PretrainingOptions
+from wt_gym.agents.pretraining.options import PretrainingOptions, pretraining_environment
 from wt_gym.agents.training.hyperparameters import RENAMED, check_hyperparameters, hyperparameters_for
 from wt_gym.deprecated import renamed_keys
 from wt_gym.envs.wind_files import with_whole_paths
@@ -52,7 +52,8 @@ class TrainingConfig:
         Length of each [s].
     pretraining : dict or None
         Options of `wt_gym.agents.pretraining.options.PretrainingOptions`, those left out by default; None for no
-        pretraining.
+        pretraining. With it, what ``env_kwargs`` leaves out is that of
+        `wt_gym.agents.pretraining.options.pretraining_environment`.
     tensorboard : bool or None
         Write figures for TensorBoard; None: if it is installed.
 
@@ -95,6 +96,8 @@ class TrainingConfig:
             raise ValueError("tensorboard is not installed; it comes with the extra 'train'")
         if not isinstance(self.env_kwargs, dict):
             raise ValueError(f"env_kwargs must map names to values, got {self.env_kwargs!r}")
+        if self.pretraining is not None:
+            object.__setattr__(self, "env_kwargs", pretraining_environment(self.env_id, self.env_kwargs))
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
         if self.pretraining is not None:
             options = PretrainingOptions.of(self.pretraining)

@@ -1,6 +1,8 @@
 """Who knows whom: imports of modules have no circle, and no arrow between rooms runs back."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -115,6 +117,23 @@ def test_a_circle_is_found():
 def test_every_kind_of_import_counts():
     source = "import a.b\nfrom a import c\nif TYPE_CHECKING:\n    from a.d import X\ndef f():\n    from a.e import g\n"
     assert [name for name, _ in imports(source, {"a", "a.b", "a.c", "a.d", "a.e"})] == ["a.b", "a.c", "a.d", "a.e"]
+
+
+FIRST = """
+import importlib, sys
+for name in sys.argv[1:]:
+    for known in [known for known in sys.modules if known.partition(".")[0] == "wt_gym"]:
+        del sys.modules[known]
+    importlib.import_module(name)
+"""
+
+
+def test_every_package_can_be_imported_first():
+    """Users import what they need, in whatever order."""
+    rooms = sorted(name for name, path in modules().items() if path.name == "__init__.py" and ".agents" not in name)
+    assert "wt_gym.control.bladed" in rooms
+    done = subprocess.run([sys.executable, "-c", FIRST, *rooms], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
 
 
 def test_no_circle(graph):

@@ -28,11 +28,11 @@ from wt_gym.commands import design as design_command
 from wt_gym.control import Demand
 from wt_gym.control.coleman import to_blades, to_fixed_frame
 from wt_gym.control.controllers import Combined, FadeParameters, make_controller
-from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
+from wt_gym.control.controllers.linear_optimal import SHIPPED, LinearOptimalPitch
 from wt_gym.control.controllers.memory import memory_of, remember
 from wt_gym.control.optimal.design_file import LinearDesign, load_design, save_design
 from wt_gym.control.optimal.measured import channels_read, measured_outputs, recorded_outputs
-from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.optimal.offsets import PitchOffsets, default_limits
 from wt_gym.control.optimal.past import bin_means, delay_bins, spread_over_bins, without_lasting
 from wt_gym.errors import ControllerError
 from wt_gym.runs.playing import run_controller
@@ -621,11 +621,36 @@ def test_names_and_files_of_the_catalogue(turbine, tmp_path):
     assert [type(part).__name__ for part in controller.additions] == ["SideSideDamper", "LinearOptimalPitch"]
     assert controller.additions[1].gain == 0.5
     assert "root_flap_moment_1" in controller.channels
-    with pytest.raises(ValueError, match="wt-gym design"):
-        make_controller("linear_optimal", load_turbine("iea_15mw"))
+    for other in ("gebhardt_45m", "iea_15mw_monopile"):  # that on land has one
+        with pytest.raises(ValueError, match="wt-gym design"):
+            make_controller("linear_optimal", load_turbine(other))
     make_controller("linear_optimal", mirrored(turbine))
     with pytest.raises(FileNotFoundError, match="no design"):
         make_controller("linear_optimal:file=nowhere.npz", turbine)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_offsets_by_default_are_within_what_the_drives_of_a_turbine_can_follow(name):
+    """At rated speed, cyclic pitch of the largest amplitude whose direction turns at the largest rate."""
+    turbine = load_turbine(name)
+    limit, rate = default_limits(turbine)
+    speed, dt = turbine.drivetrain.rated_rotor_speed, 1e-4
+    azimuth = np.linspace(0.0, 2.0 * math.pi, 721)
+    fastest = (
+        max(
+            np.abs(
+                np.subtract(
+                    to_blades((0.0, limit, turn * rate * dt), a + speed * dt, 3), to_blades((0.0, limit, 0.0), a, 3)
+                )
+            ).max()
+            for a in azimuth
+            for turn in (-1.0, 1.0)
+        )
+        / dt
+    )
+    assert 0.9 * turbine.pitch.max_rate < fastest <= 1.001 * turbine.pitch.max_rate
+    assert limit <= math.radians(4.0)
+    assert rate <= math.radians(3.0)
 
 
 # ---------------------------------------------------------------- the design as a whole

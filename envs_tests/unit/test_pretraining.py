@@ -20,6 +20,7 @@ from wt_gym.agents.training.callbacks import StopRequest
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.analysis import metrics
 from wt_gym.control.coleman import to_blades
+from wt_gym.tasks import TASKS
 
 DT, STEPS, RATED, FULL = 0.1, 400, 5e6, math.radians(8.0)
 SPEEDS = (14.0, 18.0)
@@ -257,3 +258,20 @@ def test_a_configuration_holds_the_options_and_needs_ppo():
         TrainingConfig("SAC", pretraining={})
     with pytest.raises(ValueError, match="total_steps must be a whole number from 1"):
         TrainingConfig(total_steps=0)
+
+
+@pytest.mark.parametrize("env_id", [task.ids[-1] for name, task in TASKS.items() if name.endswith("LoadReduction")])
+def test_pretraining_brings_the_arguments_that_it_needs(env_id):
+    config = TrainingConfig(env_id=env_id, pretraining={}, total_steps=0, env_kwargs={"wind_speed": 15.0})
+    assert config.env_kwargs["wind_speed"] == 15.0
+    env = gym.make(env_id, **config.env_kwargs)
+    check_environment(env.unwrapped)
+    env.close()
+
+
+def test_given_arguments_come_before_those_of_pretraining():
+    config = TrainingConfig(pretraining={}, total_steps=0, env_kwargs={"residual_fade": False})
+    assert config.env_kwargs["residual_fade"] is False
+    assert config.env_kwargs["observation"] == ["disturbances"]
+    assert TrainingConfig.from_json(config.to_json()) == config
+    assert TrainingConfig().env_kwargs == {}

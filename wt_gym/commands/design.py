@@ -37,9 +37,21 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
                         "rated wind speeds)")  # fmt: skip
     parser.add_argument("--seeds", nargs="+", type=int, help="of the training winds, 1 to 24 (default: 1 to 6)")
     parser.add_argument("--excited", type=int, help="seeds that are run with drawn offsets too (default: 3)")
+    parser.add_argument("--excitation", nargs=2, type=float, metavar=("MEAN", "TILT_YAW"), help="largest drawn "
+                        "offsets, deg (default: 0.2 0.6)")  # fmt: skip
     parser.add_argument("--duration", type=float, help="of a run, s (default: 300)")
-    parser.add_argument("--limit", type=float, metavar="DEG", help="largest offset, deg (default: 4)")
-    parser.add_argument("--rate-limit", type=float, metavar="DEG/S", help="largest rate of offsets, deg/s (default: 3)")
+    parser.add_argument(
+        "--limit",
+        type=float,
+        metavar="DEG",
+        help="largest offset, deg (default: what the pitch drives can follow at rated speed, at most 4)",
+    )
+    parser.add_argument(
+        "--rate-limit",
+        type=float,
+        metavar="DEG/S",
+        help="largest rate of offsets, deg/s (default: likewise, at most 3)",
+    )
     parser.add_argument("--fade", type=float, metavar="DEG", help="collective pitch above fine pitch from which on "
                         "offsets act in full, deg (default: 3)")  # fmt: skip
     parser.add_argument("--fine-speed", nargs=2, type=float, metavar=("LOW", "HIGH"), help="rotor speed over the "
@@ -64,23 +76,28 @@ def main(words: list[str] | None = None) -> None:
             raise ValueError(f"--out must be a file *.npz, got {out}")
         from wt_gym.agents.linear_design.design import LinearDesignTask, default_speeds, design
         from wt_gym.agents.linear_design.feedback import FeedbackOptions
-        from wt_gym.agents.linear_design.recording import RecordingStore
+        from wt_gym.agents.linear_design.recording import Excitation, RecordingStore
         from wt_gym.control.optimal.design_file import save_design
+        from wt_gym.control.optimal.offsets import default_limits
         from wt_gym.files import require_writable
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         speeds = arguments.speeds or default_speeds(turbine)
+        limit, rate_limit = default_limits(turbine)
         given = {
             "base": arguments.base,
             "seeds": tuple(arguments.seeds) if arguments.seeds else None,
             "excited": arguments.excited,
             "duration": arguments.duration,
-            "limit": None if arguments.limit is None else math.radians(arguments.limit),
-            "rate_limit": None if arguments.rate_limit is None else math.radians(arguments.rate_limit),
+            "limit": limit if arguments.limit is None else math.radians(arguments.limit),
+            "rate_limit": rate_limit if arguments.rate_limit is None else math.radians(arguments.rate_limit),
             "fade": None if arguments.fade is None else math.radians(arguments.fade),
         }
+        if arguments.excitation is not None:
+            mean, tilt_yaw = map(math.radians, arguments.excitation)
+            given["excitation"] = Excitation(mean, tilt_yaw)
         if arguments.fine_speed is not None:
             low, high = arguments.fine_speed
             given["fine_speed"] = (low, high)

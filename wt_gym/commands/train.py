@@ -4,6 +4,7 @@
     wt-gym train --algo sac --hyper learning_rate=1e-3 net_arch=[128,128] --out runs/sac
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
     wt-gym train --engine ray --address ray-head:6379 --n-envs 64 --out runs/rllib
+    wt-gym train --pretrain --out runs/pretrained
     wt-gym train --resume runs/ppo --steps 500000
     wt-gym train --config mine.yml --resume-if-exists
 
@@ -49,10 +50,11 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "holds this training already, else begin: the same words again and again"
     )  # fmt: skip
     options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
-    options.add_argument("--steps", type=int, help="environment steps (default: 200000)")
+    options.add_argument("--steps", type=int, help="environment steps (default: 200000, with --pretrain 0)")
     options.add_argument(
-        "--pretrain", nargs="*", metavar="NAME=VALUE", help="first follow the gradient of the cost on an identified "
-        "linear model (PPO on top of linear_optimal); options such as rounds=3 episodes=192"
+        "--pretrain", nargs="*", metavar="NAME=VALUE", help="follow the gradient of the cost on an identified linear "
+        "model, on top of linear_optimal, then PPO for --steps (default with it: 0); options such as rounds=3 "
+        "episodes=192"
     )  # fmt: skip
     options.add_argument("--max-seconds", type=float, metavar="S", help="stop after this wall time")
     seeds = options.add_mutually_exclusive_group()
@@ -116,7 +118,7 @@ def configuration(arguments: argparse.Namespace) -> TrainingConfig:
     if "pretrain" in given:
         from wt_gym.agents.training.hyperparameters import parse_override
 
-        fields["pretraining"] = dict(parse_override(text) for text in given["pretrain"])
+        fields |= {"pretraining": dict(parse_override(text) for text in given["pretrain"]), "total_steps": 0}
     return config_from(arguments, **fields, **{field: given[name] for name, field in names.items() if name in given})
 
 

@@ -88,8 +88,9 @@ power, pitch, wind, blades, tower, azimuth and previous_action. Single channels 
 the tower base, mean, tilt and yaw of any signal of the blades, for example ``"root_edge_moment_yaw"``, and
 ``"residual_share"`` and ``"residual_mean"`` where residual pitch fades or is washed out.
 ``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more; with ``sensors="all"`` the base
-controller reads the same instruments. ``sensor_washout`` passes loads, deflections and accelerations through a
-high-pass filter, after which their offset is zero. ``variation`` draws plant, sensors and wind for every episode.
+controller reads the same instruments. ``sensor_washout`` passes loads, deflections and accelerations, but not
+tilt and yaw of flapwise ones, through a high-pass filter, after which their offset is zero. ``variation`` draws
+plant, sensors and wind for every episode.
 ``env.unwrapped.layout`` holds names, units, scales and ranges for every turbine and choice of arguments;
 `wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
 

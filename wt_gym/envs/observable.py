@@ -38,6 +38,9 @@ RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "c
 """What is observed by default on top of a controller, in coordinates that do not turn with the rotor."""
 _LOADS = ("root_", "tip_", "tower_", "nacelle_acceleration_")
 """Beginnings of the names of what a washout is for: loads, deflections and accelerations of blades and tower."""
+_CYCLIC = ("root_flap_", "root_out_of_plane_", "tip_")
+"""Beginnings of the names whose tilt and yaw parts pass no washout: in a frame that does not turn, the offset of a
+strain gauge moves once a revolution, so their means are those of the loads, which cyclic pitch acts against."""
 _WASHED_SCALES = {"root_edge_moment_mean": 0.4, "root_edge_moment_tilt": 0.3, "root_edge_moment_yaw": 0.3}
 """Deviation behind a washout over that before it, where the weight of the blades or the torque makes the latter."""
 
@@ -136,7 +139,8 @@ class Observable:
     def _washed(self, observed: Observed) -> Observed:
         """Of a load behind the washout the channel, whose mean is zero."""
         channel = observed.channel
-        if self._washout is None or not channel.name.startswith(_LOADS):
+        cyclic = channel.name.startswith(_CYCLIC) and channel.name.endswith(("_tilt", "_yaw"))
+        if self._washout is None or cyclic or not channel.name.startswith(_LOADS):
             return observed
         text = f"{channel.description}, behind a high-pass filter of {self._washout:g} s"
         scale = _WASHED_SCALES.get(channel.name, 1.0) * channel.scale

@@ -42,7 +42,7 @@ PARAMETERS = (
 )  # fmt: skip
 """What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
-SHIPPED = ("nrel_5mw",)
+SHIPPED = ("iea_15mw", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile")
 """Turbines with a design in ``data``."""
 
 SCHEDULE_TIME = 10.0
@@ -246,10 +246,11 @@ def _place(knots: NDArray[np.float64], value: float) -> tuple[int, float]:
 
 
 def _shipped(turbine: Turbine) -> Path:
-    """Design that comes with the package: for the rotor and for what it stands on, which has a name of its own."""
+    """Design that comes with the package: for the rotor and for what it stands on."""
     for name in SHIPPED:
         home = load_turbine(name)
-        if home.name == turbine.name and same_rotor(home, turbine):
+        on_land = home.tower.support is None
+        if home.name == turbine.name and on_land == (turbine.tower.support is None) and same_rotor(home, turbine):
             return Path(__file__).with_name("data") / f"linear_optimal_{name}.npz"
     raise ValueError(
         f"linear_optimal must be given a design for {turbine.name}: linear_optimal:file=PATH, made by wt-gym design "

@@ -18,12 +18,27 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["OFFSET_PARAMETERS", "PitchOffsets"]
+__all__ = ["OFFSET_PARAMETERS", "PitchOffsets", "default_limits"]
 
 OFFSET_PARAMETERS = (
     Parameter("limit", "rad", "largest mean offset, and largest amplitude of tilt and yaw", 0.0, math.pi),
     Parameter("rate_limit", "rad/s", "largest rate of the mean offset, and of tilt and yaw together", 0.0, above=True),
 )
+
+_MOST, _MOST_RATE = math.radians(4.0), math.radians(3.0)
+_TURNING, _CHANGING = 0.625, 0.375
+"""Shares of the rate of the pitch drive: for cyclic pitch that lasts, and for its change [-]."""
+
+
+def default_limits(turbine: Turbine) -> tuple[float, float]:
+    """Largest offset [rad] and largest rate of offsets [rad/s] that the pitch drives of a turbine can follow.
+
+    Tilt and yaw offsets of amplitude A, which change at the rate r in the fixed frame, move a blade of a rotor at the
+    speed Ω at up to A Ω + r. At rated speed that is the rate of the drive; both are at most 4° and 3°/s.
+    """
+    most = turbine.pitch.max_rate
+    limit = _TURNING * most / turbine.drivetrain.rated_rotor_speed
+    return min(limit, _MOST), min(_CHANGING * most, _MOST_RATE)
 
 
 class PitchOffsets:

@@ -52,8 +52,9 @@ class ObservationOptions(OptionGroup):
     washout: float | None = option(
         "float, optional",
         "Time constant of a first-order high-pass filter on loads, deflections and accelerations: what lasts of them, "
-        "as the offset of a strain gauge or the difference of two simulators, is not observed. An episode starts with "
-        "the mean of the time before, where that is recorded",
+        "as the offset of a strain gauge or the difference of two simulators, is not observed. Tilt and yaw of "
+        "flapwise moments and tip deflections do not pass it. An episode starts with the mean of the time before, "
+        "where that is recorded",
         default=None,
         flat="sensor_washout",
         unit="s",
