@@ -239,7 +239,10 @@ def draw_front(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
     for axis, (speed, task) in zip(grid[0], tasks, strict=True):
         plain(axis, "pitch duty cycle [%]", "", f"{speed:g} m/s")
         own = [row for row in rows if row["task"] == task]
-        places, texts, colors, bare = [], [], [], []
+        places: list[tuple[float, float]] = []
+        bare: list[tuple[float, float]] = []
+        texts: list[str] = []
+        colors: list[str] = []
         for k, family in enumerate((*FAMILIES, *WITH_LIDAR)):
             points = sorted((row for row in own if row["family"] == family), key=lambda row: row["pitch_duty_cycle"])
             duty, flap, error = (

@@ -21,7 +21,7 @@ COLORS = (BLUE, ORANGE, GREEN, "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 """Those of Okabe and Ito, by decreasing contrast with white; yellow is left out."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 LINE_STYLES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5, 1, 1.5)), (0, (8, 3)), (0, (1, 2.5)))
-SVG: dict[str, Any] = {"svg.fonttype": "none", "font.family": "sans-serif", "path.simplify_threshold": 0.3}
+SVG: dict[Any, Any] = {"svg.fonttype": "none", "font.family": "sans-serif", "path.simplify_threshold": 0.3}
 """Settings of matplotlib for small drawings whose text stays text."""
 
 
@@ -128,7 +128,7 @@ def label_points(
             ratings.append((covered + 2 * outside + 0.01 * rank, rank, box))
         _, rank, box = min(ratings)
         x, y = _PLACES[rank]
-        best.set_ha("left" if x > 0 else "right" if x < 0 else "center")
+        best.set_horizontalalignment("left" if x > 0 else "right" if x < 0 else "center")
         best.xyann = (x, y)
         taken.append(box)
         if math.hypot(*best.xyann) > 12.0:

@@ -166,11 +166,9 @@ class Scene:
         self._at_sea = turbine.tower.support is not None
         self._ground(length)
         self._submerged = self._polygons(_SUBMERGED, 0.6, alpha=0.8)
-        self._behind, self._before = (
-            axes.add_collection(LineCollection([], zorder=z, capstyle="round", joinstyle="round")) for z in (1, 5)
-        )
+        self._behind, self._before = (self._lines(z, capstyle="round", joinstyle="round") for z in (1, 5))
         self._disc = self._polygons(color, 1.5, alpha=0.07)
-        self._rim = axes.add_collection(LineCollection([], colors=[(*self._color, 0.35)], linewidths=0.7, zorder=1.6))
+        self._rim = self._lines(1.6, colors=[(*self._color, 0.35)], linewidths=0.7)
         self._steel = self._polygons(_STEEL, 2)
         self._blades = self._polygons(_BLADE, 4)
         self._frame(length)
@@ -214,8 +212,9 @@ class Scene:
         for collection, chosen in ((self._behind, order[far[order]]), (self._before, order[~far[order]])):
             widths, opacities = line_look(weight[chosen])
             collection.set_segments(cast("Sequence[Any]", self.camera.project(lines[chosen])))
-            collection.set_linewidths(cast("Any", widths))
-            collection.set_colors(np.column_stack([np.tile(self._color, (len(chosen), 1)), opacities]))
+            collection.set_linewidth(cast("Any", widths))
+            colors = np.column_stack([np.tile(self._color, (len(chosen), 1)), opacities])
+            collection.set_color(cast("Any", colors))
 
     def _draw_disc(self, blades: NDArray[np.float64], hub: NDArray[np.float64]) -> None:
         """Circle of the tips: about the hub, through the mean distance of the tips, in the plane of two of them."""
@@ -233,6 +232,11 @@ class Scene:
         rim = self.camera.project(center + radius * (np.outer(np.cos(angle), across) + np.outer(np.sin(angle), upward)))
         self._disc.set_verts([rim])
         self._rim.set_segments([rim])
+
+    def _lines(self, zorder: float, **look: Any) -> LineCollection:
+        collection = LineCollection([], zorder=zorder, **look)
+        self._axes.add_collection(collection)
+        return collection
 
     def _polygons(self, color: str, zorder: float, **look: Any) -> PolyCollection:
         collection = PolyCollection([], facecolors=color, edgecolors="none", zorder=zorder, **look)
@@ -255,7 +259,7 @@ class Scene:
             if k and k % 2 == 0:
                 place = self.camera.project([0.5 * k * d, -0.17 * d, 0.0])
                 text = f"1 D = {d:.0f} m" if k == 2 else f"{k // 2} D"
-                self._axes.text(*place, text, fontsize=8, color=_MARK, ha="center", va="top")
+                self._axes.text(float(place[0]), float(place[1]), text, fontsize=8, color=_MARK, ha="center", va="top")
         marks.append(self.camera.project([[0.0, 0.0, 0.0], [0.5 * np.floor(2.0 * length) * d, 0.0, 0.0]]))
         self._axes.add_collection(LineCollection(marks, colors="#a9b5ad", linewidths=0.9, zorder=0.3))
         tail, head = self.camera.project([[-0.44 * d, 0.0, 0.0], [-0.16 * d, 0.0, 0.0]])
@@ -272,7 +276,7 @@ class Scene:
         low, high = places.min(axis=0), places.max(axis=0)
         if self._at_sea:
             low[1] -= 0.2 * hub
-        figure = self._axes.get_figure()
+        figure = self._axes.get_figure(root=True)
         assert figure is not None
         box, size = self._axes.get_position(original=True), figure.get_size_inches()
         shape = box.width * size[0] / (box.height * size[1])

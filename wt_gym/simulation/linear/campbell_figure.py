@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -30,7 +30,7 @@ FAMILIES = {
     "drivetrain torsion": GREEN,
 }
 """Colors of families of modes."""
-WHIRLS = {"collective": "-", "regressive": "--", "progressive": "-."}
+WHIRLS: dict[str, Any] = {"collective": "-", "regressive": "--", "progressive": "-."}
 """Line styles of blade modes; others are solid."""
 _GENERATORS = {"locked": "generator locked (constant speed)", "free": "generator free (constant torque)"}
 
@@ -232,7 +232,7 @@ def _labels(axes: Axes, diagram: Diagram, values: NDArray[np.float64]) -> None:
             ends[name] = float(row[known[-1]])
     to_axes = axes.transData + axes.transAxes.inverted()
     places = [float(to_axes.transform((axes.get_xlim()[1], value))[1]) for value in ends.values()]
-    figure = axes.get_figure()
+    figure = axes.get_figure(root=True)
     assert figure is not None
     height = axes.get_position().height * figure.get_size_inches()[1] * 72.0  # points
     for name, place, at in zip(ends, places, spread(places, 11.0 / height, 0.01, 0.99), strict=True):
