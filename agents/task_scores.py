@@ -51,9 +51,10 @@ class Column:
     key : str
         Of `wt_gym.analysis.metrics.METRICS`, or "yaw_error_rms".
     heading : str
-    how : {"change", "total", "life", "level", "most"}
+    how : {"change", "total", "climate", "life", "level", "most"}
         Relative change against the first agent in each wind, mean and 95 % interval over the winds; the change of the
-        sum over the winds; that of the load over a life in the turbine's wind climate; the mean itself; the largest.
+        sum over the winds; that of the mean in the turbine's wind climate; that of the load over a
+        life in that climate; the mean itself; the largest.
     """
 
     key: str
@@ -69,6 +70,8 @@ _SCORED = {
     "Gusts": 2,
     "IEA15MW-LoadReduction": 2,
     "IEA22MW-LoadReduction": 0,
+    "FullOperation": 0,
+    "PowerTracking": 0,
 }
 """Version of the id in which the studies of a task run: it changes together with the record."""
 
@@ -140,6 +143,12 @@ _FLAP, _FORE_AFT, _SIDE = (
 )
 _TRAVEL = Column("pitch_travel", "pitch travel", "level")
 _LOADS = (_ENERGY, _FLAP, _FORE_AFT, _SIDE, _TRAVEL)
+_EXTREMES = (
+    Column("blade_flap_max", "largest flap moment", "most"),
+    Column("tower_base_max", "of the tower base", "most"),
+)
+_HARD = "cut_out=25,least_speed=1,least_power=1,hysteresis=1"
+"""Parameters of a supervisor that stops the NREL 5-MW at its cut-out wind and does not hold it back before."""
 _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP, _FORE_AFT, _SIDE))
 
 STUDIES: dict[str, Study] = {
@@ -200,6 +209,34 @@ STUDIES: dict[str, Study] = {
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
         duration=180.0,
+    ),
+    "FullOperation": Study(
+        "FullOperation",
+        ("discon+supervisor:averaging=60", RANDOM, f"discon+supervisor:averaging=60,{_HARD}"),
+        (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
+              arguments={"start": "steady"}),),
+        (_ENERGY, _FLAP, _FORE_AFT, _SIDE, *_EXTREMES, Column("time_without_power", "time without power", "level")),
+        duration=600.0,
+        skip=0.0,
+    ),
+    "FullOperation in storm": Study(
+        "FullOperation",
+        ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}"),
+        (Part(_winds((20.0, 22.0, 24.0, 26.0, 28.0), 1),
+              arguments={"inflow": "turbulent", "wind_speed": [20.0, 28.0], "start": "steady"}),),
+        (Column("corrected_power", "mean power in the climate", "climate"), *_LIFE, *_EXTREMES,
+         Column("time_without_power", "time without power", "level")),
+        duration=660.0,
+        skip=60.0,
+    ),
+    "PowerTracking": Study(
+        "PowerTracking",
+        ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch"),
+        (Part(_winds((13.0, 16.0), 2), arguments={"start": "steady"}),),
+        (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
+         Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
+         _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
+        duration=150.0,
     ),
 }  # fmt: skip
 """What the pages of the tasks show, by the name of the table."""
@@ -340,19 +377,25 @@ def _cell(study: Study, column: Column, own: Mapping[Any, Any], base: Mapping[An
             return _DASH
         weights, exponent = _weights(study, [base[wind]["speed"] for wind in winds]), LIFETIME_EXPONENTS[column.key]
         mine, theirs = (np.atleast_1d(lifetime_load(values, weights, exponent)) for values in (mine, theirs))
+    if column.how == "climate":
+        weights = _weights(study, [base[wind]["speed"] for wind in winds])
+        mine, theirs = (np.atleast_1d(values @ weights / weights.sum()) for values in (mine, theirs))
     if first or column.how in ("level", "most"):
         return _level(column, mine)
     if column.how == "change":
         changes = mine / theirs - 1.0
         return f"{_signed(100.0 * changes.mean(), 1)} ± {100.0 * half_width(changes):.1f} %"
-    return f"{_signed(100.0 * (mine.sum() / theirs.sum() - 1.0), 2 if column.how == 'total' else 1)} %"
+    return f"{_signed(100.0 * (mine.sum() / theirs.sum() - 1.0), 2 if column.how in ('total', 'climate') else 1)} %"
 
 
 def _weights(study: Study, speeds: list[float]) -> np.ndarray:
     """Share of the time of each wind in the climate of the task's turbine; the winds of a speed share its weight."""
     turbine = load_turbine(TASKS[study.task].arguments["turbine"])
-    climate = WindClimate.of_class(turbine.iec_class, cut_in=turbine.cut_in, cut_out=turbine.cut_out)
     single = sorted(set(speeds))
+    # winds beyond cut-out stand for those of a storm, each for its own bin
+    storm = single[-1] > turbine.cut_out
+    first, last = (single[0] - 1.0, single[-1] + 1.0) if storm else (turbine.cut_in, turbine.cut_out)
+    climate = WindClimate.of_class(turbine.iec_class, cut_in=first, cut_out=last)
     shares = dict(zip(single, wind_weights(climate, single), strict=True))
     return np.array([shares[speed] / speeds.count(speed) for speed in speeds])
 

@@ -175,12 +175,14 @@ def cost(change: Mapping[str, float], weights: Mapping[str, float] | None = None
 def total_rate(row: Mapping[str, float], weights: Mapping[str, float] | None = None) -> float:
     """Sum of the terms of a row with weights, by default `rewards.DEFAULT_WEIGHTS` [1/s]."""
     weights = rewards.DEFAULT_WEIGHTS if weights is None else weights
-    return sum(weight * row[name] for name, weight in weights.items())
+    return sum(weight * row[name] for name, weight in weights.items() if weight)  # others may not be recorded
 
 
 def task_weights() -> dict[str, dict[str, float]]:
-    """Weights of the reward of each task (`wt_gym.tasks.TASKS`), in its newest version, that changes them."""
-    given = {name: task.newest.get("reward", {}) for name, task in TASKS.items()}
+    """Weights of the reward of each task, in its newest version, that changes them and is in turbulence of one mean."""
+    given = {
+        name: task.newest.get("reward", {}) for name, task in TASKS.items() if task.newest["inflow"] == "turbulent"
+    }
     return {name: rewards.DEFAULT_WEIGHTS | changed for name, changed in given.items() if changed}
 
 

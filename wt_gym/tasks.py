@@ -101,6 +101,32 @@ _MEASURED = {
 # An early end costs more than the worst operation for as long as the discount of the training looks ahead.
 _ABOVE_RATED = {**_MEASURED, "residual_washout": 15.0, "termination_penalty": 200.0}
 
+# A year of operation passes in ten minutes: the wind is averaged over a minute in place of ten. Energy comes first,
+# since a turbine that stands has no fatigue; loads count as changes and, beyond the reference moments, as extremes.
+_FULL_OPERATION = {
+    **_MEASURED,
+    "turbine": "nrel_5mw",
+    "inflow": "path",
+    "wind_speed": (0.0, 32.0),
+    "action_mode": "residual",
+    "pitch": "fixed-frame",
+    "action_spans": {"pitch_mean": math.radians(0.5)},
+    "action_components": ("pitch", "torque", "set_point"),
+    "controller": "discon+supervisor:averaging=60",
+    "observation": ("measurable", "supervisor"),
+    "episode_length": None,
+    "standstill_limit": -0.5,
+    "reward": {
+        "blade_fatigue": 0.5,
+        "tower_fore_aft_fatigue": 0.3,
+        "tower_side_side_fatigue": 0.1,
+        "extreme_loads": 1.0,
+        "actuator_use": 0.02,
+        "overspeed": 1.0,
+    },
+    "termination_penalty": 600.0,
+}
+
 TASKS = {
     task.name: task
     for task in (
@@ -205,6 +231,33 @@ TASKS = {
             60.0,
             {**_LOAD_REDUCTION, **RECORDS["iea_22mw"].arguments, "turbine": "iea_22mw", "wind_speed": (12.0, 20.0)},
             versions=({}, _ABOVE_RATED),
+        ),
+        Task(
+            "FullOperation",
+            "From standstill to storm: most energy for the least extreme and lifetime loads, by pitch, torque and the "
+            "set point of a supervisor that starts, holds back and stops the turbine.",
+            "energy; flap and tower DEL, largest flap and tower moments",
+            600.0,
+            _FULL_OPERATION,
+        ),
+        Task(
+            "PowerTracking",
+            "Make the power that a grid operator asks for, neither less nor more, with the least loads.",
+            "tracking error of the power and flap DEL; tower DELs and pitch travel beside them",
+            60.0,
+            {
+                **_FIXED_FRAME,
+                **_ABOVE_RATED,
+                "residual_fade": True,
+                "action_components": ("pitch", "torque"),
+                "action_spans": {"pitch_mean": math.radians(0.5), "torque": 800.0},
+                "controller": "discon+derate_kinetic",
+                "power_reference": ("reserve", "steps", "ramps", "regulation"),
+                "wind_speed": (12.0, 18.0),
+                "observation": ("measurable", "power_reference"),
+                "reward": {"power": 0.0, "power_tracking": 0.5, "overspeed": 0.0, "actuator_use": 0.5},
+                "termination_penalty": 300.0,
+            },
         ),
     )
 }

@@ -16,7 +16,9 @@ from wt_gym.agents.export.controller_parts import (
 )
 from wt_gym.control import NacelleAnemometer
 from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.optimal.measured import OUTPUTS
+from wt_gym.envs.rewards import available_power
 
 if TYPE_CHECKING:
     from wt_gym.agents.export.network import Network
@@ -49,6 +51,10 @@ _PLAIN = {
     "residual_mean": ("MEAN_OFFSET", set()),
     "dead_band_error": ("DEAD_BAND_ERROR", set()),
     "dead_band_turning": ("DEAD_BAND_TURNING", set()),
+    "demanded_power": ("DEMANDED_POWER", {"demanded_power"}),
+    "power_error": ("POWER_ERROR", {"demanded_power", "power"}),
+    "rotor_energy": ("ROTOR_ENERGY", {"rotor_speed"}),
+    "power_headroom": ("POWER_HEADROOM", {"demanded_power", "rotor_speed", "generator_torque", "pitch"}),
 }
 """Channels without a number: how the C source calls them, and the readings that they need."""
 _MOMENTS = {"pitch", "out_of_plane", "in_plane"}
@@ -194,7 +200,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "HAS_YAW": int(action.has_yaw),
         "HAS_TORQUE": int(torque),
         "SUBSTEPS": env.operation.count,
-        "SENSES_WIND": int(any(one.kind == "ROTOR_WIND" for one in seen)),
+        "SENSES_WIND": int(any(one.kind in ("ROTOR_WIND", "POWER_HEADROOM") for one in seen)),
         "SQUASHED": int(network.squashed),
         "NORMALIZED": int(network.normalization is not None),
         "N_LAYERS": len(network.layers),
@@ -220,6 +226,15 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "anemometer_time": anemometer._speed.time_constant,
         "vane_time": anemometer._direction.time_constant,
     }
+    rated = parts.turbine.drivetrain.rated_power
+    parts.values |= {
+        "rotor_inertia": rotor_inertia(parts.turbine),
+        "headroom_factor": available_power(parts.turbine, 1.0),
+        "headroom_most": 1.5 * rated,
+    }
+    if "power" not in parts.groups:
+        efficiency = parts.turbine.drivetrain.generator_efficiency
+        parts.values |= {"generator_efficiency": efficiency, "power_level": 1.0}
     if parts.constants["SENSES_WIND"]:
         estimator = WindEstimator.of_turbine(parts.turbine)
         parts.values |= estimator_values(estimator) | {"sensor_bandwidth": estimator.bandwidth}

@@ -18,6 +18,7 @@ from wt_gym.control.controllers import (
 )
 from wt_gym.control.controllers.controller import parts_of
 from wt_gym.control.controllers.linear_optimal import SCHEDULE_TIME, LinearOptimalPitch
+from wt_gym.control.controllers.power_tracking import WAYS, PowerTracking
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
@@ -40,7 +41,8 @@ __all__ = [
     "note_fade",
 ]
 
-SUPPORTED = ("discon", "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
+SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
+             "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
              "side_side_damper", "tower_dampers", "tuned", "yaw",
              "linear_pitch", "linear_optimal")  # fmt: skip
 """Names of controllers that can be exported."""
@@ -149,11 +151,15 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
         "FADE_LINEAR",
         "N_HARMONICS",
         "INDIVIDUAL_BLADES",
+        "DERATE",
     )
     parts.constants |= dict.fromkeys(flags, 0)
     base, *additions = parts_of(controller)
     if type(base) is DisconController:  # what is derived from it may do something else
         _torque_curve(parts, base.parameters)
+    elif type(base) is PowerTracking:
+        _torque_curve(parts, base.parameters)
+        _power_tracking(parts, base)
     elif type(base) is TsrTrackingController:
         _tracking(parts, base)
     else:
@@ -235,6 +241,25 @@ def _torque_curve(parts: Parts, p: BaselineParameters) -> None:
         "region_3_min_pitch": p.region_3_min_pitch,
     }
     parts.reads["BASE"] = {"pitch", "generator_speed"}
+
+
+def _power_tracking(parts: Parts, base: PowerTracking) -> None:
+    """What follows a demanded power beyond the torque curve."""
+    law = base.law
+    parts.constants["DERATE"] = 1 + WAYS.index(law.way)
+    parts.groups.add("power")
+    parts.values |= {"generator_efficiency": base.generator_efficiency, "power_level": base.level}
+    if law.way == "pitch":
+        parts.groups.add("power_pitch")
+        parts.values |= {"power_shares": law._shares.tolist(), "power_pitch": law._share_pitch.tolist()}
+    if law.way == "kinetic":
+        parts.groups.add("power_store")
+        parts.values |= {
+            "store_lowest_speed": law.lowest_speed,
+            "store_band": law.band,
+            "store_raised": law.raised,
+        }
+    parts.reads["BASE"] = {"pitch", "generator_speed", "demanded_power"}
 
 
 def _tracking(parts: Parts, base: TsrTrackingController) -> None:

@@ -32,7 +32,7 @@ struct linear {
 /* Measured values: the last good one of each reading, and those of the pitched blade that follow. */
 struct readings {
     double pitch[N_BLADES], generator_speed, rotor_speed, generator_power, generator_torque, yaw_error, wind_speed;
-    double acceleration_fore_aft, acceleration_side_side, azimuth;
+    double acceleration_fore_aft, acceleration_side_side, azimuth, demanded_power;
     double flap[N_BLADES], edge[N_BLADES];
 };
 
@@ -261,6 +261,54 @@ static double torque_curve(const struct parameters *p, double speed, int pitched
     return slope_25 * (speed - synchronous);
 }
 
+#if DERATE
+/* ---- no more power than is demanded; without a demand the share `power_level` of rated power --------------------- */
+
+static const double LEAST_SHARE = 0.2, ABOVE_REGION_2 = 1.05;
+
+static double power_share(const struct parameters *p, const struct state *s) {
+    double demanded = s->now.demanded_power, share = p->power_level;
+    if (demanded > 0.0) share = demanded / p->generator_efficiency / p->rated_power;
+    return clip(share, LEAST_SHARE, 1.0);
+}
+
+static double derated_speed(const struct parameters *p, double share) {
+    if (DERATE == BY_ROTOR_ENERGY) return 1.0 + p->store_raised;
+    if (DERATE == BY_SPEED) return fmax(share, fmin(ABOVE_REGION_2 * p->region_2_speed / p->rated_generator_speed, 1.0));
+    return 1.0;
+}
+
+static double derated_least_pitch(const struct parameters *p, double share) {
+    if (DERATE != BY_PITCH) return p->min_pitch;
+    return fmax(p->min_pitch, interpolate(share, p->power_shares, p->power_pitch, N_SHARES));
+}
+
+static double derated_curve(const struct parameters *p, double speed, double power, double speed_share, int pitched) {
+    double rated = speed_share * p->rated_generator_speed, k = p->region_2_gain, synchronous, slope, transition, start, line;
+    if (speed <= 0.0) return 0.0;
+    if (pitched || speed >= rated) return power / speed;
+    if (speed_share == 1.0) return fmin(torque_curve(p, speed, 0), power / speed);
+    synchronous = p->rated_generator_speed / (1.0 + p->slip);
+    slope = p->rated_power / p->rated_generator_speed / (p->rated_generator_speed - synchronous);
+    transition = (slope - sqrt(slope * (slope - 4.0 * k * synchronous))) / (2.0 * k);
+    start = rated / (1.0 + p->slip);
+    line = power / rated * (speed - start) / (rated - start);
+    return fmin(fmax(torque_curve(p, fmin(speed, transition), 0), line), power / speed);
+}
+
+static double derated_torque(const struct parameters *p, const struct state *s, double speed, double first) {
+    double share = power_share(p, s), power = share * p->rated_power, measured = s->now.generator_speed, torque, held, x;
+    int pitched = first >= derated_least_pitch(p, share) + p->region_3_min_pitch - p->min_pitch;
+    torque = derated_curve(p, speed, power, fmin(derated_speed(p, share), 1.0), pitched);
+    if (p->constant_power == 0.0 && speed > 0.0) torque = fmin(torque, p->rated_power / p->reference_speed);
+    torque = fmin(torque, p->max_torque);
+    if (DERATE != BY_ROTOR_ENERGY) return torque;
+    held = fmin(power / fmax(measured, 1e-3), p->max_torque);
+    x = clip((measured / p->reference_speed - p->store_lowest_speed) / p->store_band, 0.0, 1.0);
+    return held < torque ? held : torque + x * x * (3.0 - 2.0 * x) * (held - torque);
+}
+#endif
+
 static void base_start(const struct parameters *p, struct state *s, const struct demand *present) {
     speed_reset(s, s->now.generator_speed);
     memcpy(s->pitch, present->pitch, sizeof s->pitch);
@@ -270,13 +318,21 @@ static void base_start(const struct parameters *p, struct state *s, const struct
 
 static void base_step(const struct parameters *p, struct state *s, double dt) {
     double speed = speed_update(p, s, dt), first = s->pitch[0], step = p->max_pitch_rate * dt, pitch, torque;
+    double reference = p->reference_speed, least = p->min_pitch, lowest = p->min_pitch;
+#if DERATE
+    torque = derated_torque(p, s, speed, first);
+    reference *= derated_speed(p, power_share(p, s));
+    least = derated_least_pitch(p, power_share(p, s));
+    lowest = -HUGE_VAL; /* a least pitch that has just risen is reached at the greatest rate */
+#else
     torque = fmin(torque_curve(p, speed, first >= p->region_3_min_pitch), p->max_torque);
     if (p->constant_power == 0.0) torque = fmin(torque, p->rated_power / p->reference_speed);
+#endif
     if (!isnan(s->torque)) torque = clip(torque, s->torque - p->max_torque_rate * dt, s->torque + p->max_torque_rate * dt);
     s->torque = torque;
-    pitch = law_step(p, first, &s->integral, speed - p->reference_speed, dt, p->min_pitch, p->max_pitch);
+    pitch = law_step(p, first, &s->integral, speed - reference, dt, least, p->max_pitch);
     for (int b = 0; b < N_BLADES; b++)
-        s->pitch[b] = clip(clip(pitch, s->pitch[b] - step, s->pitch[b] + step), p->min_pitch, p->max_pitch);
+        s->pitch[b] = clip(clip(pitch, s->pitch[b] - step, s->pitch[b] + step), lowest, p->max_pitch);
 }
 #endif
 
@@ -685,7 +741,12 @@ static void out_of_plane(const struct readings *r, double *moment) {
     for (int b = 0; b < N_BLADES; b++) moment[b] = r->flap[b] * cos(r->pitch[b]) - r->edge[b] * sin(r->pitch[b]);
 }
 
-static double observed(const struct state *s, const struct channel *c, double dt) {
+static double demanded_power(const struct parameters *p, const struct state *s) {
+    double demanded = s->now.demanded_power;
+    return demanded > 0.0 ? demanded : p->power_level * p->rated_power * p->generator_efficiency;
+}
+
+static double observed(const struct parameters *p, const struct state *s, const struct channel *c, double dt) {
     const struct readings *r = &s->now;
     const double *now = s->pitch_now, *before = s->pitch_before;
     double moment[N_BLADES];
@@ -723,6 +784,11 @@ static double observed(const struct state *s, const struct channel *c, double dt
     case SEE_DEAD_BAND_ERROR: return s->yaw_slow;
     case SEE_DEAD_BAND_TURNING: return s->turning;
     case SEE_PREVIOUS_ACTION: return s->action[i];
+    case SEE_DEMANDED_POWER: return demanded_power(p, s);
+    case SEE_POWER_ERROR: return r->generator_power - demanded_power(p, s);
+    case SEE_ROTOR_ENERGY: return 0.5 * p->rotor_inertia * r->rotor_speed * r->rotor_speed;
+    case SEE_POWER_HEADROOM:
+        return fmin(p->headroom_factor * pow(s->sensor_wind, 3.0), p->headroom_most) - demanded_power(p, s);
 #if WITH_LINEAR
     case SEE_DISTURBANCE: return s->known[i / MOST_SEEN_BINS * N_SEEN_BINS + i % MOST_SEEN_BINS];
     case SEE_LINEAR_PITCH: return s->known[N_OUTPUTS * N_SEEN_BINS + i];
@@ -750,7 +816,7 @@ static void observe(const struct parameters *p, struct state *s, double *row) {
     for (int k = 0; k < N_CHANNELS; k++) {
         const struct channel *c = &CHANNELS[k];
         double *lasting = &s->lasting_load[k];
-        row[k] = observed(s, c, p->control_step);
+        row[k] = observed(p, s, c, p->control_step);
         if (!c->washed || p->sensor_washout <= 0.0 || c->kind == SEE_HELD) continue;
         *lasting = s->n_history == 0 ? lasting_at_start(s, c, row[k])
                                      : low_pass(*lasting, row[k], p->control_step, p->sensor_washout);
@@ -1005,6 +1071,7 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
     r->generator_torque = raw[READ_TORQUE];
     r->yaw_error = raw[READ_YAW_ERROR];
     r->wind_speed = raw[READ_WIND];
+    r->demanded_power = raw[READ_DEMANDED_POWER];
     take_acceleration(p, s);
     r->azimuth = raw[READ_AZIMUTH];
     for (int b = 0; b < N_BLADES; b++) {

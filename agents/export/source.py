@@ -28,6 +28,7 @@ _MAKER = "wt_gym "
 """First bytes of every checkpoint, whichever controller it belongs to."""
 _USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR")
 _ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW", "LINEAR_PITCH_ADDED")
+_DERATED = ("NOT_DERATED", "BY_SPEED", "BY_TORQUE", "BY_PITCH", "BY_ROTOR_ENERGY")
 _FORMS = ("NO_PITCH", "COLLECTIVE", "INDIVIDUAL", "FIXED_FRAME", "CYCLIC")
 _ACTIVATIONS = ("NO_ACTIVATION", "TANH", "RELU", "ELU")
 _FIRST = {
@@ -35,11 +36,12 @@ _FIRST = {
     "generator_speed": "READ_GENERATOR_SPEED", "rotor_speed": "READ_ROTOR_SPEED", "power": "READ_POWER",
     "generator_torque": "READ_TORQUE", "yaw_error": "READ_YAW_ERROR", "wind": "READ_WIND",
     "fore_aft": "READ_FORE_AFT", "side_side": "READ_SIDE_SIDE", "azimuth": "READ_AZIMUTH",
-    "nacelle_yaw": "READ_NACELLE_YAW",
+    "nacelle_yaw": "READ_NACELLE_YAW", "demanded_power": "READ_DEMANDED_POWER",
 }  # fmt: skip
 """Names of the first reading of each kind in the C source."""
 
 _LISTS = {
+    "power_shares", "power_pitch",
     "gain_pitch", "proportional_gains", "integral_gains", "schedule_wind", "schedule_pitch", "ipc_integral_gain",
     "ipc_proportional_gain", "ipc_level", "ipc_leak", "ipc_limit", "ipc_rate_limit", "offset_pitch_limit",
     "ipc_fade_pitch", "ipc_fade_speed", "fore_aft_fade_pitch", "fore_aft_fade_speed", "offset_fade_pitch",
@@ -73,6 +75,7 @@ def readings(parts: Parts) -> list[tuple[str, int, str, float, float, set[str]]]
         ("side_side", 54, "side-side acceleration", 50.0),
         ("azimuth", 60, "azimuth", 1e4),
         ("nacelle_yaw", 37, "nacelle yaw", 1e4),
+        ("demanded_power", 13, "demanded power", 5.0 * drive.rated_power),
     ]
     needed = {kind: {user for user in _USERS if kind in parts.reads.get(user, set())} for kind in _FIRST}
     return [(kind, record, name, -most, most, needed[kind]) for kind, record, name, most in rows]
@@ -199,6 +202,7 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
         "SENSES_WIND": 0,
         "WITH_LINEAR": int(parts.linear is not None),
         "N_GAINS": len(values.get("gain_pitch", [0.0, 0.0])),  # type: ignore[arg-type]
+        "N_SHARES": len(values.get("power_shares", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_SCHEDULE": len(values.get("schedule_wind", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_ADDITIONS": len(parts.additions),
     } | parts.constants
@@ -216,7 +220,7 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
     for _, record, name, low, high, users in rows:
         of = " | ".join(f"FOR_{user}" for user in _USERS if user in users) or "0"
         lines.append(f'    {{{record}, "{name}", {_number(low)}, {_number(high)}, {of}}},')
-    lines += ["};", _enum(_ADDITIONS)]
+    lines += ["};", _enum(_ADDITIONS), _enum(_DERATED)]
     lines.append(f"static const int ADDITIONS[] = {{{', '.join(parts.additions) or 'NONE_ADDED'}}};")
     lines += _parameters(parts)
     if parts.tables:

@@ -88,7 +88,7 @@ def test_ending_a_task_early_never_pays(name):
     Of a reward relative to the controller goes what that earns at most: twice the weight of the power.
     """
     env = gym.make(TASKS[name].ids[-1]).unwrapped
-    (most,) = (2.0 * term.weight for term in env.reward_terms if term.name == "power")
+    most = sum(2.0 * term.weight for term in env.reward_terms if term.name == "power")
     worst = rewards.worst_rate(env.reward_terms) - most * env.options.rewards.relative
     gamma = hyperparameters_for("PPO", TASKS[name].ids[-1])["gamma"]
     assert -worst * env.control_dt / (1.0 - gamma) < env.termination_penalty
@@ -110,6 +110,7 @@ def test_what_tasks_pay():
         "Gusts": full,
         "IEA15MW-LoadReduction": load_reduction,
         "IEA22MW-LoadReduction": load_reduction,
+        "PowerTracking": (1.5, 1.0, 1.0, 0.5, 0.5, 300.0),
     }
     plain = gym.make("wt_gym/NREL5MW-Steady-v1").unwrapped
     assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == (

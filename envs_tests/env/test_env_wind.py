@@ -195,7 +195,7 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
         ("turbulent", {"speed": 10.0, "seeds": (1.5,)}, "integer"),
         ("turbulent", {"speed": 10.0, "seeds": (10**23,)}, "at most 9223372036854775807"),
         ("turbulent", {"speed": 10.0, "turbulence_model": "EWM"}, "'NTM', 'ETM'"),
-        ("steady", {"speed": 10.0, "turbulence_model": "ETM"}, "belongs to inflow='turbulent'"),
+        ("steady", {"speed": 10.0, "turbulence_model": "ETM"}, "belongs to the inflows 'turbulent' and 'path'"),
         ("gusts", {"speed": 10.0, "gusts": ("EOG", "NTM")}, "'EOG', 'EDC', 'ECD', 'EWS', 'ETM'"),
         ("gusts", {"speed": 10.0, "gusts": ()}, "each once"),
         ("gusts", {"speed": 10.0, "gusts": ("EOG", "EOG")}, "each once"),

@@ -53,6 +53,8 @@ def as_read(swap, n_blades):
         "nacelle_acceleration_fore_aft": cos * swap[52] + sin * swap[53],
         "nacelle_acceleration_side_side": cos * swap[53] - sin * swap[52],
     }  # fmt: skip
+    if swap[12] > 0.0:
+        read["demanded_power"] = swap[12]
     for b in range(n_blades):
         out, within, angle = (swap[records[b] - 1] for records in (OUT_OF_PLANE, IN_PLANE, PITCH))
         read[f"pitch_{b + 1}"] = angle

@@ -1,10 +1,12 @@
 """Load metrics against exact results."""
 
+import math
+
 import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.analysis.metrics import METRICS, damage_equivalent_load, run_metrics
+from wt_gym.analysis.metrics import METRICS, TRACKING_METRICS, damage_equivalent_load, measured_metrics, run_metrics
 from wt_gym.analysis.spectra import power_spectral_density
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.turbines import load_turbine
@@ -84,7 +86,7 @@ def run(turbine):
 
 def test_metrics_of_a_made_up_run(run, turbine):
     metrics = run_metrics(run, turbine)
-    assert set(metrics) == set(METRICS)
+    assert set(metrics) == set(METRICS) - set(TRACKING_METRICS) == set(measured_metrics([metrics]))
     assert metrics["mean_power"] == 2e6
     assert metrics["energy"] == pytest.approx(2e6 * 100.0)
     assert metrics["power_std"] == 0.0
@@ -104,6 +106,22 @@ def test_metrics_of_a_made_up_run(run, turbine):
     assert metrics["yaw_travel"] == pytest.approx(0.1)
 
 
+def test_metrics_of_a_tracked_power(run, turbine):
+    """2 MW against a demand of 1.9 MW, then of 2.4 MW while the wind allows no more than 2.1 MW."""
+    early = np.arange(run.sizes["time"]) < run.sizes["time"] // 2
+    demanded, available = np.where(early, 1.9e6, 2.4e6), np.where(early, 5e6, 2.1e6)
+    added = {"demanded_power": ("time", demanded), "available_power": ("time", available)}
+    metrics = run_metrics(run.assign(added), turbine)
+    assert set(metrics) == set(METRICS) == set(measured_metrics([{}, metrics]))
+    assert metrics["tracking_mean"] == pytest.approx(250e3)
+    assert metrics["tracking_rms"] == pytest.approx(math.sqrt((100e3**2 + 400e3**2) / 2))
+    assert metrics["tracking_rms_share"] == pytest.approx(metrics["tracking_rms"] / turbine.drivetrain.rated_power)
+    assert metrics["demanded_energy"] == pytest.approx(2.0 / 2.15)
+    # the available power is smoothed: it falls below 2.4 MW after 5 s ln(2.9/0.3)
+    assert metrics["saturated_share"] == pytest.approx(0.5 - 0.05 * math.log(2.9 / 0.3), abs=2e-3)
+    assert 100e3 < metrics["tracking_rms_in_wind"] < metrics["tracking_rms"]
+
+
 @pytest.mark.parametrize(("above", "events"), [((0,), 1), ((1,), 1), ((0, 1, 3, 5, 6), 3), ((999,), 1), ((), 0)])
 def test_an_overspeed_counts_once_from_the_first_sample_on(run, turbine, above, events):
     fastest = np.full(1000, 1.09)
@@ -114,8 +132,9 @@ def test_an_overspeed_counts_once_from_the_first_sample_on(run, turbine, above, 
 
 SHOWN = {
     "MW": 1e-6, "MWh": 1 / 3.6e9, "rpm": 30 / np.pi, "MN m": 1e-6, "kN m/s": 1e-3, "deg": 180 / np.pi, "%": 100.0,
-    "m": 1.0, "-": 1.0,
+    "kW": 1e-3, "m": 1.0, "-": 1.0,
 }  # fmt: skip
+NO_SENSE = {"rotor_speed_mean", "saturated_share", "demanded_energy"}
 MORE_IS_BETTER = {"mean_power", "corrected_power", "energy", "tip_clearance_min"}
 
 
@@ -123,7 +142,7 @@ MORE_IS_BETTER = {"mean_power", "corrected_power", "energy", "tip_clearance_min"
 def test_every_metric_is_shown_in_its_unit_and_has_its_sense(name):
     metric = METRICS[name]
     assert metric.factor == pytest.approx(SHOWN[metric.unit], rel=1e-12)
-    assert metric.better == (1 if name in MORE_IS_BETTER else 0 if name == "rotor_speed_mean" else -1)
+    assert metric.better == (1 if name in MORE_IS_BETTER else 0 if name in NO_SENSE else -1)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 0.5 * np.pi, 4.0])

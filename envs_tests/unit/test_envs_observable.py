@@ -3,6 +3,7 @@
 import copy
 import math
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,11 @@ import pytest
 from wt_gym.control import ActionMap, AgentSetpoint, Demand, Lidar
 from wt_gym.control.controllers import YawByDeadBand
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
+from wt_gym.control.controllers.supervisor import STATES
+from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.observable import OBSERVATION_GROUPS, Observable
 from wt_gym.envs.observations import Observer
+from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext
 from wt_gym.envs.start import Trail
 from wt_gym.simulation.channels import Signals, channel_table
@@ -26,6 +30,8 @@ SINGLES = (
 )  # fmt: skip
 CHOICE = (*OBSERVATION_GROUPS, *SINGLES)
 LINEAR = LinearOptimalPitch.of_turbine(TURBINE)
+SUPERVISOR = SimpleNamespace(state_index=2, mean_wind=9.5, set_point=0.9, load=0.4)
+DEMANDED = (4e6, 3.9e6, 3.7e6, 3.2e6)
 
 
 def signals(step=0):
@@ -47,13 +53,29 @@ def context(now):
     setpoint = AgentSetpoint([0.01, 0.02, 0.03], 0.0, 4e3)
     return ObservationContext(
         now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]), None, turning(),
-        np.arange(6.0 * len(LINEAR.bins) + 5.0),
+        np.arange(6.0 * len(LINEAR.bins) + 5.0), supervisor=SUPERVISOR, demanded_power=DEMANDED,
     )  # fmt: skip
+
+
+def observable():
+    """With all that a controller can have."""
+    return Observable(
+        TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR, supervisor=SUPERVISOR, follows_power=True
+    )
 
 
 @pytest.fixture(scope="module")
 def observer():
-    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR, yaw_drive=turning(), linear=LINEAR)
+    return Observer(
+        TURBINE,
+        ACTION,
+        CHOICE,
+        lidar=LIDAR,
+        yaw_drive=turning(),
+        linear=LINEAR,
+        supervisor=SUPERVISOR,
+        follows_power=True,
+    )
 
 
 def observed(observer):
@@ -94,6 +116,12 @@ def test_each_channel_is_read_from_what_it_names(observer):
     assert values["azimuth_sin"] == math.sin(now["azimuth"])
     assert values["azimuth_cos"] == math.cos(now["azimuth"])
     assert [values["dead_band_error"], values["dead_band_turning"]] == [-0.2, -1.0]
+    assert [values[f"state_{name}"] for name in STATES] == [float(k == 2) for k in range(len(STATES))]
+    assert [values["mean_wind"], values["set_point"], values["load_share"]] == [9.5, 0.9, 0.4]
+    assert [values["demanded_power"], *(values[f"demanded_power_in_{ahead:g}_s"] for ahead in AHEAD)] == list(DEMANDED)
+    assert values["power_error"] == now["generator_power"] - 4e6
+    inertia = rotor_inertia(TURBINE)
+    assert values["rotor_energy"] == pytest.approx(0.5 * inertia * now["rotor_speed"] ** 2)
     psi = now["azimuth"] + 2.0 * math.pi / 3.0 * np.arange(3)
     assert values["root_edge_moment_yaw"] == pytest.approx(2.0 / 3.0 * np.dot(np.sin(psi), now.root_edge_moment))
     assert values["root_flap_moment_mean"] == pytest.approx(now.root_flap_moment.mean())
@@ -101,7 +129,7 @@ def test_each_channel_is_read_from_what_it_names(observer):
 
 
 def test_every_channel_has_a_reader_and_another_name():
-    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR).choose(CHOICE)
+    _, channels = observable().choose(CHOICE)
     assert len({one.channel.name for one in channels}) == len(channels) > 40
     assert {type(one.reader) for one in channels} == {FromSignals, InFixedFrame, Computed}
     for one in channels:
@@ -110,7 +138,7 @@ def test_every_channel_has_a_reader_and_another_name():
     assert [one.channel.name for one in channels if one.circular] == ["yaw_error", "dead_band_error"]
     needy = {one.channel.name: one.reader.needs for one in channels if isinstance(one.reader, Computed)}
     assert [name for name, needs in needy.items() if needs in ("estimator", "lidar")] == [
-        "rotor_wind", "lidar_1", "lidar_2", "lidar_3",
+        "rotor_wind", "lidar_1", "lidar_2", "lidar_3", "power_headroom",
     ]  # fmt: skip
     assert all(
         (needs == "disturbances") == name.startswith(("disturbance_", "linear_")) for name, needs in needy.items()
@@ -119,7 +147,7 @@ def test_every_channel_has_a_reader_and_another_name():
 
 def test_parities_of_signals_are_those_of_the_simulator():
     parities = {channel.name: channel.parity for channel in channel_table(3)}
-    _, channels = Observable(TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR).choose(CHOICE)
+    _, channels = observable().choose(CHOICE)
     found = {one.channel.name: one.channel.parity for one in channels}
     assert {name: parities[name] for name in found if name in parities} == {
         name: parity for name, parity in found.items() if name in parities

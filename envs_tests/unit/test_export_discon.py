@@ -98,6 +98,42 @@ def test_random_readings_give_the_demands_of_the_controller(choice, name, seed, 
     assert moved > 0.01  # it did act
 
 
+@pytest.mark.parametrize(
+    ("choice", "name"),
+    [
+        ("discon+derate_speed", "nrel_5mw"),
+        ("retuned+derate_torque+ipc:power_level=0.7", "nrel_5mw"),
+        ("discon+derate_pitch", "nrel_5mw"),
+        ("derate_kinetic+tower_dampers:lowest_speed=0.85,band=0.05,raised=0.02", "nrel_5mw"),
+        ("discon+derate_kinetic", "gebhardt_45m"),
+    ],
+)
+def test_a_demanded_power_is_followed_as_by_the_controller(choice, name, exported):
+    """Record 13 wanders and jumps, is missing for a while (0), and asks for less and more than there can be."""
+    turbine = load_turbine(name)
+    _, library, parameters, page = exported(choice, name)
+    assert "| 13 | demanded power |" in Path(page).read_text(encoding="utf-8")
+    controller, rated = make_controller(choice, turbine), turbine.drivetrain.rated_power
+    rng = np.random.default_rng(4)
+    torques = []
+    for k, signals in enumerate(random_readings(turbine, 1500, 7, DT)):
+        if k % 50 == 0:
+            share = rng.choice([0.0, 0.1, 1.2, *rng.uniform(0.3, 1.0, 4)])
+        asked = signals | {"demanded_power": rated * share}
+        if k == 0:
+            held = start_demand(asked, turbine)
+            ours = Exported(library, turbine, parameters, held)
+        read = ours.read(asked)
+        if k == 0:
+            controller.start(read, held)
+        expected, found = controller.step(read, DT), ours.call(k * DT, DT)
+        assert ours.flag == 0, ours.message
+        assert found.pitch == pytest.approx(expected.pitch, abs=2e-7)
+        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-6, abs=1e-3)
+        torques.append(found.generator_torque)
+    assert np.ptp(torques) > 0.5 * max(torques)
+
+
 WHOLE = "constrained_ipc:level=0.02,fade=False"
 
 

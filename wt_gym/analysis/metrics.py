@@ -15,20 +15,24 @@ import rainflow
 from wt_gym.control.operating_point import rotor_inertia
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Mapping
 
     import xarray as xr
     from numpy.typing import NDArray
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["BLADE_EXPONENT", "METRICS", "TOWER_EXPONENT", "Metric", "damage_equivalent_load", "run_metrics"]
+__all__ = ["BLADE_EXPONENT", "METRICS", "TOWER_EXPONENT", "TRACKING_METRICS", "Metric",
+           "damage_equivalent_load", "measured_metrics", "run_metrics"]  # fmt: skip
 
 BLADE_EXPONENT = 10.0
 """Woehler exponent of the composite blade root."""
 
 TOWER_EXPONENT = 4.0
 """Woehler exponent of the welded steel tower base."""
+
+_ROTOR_TIME = 5.0
+"""Time constant with which the available power is smoothed [s]."""
 
 TOWER_DIRECTIONS = 12
 """Directions over half a turn in which the bending of the tower base is looked at."""
@@ -81,8 +85,30 @@ METRICS: dict[str, Metric] = {
     "pitch_duty_cycle": Metric("Pitch actuator duty cycle", "%", 100.0, -1, 2),
     "pitch_travel": Metric("Pitch travel, mean of the blades", "deg", 180 / np.pi, -1, 1),
     "yaw_travel": Metric("Yaw travel", "deg", 180 / np.pi, -1, 2),
+    "time_without_power": Metric("Time without power", "%", 100.0, 0, 1),
+    "time_at_standstill": Metric("Time at less than a tenth of rated rotor speed", "%", 100.0, 0, 1),
     "torque_rate": Metric("Generator torque rate, root mean square", "kN m/s", 1e-3, -1, 2),
+    "tracking_rms": Metric("Tracking error of the power, root mean square", "kW", 1e-3, -1, 1),
+    "tracking_mean": Metric("Tracking error of the power, mean size", "kW", 1e-3, -1, 1),
+    "tracking_rms_share": Metric("Tracking error over rated power, root mean square", "%", 100.0, -1, 2),
+    "tracking_rms_in_wind": Metric("The same while the wind allows the demanded power", "kW", 1e-3, -1, 1),
+    "saturated_share": Metric("Time in which the wind allows less than demanded", "%", 100.0, 0, 1),
+    "demanded_energy": Metric("Energy over that demanded", "%", 100.0, 0, 2),
 }
+TRACKING_METRICS = tuple(METRICS)[tuple(METRICS).index("tracking_rms") :]
+"""Metrics that only runs with a power reference have."""
+
+
+def measured_metrics(tables: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
+    """Keys of `METRICS` without those of the tracked power where no run has a power reference.
+
+    Parameters
+    ----------
+    tables : iterable of mapping
+        Metrics of runs.
+    """
+    tracked = any(TRACKING_METRICS[0] in table for table in tables)
+    return tuple(key for key in METRICS if tracked or key not in TRACKING_METRICS)
 
 
 def damage_equivalent_load(signal: NDArray[np.float64], duration: float, exponent: float) -> float:
@@ -141,6 +167,35 @@ def _worst_direction(channel: Callable[[str], NDArray[np.float64]], duration: fl
     return max(damage_equivalent_load(np.cos(a) * x + np.sin(a) * y, duration, TOWER_EXPONENT) for a in angles)
 
 
+def _tracking(channel: Callable[[str], NDArray[np.float64]], turbine: Turbine, step: float) -> dict[str, float]:
+    """How well a demanded power was followed; the available one is smoothed, as a rotor smooths it.
+
+    Without a time in which the wind allows what is demanded, the error in such times is that of all.
+    """
+    power, demanded = channel("generator_power"), channel("demanded_power")
+    available = _smoothed(channel("available_power"), step)
+    error, saturated = power - demanded, available < demanded
+    rms = float(np.sqrt(np.mean(error**2)))
+    in_wind = error if saturated.all() else error[~saturated]
+    return {
+        "tracking_rms": rms,
+        "tracking_mean": float(np.abs(error).mean()),
+        "tracking_rms_share": rms / turbine.drivetrain.rated_power,
+        "tracking_rms_in_wind": float(np.sqrt(np.mean(in_wind**2))),
+        "saturated_share": float(saturated.mean()),
+        "demanded_energy": float(power.sum() / demanded.sum()) if demanded.any() else 1.0,
+    }
+
+
+def _smoothed(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Values behind a first-order filter of `_ROTOR_TIME`."""
+    gain, out, last = -np.expm1(-step / _ROTOR_TIME), np.empty_like(values), float(values[0])
+    for k, value in enumerate(values.tolist()):
+        last += gain * (value - last)
+        out[k] = last
+    return out
+
+
 def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[str, float]:
     """Figures of merit of a recorded run.
 
@@ -160,7 +215,8 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         and generator gained over the time measured, divided by that time. Blade loads are those of the worst blade.
         Largest and smallest values are those of the structural steps, which the channels ``*_max`` and ``*_min`` hold
         since the sample before. Fore-aft and side-side loads of the tower are those in the axes of the nacelle, which
-        turn with it: what a controller sees and acts on. "tower_del" is what a point of the tower bears.
+        turn with it: what a controller sees and acts on. "tower_del" is what a point of the tower bears. Those of
+        `TRACKING_METRICS` are there where the run has the channels "demanded_power" and "available_power".
 
     Raises
     ------
@@ -193,6 +249,7 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
     travel = np.mean([channel(f"pitch_travel_{b}") for b in blades], axis=0).sum()
     stored = 0.5 * rotor_inertia(turbine) * (speed[-1] ** 2 - float(start["rotor_speed"]) ** 2)
     torque_rate = np.diff(channel("generator_torque")) / step
+    tracking = _tracking(channel, turbine, step) if "demanded_power" in run else {}
     return {
         "mean_power": float(power.mean()),
         "corrected_power": float(power.mean() + stored / (time[-1] - float(start["time"]))),
@@ -214,5 +271,8 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         "pitch_duty_cycle": float(travel / duration / turbine.pitch.max_rate),
         "pitch_travel": float(travel),
         "yaw_travel": float(np.abs(channel("yaw_rate")).sum() * step),
+        "time_without_power": float(np.mean(power < 1e-3 * turbine.drivetrain.rated_power)),
+        "time_at_standstill": float(np.mean(speed < 0.1 * turbine.drivetrain.rated_rotor_speed)),
         "torque_rate": float(np.sqrt(np.mean(torque_rate**2))),
+        **tracking,
     }

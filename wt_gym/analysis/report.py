@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from wt_gym.analysis.comparison_plots import pareto_figure, verdict_figure
 from wt_gym.analysis.learning_plots import learning_figure, trainings
 from wt_gym.analysis.lifetime import wind_weights
-from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.metrics import METRICS, measured_metrics
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
 from wt_gym.analysis.plots import agent_styles, spectra_figure, time_series_figure
 from wt_gym.analysis.replay_section import replay_script, replay_section
@@ -148,7 +148,8 @@ def _table(evaluation: Evaluation) -> str:
         for i, agent in enumerate(agents)
     )
     rows = [_survival_row(evaluation, groups)]
-    for key, metric in METRICS.items():
+    for key in measured_metrics(run.metrics for run in evaluation.runs):
+        metric = METRICS[key]
         cells = "".join(_cell(evaluation, key, agent, speed) for speed in groups.values() for agent in agents)
         unit = "" if metric.unit == "-" else f" <small>[{metric.unit}]</small>"
         rows.append(f"<tr><th scope='row'>{escape(metric.label)}{unit}</th>{cells}</tr>")

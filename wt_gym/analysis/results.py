@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from wt_gym.analysis.lifetime import WindClimate
-from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.metrics import METRICS, measured_metrics
 from wt_gym.analysis.replay import Replay
 from wt_gym.files import whole_file, write_netcdf_whole, write_text_whole
 
@@ -228,6 +228,11 @@ class Evaluation:
         shared = [key for key in tables[0] if all(key in table for table in tables)]
         return {key: float(_COMBINE[METRICS[key].over_winds]([table[key] for table in tables])) for key in shared}
 
+    @property
+    def _measured(self) -> tuple[str, ...]:
+        """Keys of the metrics that these runs can have."""
+        return measured_metrics(run.metrics for run in self.runs)
+
     def to_dataframe(self) -> pd.DataFrame:
         """Table with a row a run: agent, wind, ending, return, and the metrics, which are missing where not measured.
 
@@ -252,7 +257,7 @@ class Evaluation:
             {
                 "agent": run.agent, "wind_speed": run.wind.speed, "wind_seed": run.wind.seed, "wind": run.wind.label,
                 "ending": run.ending, "duration": run.duration, "episode_return": run.episode_return,
-                **{key: run.metrics.get(key, np.nan) for key in METRICS},
+                **{key: run.metrics.get(key, np.nan) for key in self._measured},
             }
             for run in self.runs
         ]  # fmt: skip
@@ -299,9 +304,9 @@ class Evaluation:
             row["file"] = f"{RUNS_FOLDER}/{file}"
         with whole_file(folder / METRICS_FILE) as partial, partial.open("w", newline="", encoding="utf-8") as text:
             rows = csv.writer(text)
-            rows.writerow(["agent", "wind_speed", "wind_seed", "wind", "ending", "duration", *METRICS])
+            rows.writerow(["agent", "wind_speed", "wind_seed", "wind", "ending", "duration", *self._measured])
             for run in self.runs:
-                measured = [run.metrics.get(key, "") for key in METRICS]
+                measured = [run.metrics.get(key, "") for key in self._measured]
                 seed = "" if run.wind.seed is None else run.wind.seed
                 rows.writerow([run.agent, run.wind.speed, seed, run.wind.label, run.ending, run.duration, *measured])
         path = folder / TABLE_FILE

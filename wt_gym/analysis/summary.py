@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
-from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.metrics import METRICS, measured_metrics
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM
 
@@ -52,6 +52,14 @@ _TABLE = {
     "tip_clearance_min": "clearance min",
     "overspeed_count": "overspeeds",
 }
+_TRACKED = {
+    "tracking_rms": "error rms",
+    "tracking_mean": "error mean",
+    "tracking_rms_share": "error rms/rated",
+    "saturated_share": "saturated",
+    "demanded_energy": "energy/demanded",
+}
+"""Further columns of runs with a power reference."""
 # More lost power than this does not count as a trade for lower loads.
 _TRADED_POWER = 0.05
 _MANY_WINDS = 6
@@ -336,16 +344,18 @@ def results_table(evaluation: Evaluation) -> list[str]:
 
     Greatest speed, smallest clearance and overspeeds are extremes and sums over the winds, not changes.
     """
-    lines = ["| wind | agent | " + " | ".join(_TABLE.values()) + " |", "|---" * (len(_TABLE) + 2) + "|"]
+    measured = measured_metrics(run.metrics for run in evaluation.runs)
+    table = _TABLE | {key: text for key, text in _TRACKED.items() if key in measured}
+    lines = ["| wind | agent | " + " | ".join(table.values()) + " |", "|---" * (len(table) + 2) + "|"]
     speeds = evaluation.speeds
     groups = [(f"{speed:g} m/s", speed) for speed in speeds] + ([("all", None)] if len(speeds) > 1 else [])
     for label, speed in groups:
         for agent in evaluation.agents:
-            cells = [_table_cell(evaluation, agent, key, speed) for key in _TABLE]
+            cells = [_table_cell(evaluation, agent, key, speed) for key in table]
             lines.append(f"| {label} | {agent} | " + " | ".join(cells) + " |")
     if evaluation.climate is not None and len(speeds) > 1:
         for agent in evaluation.agents:
-            cells = [_lifetime_cell(evaluation, agent, key) for key in _TABLE]
+            cells = [_lifetime_cell(evaluation, agent, key) for key in table]
             lines.append(f"| lifetime | {agent} | " + " | ".join(cells) + " |")
     return lines
 

@@ -30,8 +30,10 @@ ACTION_MODES = ("rate", "absolute", "residual")
 RESIDUAL_FORMS = ("rate", "offset")
 PITCH_FORMS = ("collective", "individual", "fixed-frame", "cyclic")
 _TURNING = ("fixed-frame", "cyclic")
-COMPONENTS = ("pitch", "yaw", "torque")
-SPANS = ("pitch", "pitch_mean", "pitch_rate", "yaw_rate", "torque", "torque_rate")
+COMPONENTS = ("pitch", "yaw", "torque", "set_point")
+SPANS = (
+    "pitch", "pitch_mean", "pitch_rate", "yaw_rate", "torque", "torque_rate", "set_point", "set_point_rate",
+)  # fmt: skip
 # An action may leave [-1, 1] by float32 rounding of a policy's output, by no more.
 _ROUNDING = 1e-6
 CYCLIC = math.radians(4.0)
@@ -40,6 +42,8 @@ RESIDUAL_PITCH_RATE = math.radians(1.5)
 """Greatest rate of residual pitch [rad/s]; the baseline controller uses 0.6 deg/s in the mean."""
 RESIDUAL_TORQUE, RESIDUAL_TORQUE_RATE = 0.1, 0.05
 """Greatest residual torque and its rate, over the rated torque [-], [1/s]."""
+SET_POINT, SET_POINT_RATE = 0.3, 0.02
+"""Greatest residual set point of the rotor speed and its rate, over rated speed [-], [1/s]."""
 RESIDUAL_OVERLOAD = 1.03
 """Electrical power, over the rated one, beyond which residual torque does not lift it [-]: a lasting offset would load
 the generator with more than it is made for. The controllers themselves reach 1.02 in gusts."""
@@ -78,21 +82,25 @@ class AgentSetpoint:
         [rad/s]
     generator_torque : float
         [N m]
+    set_point : float
+        Of the rotor speed, over rated [-]; an offset from that of a supervisor.
     """
 
     pitch: NDArray[np.float64]
     yaw_rate: float
     generator_torque: float
+    set_point: float = 0.0
 
 
 class ActionMap:
     """Meaning of the components of an action in [-1, 1].
 
     Components are, in this order, pitch, yaw (none for a turbine whose greatest yaw rate is 0), generator torque (none
-    for a generator that is a damper), as far as they are chosen. Pitch has one component ("collective"), one a blade
-    ("individual"), mean, tilt and yaw ("fixed-frame", see `coleman`), or tilt and yaw alone on top of a controller
-    ("cyclic"). Of those in the fixed frame the blades get their share at every step of the simulator, with an azimuth
-    that leads by the delay of the drives.
+    for a generator that is a damper), and the set point of the rotor speed, as far as they are chosen; the last only
+    where it is named, of residual actions on a supervisor, whose set point it moves. Pitch has one component
+    ("collective"), one a blade ("individual"), mean, tilt and yaw ("fixed-frame", see `coleman`), or tilt and yaw alone
+    on top of a controller ("cyclic"). Of those in the fixed frame the blades get their share at every step of the
+    simulator, with an azimuth that leads by the delay of the drives.
 
     - ``"rate"``: rates of the demand, held over a control step: it moves by ``action * rate * control_dt``.
     - ``"absolute"``: the demand itself; pitch from the operating points of the winds and 5 degrees beyond them on both
@@ -111,12 +119,13 @@ class ActionMap:
         Control step [s].
     mode : {"rate", "absolute", "residual"}
     pitch : {"collective", "individual", "fixed-frame", "cyclic"}
-    components : sequence of {"pitch", "yaw", "torque"}, optional
-        By default all that the turbine has.
+    components : sequence of {"pitch", "yaw", "torque", "set_point"}, optional
+        By default the first three, as far as the turbine has them.
     spans : mapping, optional
         Other spans than the default ones: "pitch_rate" [rad/s], "yaw_rate" [rad/s], "torque_rate" [N m/s]: greatest
         rates; "pitch" [rad], "torque" [N m]: limits of the offsets (of tilt and yaw in all modes); "pitch_mean" [rad]:
-        that of a residual mean, collective or in the fixed frame, by default as for tilt and yaw.
+        that of a residual mean, collective or in the fixed frame, by default as for tilt and yaw; "set_point" [-] and
+        "set_point_rate" [1/s]: limit and greatest rate of the residual set point, over rated speed.
     wind_speeds : (float, float), optional
         Range of the mean winds, for mode "absolute" [m/s]; by default that in which the turbine operates.
     delay : float
@@ -179,6 +188,8 @@ class ActionMap:
         if pitch == "cyclic" and mode != "residual":
             raise ValueError(f"pitch='cyclic' has no mean of its own: it needs action_mode='residual', got {mode!r}")
         self.takes_torque = turbine.drivetrain.takes_torque
+        if components is not None and "set_point" in components and mode != "residual":
+            raise ValueError(f"action_components 'set_point' needs action_mode='residual', got {mode!r}")
         self.components = self._chosen(components, turbine)
         self.has_yaw = "yaw" in self.components
         self.pitch_limits = (turbine.pitch.min_pitch, turbine.pitch.max_pitch)
@@ -199,6 +210,7 @@ class ActionMap:
         rows = self._rows(turbine, wind_speeds)
         self.names, self.units, low, high = zip(*rows, strict=True)
         self.low, self.high, self.size = np.array(low), np.array(high), len(self.names)
+        self._torque_at = -2 if "set_point" in self.components else -1
         self.parity = np.array([-1.0 if name == "yaw_rate" else 1.0 for name in self.names])
         self.low.flags.writeable = self.high.flags.writeable = self.parity.flags.writeable = False
         # what a step needs, as numbers: arrays of three are slow
@@ -224,6 +236,11 @@ class ActionMap:
         return self._spans["torque"]
 
     @property
+    def set_point_limit(self) -> float:
+        """Greatest residual set point of the rotor speed, over rated [-]."""
+        return self._spans["set_point"]
+
+    @property
     def turns_with_rotor(self) -> bool:
         """Whether the demand changes with the azimuth within a control step."""
         return self.pitch in _TURNING and "pitch" in self.components
@@ -235,7 +252,7 @@ class ActionMap:
 
     def _chosen(self, components: Sequence[str] | None, turbine: Turbine) -> tuple[str, ...]:
         if components is None:
-            components = COMPONENTS if self.takes_torque else ("pitch", "yaw")
+            components = ("pitch", "yaw", "torque") if self.takes_torque else ("pitch", "yaw")
         components = components if isinstance(components, str) else tuple(components)
         unknown = [name for name in components if name not in COMPONENTS]
         if unknown or isinstance(components, str) or not len(components):
@@ -263,6 +280,8 @@ class ActionMap:
             "yaw_rate": self.max_yaw_rate,
             "torque": RESIDUAL_TORQUE * rated_torque,
             "torque_rate": RESIDUAL_TORQUE_RATE * rated_torque if residual else self.max_torque_rate,
+            "set_point": SET_POINT,
+            "set_point_rate": SET_POINT_RATE,
         }
         most = {"pitch_rate": self.max_pitch_rate, "yaw_rate": self.max_yaw_rate, "torque_rate": self.max_torque_rate}
         for name, value in (spans or {}).items():
@@ -304,12 +323,17 @@ class ActionMap:
             ends = zip(self._coordinates, self.pitch_low.tolist(), self.pitch_high.tolist(), strict=True)
             pitch = [(f"{name}_offset", "rad", low, high) for name, low, high in ends]
             torque = ("generator_torque_offset", "N m", -spans["torque"], spans["torque"])
+        set_point = ("set_point_offset_rate", "1/s", -spans["set_point_rate"], spans["set_point_rate"])
+        if self.residual == "offset":
+            set_point = ("set_point_offset", "-", -spans["set_point"], spans["set_point"])
         if "pitch" in self.components:
             rows += pitch
         if self.has_yaw:
             rows.append(("yaw_rate", "rad/s", -spans["yaw_rate"], spans["yaw_rate"]))
         if "torque" in self.components:
             rows.append(torque)
+        if "set_point" in self.components:
+            rows.append(set_point)
         return rows
 
     def _operating_range(self, turbine: Turbine, wind_speeds: tuple[float, float] | None) -> tuple[float, float, float]:
@@ -398,11 +422,14 @@ class ActionMap:
         if self.has_yaw:
             yaw_rate = physical[self.names.index("yaw_rate")]
         if "torque" in self.components:
-            wanted = physical[-1]
+            wanted = physical[self._torque_at]
             limit = self._spans["torque"]
             low, high = (-limit, limit) if self.mode == "residual" else self.torque_limits
             torque = min(max(torque + wanted * dt if moves else wanted, low), high)
-        return AgentSetpoint(pitch, yaw_rate, torque)
+        if "set_point" not in self.components:
+            return AgentSetpoint(pitch, yaw_rate, torque)
+        limit = self._spans["set_point"]
+        return AgentSetpoint(pitch, yaw_rate, torque, min(max(previous.set_point + physical[-1] * dt, -limit), limit))
 
     def _toward(self, wanted: list[float], previous: AgentSetpoint) -> AgentSetpoint:
         """Setpoint that moves to offsets at no more than the greatest rates; of the yaw component it is the rate."""
@@ -416,8 +443,11 @@ class ActionMap:
             yaw_rate = wanted[self.names.index("yaw_rate")]
         if "torque" in self.components:
             reach = spans["torque_rate"] * dt
-            torque += min(max(wanted[-1] - torque, -reach), reach)
-        return AgentSetpoint(pitch, yaw_rate, torque)
+            torque += min(max(wanted[self._torque_at] - torque, -reach), reach)
+        if "set_point" not in self.components:
+            return AgentSetpoint(pitch, yaw_rate, torque)
+        reach, before = spans["set_point_rate"] * dt, previous.set_point
+        return AgentSetpoint(pitch, yaw_rate, torque, before + min(max(wanted[-1] - before, -reach), reach))
 
     def demand(
         self, setpoint: AgentSetpoint, base: Demand | None = None, azimuth: float = 0.0, rotor_speed: float = 0.0

@@ -15,10 +15,13 @@ from wt_gym.envs.start import Start, steady_start
 from wt_gym.errors import did_you_mean
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
+from wt_gym.wind.protocol import start_speed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from wt_gym.control.controllers.supervisor import Supervisor
+    from wt_gym.envs.power_reference import PowerReference, PowerReferenceDraws
     from wt_gym.envs.running_start import RunningStart
     from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
@@ -32,6 +35,7 @@ _NUMBERS = (*_POINT, "azimuth", "yaw")
 RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
     "faults", "start_number",
+    "power_reference",
 )  # fmt: skip
 _FIRST_START = 40_000_000
 """Seed of the random numbers of a numbered beginning, beside its number."""
@@ -50,6 +54,8 @@ class Beginning:
     faults : tuple
     drawn : DrawnVariation, optional
         What the episode has of a variation.
+    reference : PowerReference, optional
+        What a grid operator asks for.
     """
 
     wind: EpisodeWind
@@ -57,6 +63,7 @@ class Beginning:
     yaw: float
     faults: tuple[DriveFault | SensorBias, ...]
     drawn: DrawnVariation | None = None
+    reference: PowerReference | None = None
 
 
 class EpisodeStarts:
@@ -70,10 +77,23 @@ class EpisodeStarts:
         Starts of the running turbine; None where all are steady.
     count : int, optional
         Of the beginnings that are drawn from; None: every one is another.
+    supervisor : Supervisor, optional
+        Of the base controller: in winds in which it does not run a turbine for long, the turbine starts parked.
+    references : PowerReferenceDraws, optional
+        Draws what a grid operator asks for.
     """
 
-    def __init__(self, turbine: Turbine, winds: WindSampler, running: RunningStart | None, count: int | None = None):
+    def __init__(
+        self,
+        turbine: Turbine,
+        winds: WindSampler,
+        running: RunningStart | None,
+        count: int | None = None,
+        supervisor: Supervisor | None = None,
+        references: PowerReferenceDraws | None = None,
+    ):
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
+        self._supervisor, self._references = supervisor, references
 
     def draw(
         self,
@@ -114,12 +134,25 @@ class EpisodeStarts:
             wind = winds.sample(rng, **chosen, length=length, heading=yaw)
         azimuth = rng.uniform(0.0, 2.0 * math.pi)
         if drawn is None:
-            return Beginning(wind, self._start(rng, wind, given, yaw, azimuth), yaw, faults)
+            start = self._start(rng, wind, given, yaw, azimuth)
+            return Beginning(wind, start, yaw, faults, None, self._reference(rng, wind, given))
         wind = drawn.turned(wind)
         start = self._start(rng, wind, given, yaw, azimuth)
         if drawn.structural:  # the motion of a structure belongs to it
             start = replace(start, motion=None)
-        return Beginning(wind, start, yaw, (*faults, *drawn.faults), drawn)
+        return Beginning(wind, start, yaw, (*faults, *drawn.faults), drawn, self._reference(rng, wind, given))
+
+    def _reference(self, rng: np.random.Generator, wind: EpisodeWind, given: dict[str, Any]) -> PowerReference | None:
+        """What a grid operator asks for in the episode."""
+        chosen = given.get("power_reference")
+        if self._references is not None:
+            return self._references.draw(rng, wind, chosen)
+        if chosen is not None:
+            raise ValueError(
+                f"power_reference must be left out of a reset without a power_reference of the environment, got "
+                f"{shown(chosen)}"
+            )
+        return None
 
     def _numbered(self, rng: np.random.Generator, given: dict[str, Any]) -> tuple[np.random.Generator, int | None]:
         """Random numbers of one of the beginnings and its number, where there are so many and no more."""
@@ -141,7 +174,8 @@ class EpisodeStarts:
 
         A steady start has the operating point of the wind, or what the options of the reset say.
         """
-        if self.running is not None and not any(name in given for name in _POINT):
+        parked = self._parked(wind)
+        if self.running is not None and not parked and not any(name in given for name in _POINT):
             chosen = float(given["azimuth"]) if "azimuth" in given else None
             start = self.running.draw(wind, yaw, rng, chosen)
             if start is not None:
@@ -152,9 +186,13 @@ class EpisodeStarts:
         torque, azimuth = float(given.get("generator_torque", torque)), float(given.get("azimuth", azimuth))
         return steady_start(speed, pitch, torque, azimuth, self._turbine.n_blades)
 
+    def _parked(self, wind: EpisodeWind) -> bool:
+        """Whether a supervisor lets the turbine stand in the wind of the start."""
+        return self._supervisor is not None and not self._supervisor.runs_in(start_speed(wind.inflow))
+
     def _point(self, wind: EpisodeWind) -> OperatingPoint:
         """Operating point of the wind, or a rotor at rest with feathered blades."""
-        if self._winds.parks:
+        if self._winds.parks or self._parked(wind):
             return OperatingPoint(0.0, min(self._turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
         return starting_point(self._turbine, wind.inflow)
 

@@ -82,6 +82,15 @@ named in ``info["saturated"]``. ``observation`` names groups and single channels
 | previous_action | last action                                | 0      | 1      | -1     | 1      | -       |
 | dead_band       | yaw error behind the controller's filter   | 0      | 4      | -180   | 180    | deg     |
 | dead_band       | direction in which it turns the nacelle    | 0      | 1      | -1     | 1      | -       |
+| supervisor      | 1 in each of its five states, else 0       | 0      | 1      | 0      | 1      | -       |
+| supervisor      | mean wind by which it decides              | 15     | 8      | 0      | 60     | m/s     |
+| supervisor      | set point of the rotor speed over rated    | 1      | 0.2    | 0      | 1      | -       |
+| supervisor      | share of the torque in a start-up          | 1      | 0.5    | 0      | 1      | -       |
+| power_reference | demanded power                             | 4      | 0.75   | 0      | 10     | MW      |
+| power_reference | electrical power less demanded power       | 0      | 0.25   | -10    | 10     | MW      |
+| power_reference | available power by the estimated wind less | 0.5    | 1.25   | -10    | 10     | MW      |
+| power_reference | kinetic energy of rotor and generator      | 35.2   | 7      | 0      | 141    | MJ      |
+| power_forecast  | demanded power in 2, 5 and 10 s            | 4      | 0.75   | 0      | 10     | MW      |
 
 By default residual actions see rotor, power, pitch, wind, fixed_frame, tower, controller and offsets, others rotor,
 power, pitch, wind, blades, tower, azimuth and previous_action. Single channels beyond the groups: the moments of
@@ -111,9 +120,12 @@ tower base; moments are those behind a high-pass filter of 10 s:
 | actuator_use            | 0.1    | -w mean of abs(rate)/greatest rate of pitch, yaw and torque           |
 | overspeed               | 0.4    | x = (rotor speed / rated - 1.02) / 0.1 where positive                 |
 
+With a ``power_reference`` the term ``power_tracking`` (weight 0 by default) costs ``w (sqrt(1 + x^2) - 1)`` with x =
+(P - P_demanded) / (0.05 R), and what kinetic energy the rotor ends with less than it began with.
+
 P_available is what the turbine can make of the rotor-effective wind of the episode, up to R: a turbine that takes
-what there is and feels no load earns 1 per second in any wind. Further terms, ``tip_deflection``, ``tower_load``
-and ``damage`` (rainflow counting), have weight 0. See `wt_gym.envs.rewards` and ``docs/rewards.md``.
+what there is and feels no load earns 1 per second in any wind. Further terms, ``tip_deflection``, ``tower_load``,
+``extreme_loads`` and ``damage`` (rainflow counting), have weight 0. See `wt_gym.envs.rewards` and ``docs/rewards.md``.
 
 A terminated episode gets the further term ``termination`` = ``-termination_penalty`` (default 120). An early end
 never pays: the worst operation costs 5 per second, which is 100 altogether at a discount of 0.99 per 0.2 s, less
@@ -139,7 +151,8 @@ no torque; it needs a negative ``standstill_limit``, and no built-in base contro
 ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
 [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more
 than a generator can brake with at the rotor speed (`wt_gym.simulation.drivetrain.drives.available_torque`): none
-at standstill. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and
+at standstill. ``power_reference`` replaces what a grid operator
+asks for. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and
 ``faults``, what breaks in it and when (`wt_gym.simulation.drivetrain.faults`): blades that stick, a generator that
 is lost, a shut-down, sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
 With ``starts`` episodes are drawn from so many beginnings, which are the same in every environment with the same
@@ -163,7 +176,7 @@ Truncated: ``episode_length`` is over. Either way the environment can be reset a
 ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
 control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and
 for constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`). After a reset
-with a ``variation``, ``variation`` (dict of what was drawn).
+with a ``variation``, ``variation`` (dict of what was drawn). With a ``power_reference``, ``demanded_power`` [W].
 ``env.unwrapped.signals`` has every signal of the simulator.
 """
 """What an agent must know: actions, observations, reward, start, end, info."""

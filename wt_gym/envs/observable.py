@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,10 +12,14 @@ import numpy as np
 from wt_gym.constants import GRAVITY
 from wt_gym.control import Channel, torque_curve
 from wt_gym.control.coleman import FIXED_FRAME
+from wt_gym.control.controllers.supervisor import STATES
+from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs import readers
+from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Quantity
+from wt_gym.envs.rewards.power import available_power
 from wt_gym.errors import did_you_mean
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
@@ -23,6 +28,7 @@ if TYPE_CHECKING:
 
     from wt_gym.control import ActionMap, Lidar
     from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
+    from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.control.controllers.yaw import YawByDeadBand
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.turbines import Turbine
@@ -32,6 +38,7 @@ __all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observabl
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
     "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances",
+    "supervisor", "power_reference", "power_forecast",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
@@ -74,6 +81,10 @@ class Observable:
     yaw_drive : YawByDeadBand, optional
         Dead-band control in the base controller.
     linear : LinearOptimalPitch, optional
+    supervisor : Supervisor, optional
+        Supervisory control in the base controller.
+    follows_power : bool
+        Whether a grid operator asks for a power.
     """
 
     def __init__(
@@ -85,7 +96,10 @@ class Observable:
         washout: float | None = None,
         yaw_drive: YawByDeadBand | None = None,
         linear: LinearOptimalPitch | None = None,
+        supervisor: Supervisor | None = None,
+        follows_power: bool = False,
     ):
+        self._supervisor, self._follows_power = supervisor, follows_power
         self._turbine, self._action, self._lidar = turbine, action, lidar
         self._washout, self._yaw_drive, self._linear = washout, yaw_drive, linear
         self._fades = residual is not None and residual.fades
@@ -113,7 +127,8 @@ class Observable:
             "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
             "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
             "lidar": self._lidar_channels, "previous_action": self._previous_action, "measurable": self._measurable,
-            "dead_band": self._dead_band, "disturbances": self._disturbances,
+            "dead_band": self._dead_band, "disturbances": self._disturbances, "supervisor": self._states,
+            "power_reference": self._power_reference, "power_forecast": self._power_forecast,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
         others = (*self._pitch_forms(), self._every_fixed_frame(), self._out_of_plane(), self._more())
@@ -127,7 +142,8 @@ class Observable:
         empty = [group for group in groups if not builders[group]()]
         if empty:
             raise ValueError(
-                f"observation {empty} must be left out: with this action or base controller there is no such quantity"
+                f"observation {empty} must be left out: with this action, base controller or power reference there "
+                "is no such quantity"
             )
         # groups overlap, and a single channel may be in one of them
         chosen = {observed.channel.name: observed for group in groups for observed in builders[group]()}
@@ -353,6 +369,10 @@ class Observable:
             most = self._action.torque_offset_limit
             row = ("torque_offset", "N m", 0.0, 0.5 * most, -most, most, 0.0, "residual torque")
             channels.append(self._computed(EVEN, readers.torque_offset, *row))
+        if "set_point" in self._action.components:
+            most = self._action.set_point_limit
+            row = ("set_point_offset", "-", 0.0, 0.5 * most, -most, most, 0.0, "residual set point of the rotor speed")
+            channels.append(self._computed(EVEN, readers.set_point_offset, *row))
         return channels
 
     def _lidar_channels(self) -> list[Observed]:
@@ -371,6 +391,24 @@ class Observable:
                            "yaw error behind the slow filter of the base controller's dead band", circular=True),
             self._computed(ODD, readers.dead_band_turning, "dead_band_turning", "-", 0.0, 1.0, -1.0, 1.0, 0.0,
                            "direction in which the base controller turns the nacelle"),
+        ]  # fmt: skip
+
+    def _states(self) -> list[Observed]:
+        """What the supervisor does, one channel a state, and its set point."""
+        if self._supervisor is None or not self._action.needs_controller:
+            return []
+        return [
+            *(
+                self._computed(EVEN, readers.supervisor_state, f"state_{name}", "-", 0.0, 1.0, 0.0, 1.0, 0.0,
+                               f"1 in the state {name.replace('_', ' ')} of the base controller, else 0", index=k)
+                for k, name in enumerate(STATES)
+            ),
+            self._computed(EVEN, readers.supervisor_wind, "mean_wind", "m/s", 15.0, 8.0, 0.0, 60.0, 0.0,
+                           "mean wind by which the base controller starts, stops and is held back"),
+            self._computed(EVEN, readers.supervisor_set_point, "set_point", "-", 1.0, 0.2, 0.0, 1.0, 0.0,
+                           "set point of the rotor speed over rated"),
+            self._computed(EVEN, readers.supervisor_load, "load_share", "-", 1.0, 0.5, 0.0, 1.0, 0.0,
+                           "share of the torque that a start-up has reached"),
         ]  # fmt: skip
 
     def _previous_action(self) -> list[Observed]:
@@ -420,6 +458,38 @@ class Observable:
         return [
             self._computed(EVEN, readers.disturbance, *row, index=k, needs="disturbances") for k, row in enumerate(rows)
         ]
+
+    def _power_reference(self) -> list[Observed]:
+        """What is asked for and how far the turbine is from it; all of it is known to a controller."""
+        if not self._follows_power:
+            return []
+        turbine = self._turbine
+        rated, drive = turbine.drivetrain.rated_power, turbine.drivetrain
+        half, most = 0.5 * rotor_inertia(turbine), 1.5 * rated
+        full = half * drive.rated_rotor_speed**2
+        factor = available_power(turbine, 1.0)
+        row: tuple[Any, ...] = ("demanded_power", "W", 0.8 * rated, 0.15 * rated, 0.0, 2 * rated, 0.0)
+        headroom = ("power_headroom", "W", 0.1 * rated, 0.25 * rated, -2 * rated, 2 * rated, 0.0)
+        return [
+            self._computed(EVEN, readers.demanded_power, *row, "power that is asked for"),
+            self._computed(EVEN, readers.power_error, "power_error", "W", 0.0, 0.05 * rated, -2 * rated, 2 * rated,
+                           5e-3 * rated, "electrical power less what is asked for"),
+            self._computed(EVEN, partial(readers.power_headroom, factor, most), *headroom,
+                           "power that the estimated wind allows less what is asked for", needs="estimator"),
+            self._computed(EVEN, partial(readers.rotor_energy, half), "rotor_energy", "J", full, 0.2 * full, 0.0,
+                           4 * full, 2e-3 * full, "kinetic energy of rotor and generator"),
+        ]  # fmt: skip
+
+    def _power_forecast(self) -> list[Observed]:
+        """What will be asked for: of a schedule, not of a regulation signal."""
+        if not self._follows_power:
+            return []
+        rated = self._turbine.drivetrain.rated_power
+        return [
+            self._computed(EVEN, readers.demanded_power, f"demanded_power_in_{ahead:g}_s", "W", 0.8 * rated,
+                           0.15 * rated, 0.0, 2 * rated, 0.0, f"power that is asked for in {ahead:g} s", index=k)
+            for k, ahead in enumerate(AHEAD, start=1)
+        ]  # fmt: skip
 
     def _more(self) -> list[Observed]:
         """Channels of no group."""

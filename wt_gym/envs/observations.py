@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from wt_gym.control import ActionMap
     from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
+    from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.control.controllers.yaw import YawByDeadBand
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.envs.readers import Quantity
@@ -65,6 +66,10 @@ class Observer:
         Dead-band control of the base controller, whose state can then be observed.
     linear : LinearOptimalPitch, optional
         That of the base controller, if it has one; what it knows of the disturbances can then be observed.
+    supervisor : Supervisor, optional
+        That of the base controller, if it has one; its state can then be observed.
+    follows_power : bool
+        Whether a grid operator asks for a power, which can then be observed.
 
     Attributes
     ----------
@@ -94,6 +99,8 @@ class Observer:
         washout: float | None = None,
         yaw_drive: YawByDeadBand | None = None,
         linear: LinearOptimalPitch | None = None,
+        supervisor: Supervisor | None = None,
+        follows_power: bool = False,
     ):
         if not 0.0 <= noise_level < math.inf:
             raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
@@ -106,9 +113,9 @@ class Observer:
         self._turbine, self._noise_level = turbine, noise_level
         self._delay, self._history = int(delay), int(history)
         self.lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
-        self.groups, observed = Observable(turbine, action, self.lidar, residual, washout, yaw_drive, linear).choose(
-            choice
-        )
+        self.groups, observed = Observable(
+            turbine, action, self.lidar, residual, washout, yaw_drive, linear, supervisor, follows_power
+        ).choose(choice)
         channels = [one.channel for one in observed]
         layers = [channels] + [
             [replace(c, name=f"{c.name}@{k}", description=f"{c.description}, {k} steps ago") for c in channels]

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from wt_gym.control import AgentSetpoint, Demand
-from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of
+from wt_gym.control.controllers import WithDemandedPower, WithLidar, checked_demand, lidar_of
 from wt_gym.control.controllers.linear_optimal import linear_part
+from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import SensorBias
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode_start import Beginning
     from wt_gym.envs.instruments import Instruments
     from wt_gym.envs.pitch_gain import PitchGain
+    from wt_gym.envs.power_reference import PowerReference
     from wt_gym.envs.variation import DrawnVariation, VariationDraws
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals
@@ -35,7 +37,7 @@ _NOMINAL = -1
 """Plant of the turbine itself."""
 _MEMORY = (
     "signals", "demand", "base", "setpoint", "controller", "residual", "faults", "drawn", "instruments", "pitch_gain",
-    "_taken",
+    "_taken", "reference",
 )  # fmt: skip
 
 
@@ -87,12 +89,16 @@ class Operation:
         What the episode has of a variation.
     instruments : Instruments or None
         What is read with, where readings are not exact.
+    reference : PowerReference or None
+        What a grid operator asks for.
     pitch_gain : PitchGain or None
         Response to pitch, where it is not that of the model.
     step : float
         Of the simulator [s].
     count : int
         Such steps in a control step.
+    supervised : bool
+        Whether the base controller has a supervisor.
     """
 
     wind: EpisodeWind
@@ -116,11 +122,13 @@ class Operation:
         self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
         self._lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
         self.step, self.count = step, count
+        self.supervised = supervisor_of(controller) is not None
         self._draws, self._simulators = draws, dict[int, "TurbineSimulator"]()
         self.simulator: TurbineSimulator | None = None
         self.drawn: DrawnVariation | None = None
         self.instruments: Instruments | None = None
         self.pitch_gain: PitchGain | None = None
+        self.reference: PowerReference | None = None
         self._taken: Signals | None = None
         self.signals = cast("Signals", None)  # before the first start, for which everything that needs them asks
         self.faults: tuple[DriveFault | SensorBias, ...] = ()
@@ -134,7 +142,7 @@ class Operation:
         """Start simulator and controller."""
         start, yaw, drawn = beginning.start, beginning.yaw, beginning.drawn
         simulator = self._enter(beginning.wind, beginning.faults, drawn)
-        self.drawn = drawn
+        self.drawn, self.reference = drawn, beginning.reference
         self.pitch_gain = None if drawn is None else drawn.pitch_gain()
         self.instruments = None if drawn is None or self._draws is None else self._draws.instruments(drawn)
         self.signals = simulator.reset(
@@ -208,7 +216,9 @@ class Operation:
         sees = controller is not None and lidar_of(controller) is not None
         gain, n_blades = self.pitch_gain, self.turbine.n_blades
         biased, together = bool(self._sensor_faults) or gain is not None, self._reads_together
-        observer = linear_part(controller)
+        observer, reference = linear_part(controller), self.reference
+        if self.supervised and (supervisor := supervisor_of(controller)) is not None:
+            supervisor.asked = setpoint.set_point
         for k in range(1, count + 1):
             part = k / count
             if together:
@@ -216,7 +226,11 @@ class Operation:
             elif biased:
                 signals = self.measured(signals)
             if controller is not None:
-                read = WithLidar(signals, self.seen() if together else self.ahead(signals)) if sees else signals
+                read: Readings = (
+                    WithLidar(signals, self.seen() if together else self.ahead(signals)) if sees else signals
+                )
+                if reference is not None:
+                    read = WithDemandedPower(read, reference.at(signals["time"]), reference)
                 self.base = checked_demand(controller.step(read, dt), controller, n_blades)
             wanted, speed = pitch + part * turn, signals["rotor_speed"]
             if residual is not None:
@@ -282,12 +296,14 @@ class Operation:
         return self._look[1]
 
     def _read_by(self, controller: Controller) -> Readings:
-        """What a controller reads at the present instant: signals, with those of its lidar if it has one."""
+        """What a controller reads at the present instant: signals, what its lidar sees, what is asked for."""
         together = self._reads_together
         signals = self.readings() if together else self.measured(self.signals)
-        if lidar_of(controller) is None:
-            return signals
-        return WithLidar(signals, self.seen() if together else self.ahead(signals))
+        read: Readings = signals
+        if lidar_of(controller) is not None:
+            read = WithLidar(signals, self.seen() if together else self.ahead(signals))
+        reference = self.reference
+        return read if reference is None else WithDemandedPower(read, reference.at(signals["time"]), reference)
 
     # ---- snapshots ----
 

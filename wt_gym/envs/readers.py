@@ -14,6 +14,7 @@ from wt_gym.control.coleman import to_fixed_frame
 
 if TYPE_CHECKING:
     from wt_gym.control import AgentSetpoint, Channel, Demand
+    from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.control.controllers.wind_estimator import WindEstimator
     from wt_gym.control.controllers.yaw import YawByDeadBand
     from wt_gym.control.residual import ResidualPitch
@@ -60,6 +61,10 @@ class ObservationContext:
         What the linear optimal pitch of the base controller knows, as of `LinearOptimalPitch.known`.
     offsets : numpy.ndarray, shape (n_signals,), optional
         Of the sensors, at a start.
+    supervisor : Supervisor, optional
+        Supervisory control in the base controller.
+    demanded_power : tuple of float, optional
+        That a grid operator asks for, now and in the times of `wt_gym.envs.power_reference.AHEAD` [W].
     """
 
     signals: Signals
@@ -72,6 +77,8 @@ class ObservationContext:
     yaw_drive: YawByDeadBand | None = None
     disturbances: np.ndarray | None = None
     offsets: np.ndarray | None = None
+    supervisor: Supervisor | None = None
+    demanded_power: tuple[float, ...] | None = None
 
 
 class Sensors:
@@ -227,6 +234,31 @@ def dead_band_turning(sensors: Sensors, context: ObservationContext, _: int) -> 
     return float(context.yaw_drive.turning)  # type: ignore[union-attr]
 
 
+def supervisor_state(sensors: Sensors, context: ObservationContext, k: int) -> float:
+    """Whether the supervisor is in a state, of `wt_gym.control.controllers.STATES`."""
+    return float(context.supervisor.state_index == k)  # type: ignore[union-attr]
+
+
+def supervisor_wind(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Mean wind by which the supervisor decides [m/s]."""
+    return context.supervisor.mean_wind  # type: ignore[union-attr]
+
+
+def supervisor_set_point(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Set point of the rotor speed over rated [-]."""
+    return context.supervisor.set_point  # type: ignore[union-attr]
+
+
+def supervisor_load(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Share of the base controller's torque that a start-up has reached [-]."""
+    return context.supervisor.load  # type: ignore[union-attr]
+
+
+def set_point_offset(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Residual set point of the rotor speed over rated [-]."""
+    return context.setpoint.set_point
+
+
 def rotor_wind(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Wind of the estimator [m/s]."""
     return sensors.estimator.wind  # type: ignore[union-attr]
@@ -319,3 +351,24 @@ def residual_mean(sensors: Sensors, context: ObservationContext, _: int) -> floa
 def disturbance(sensors: Sensors, context: ObservationContext, k: int) -> float:
     """Entry of what the linear optimal pitch of the base controller knows."""
     return float(context.disturbances[k])  # type: ignore[index]
+
+
+def demanded_power(sensors: Sensors, context: ObservationContext, k: int) -> float:
+    """Power that is asked for, now or in one of the times ahead [W]."""
+    return context.demanded_power[k]  # type: ignore[index]
+
+
+def power_error(sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Electrical power less what is asked for [W]."""
+    return float(context.signals["generator_power"] - context.demanded_power[0])  # type: ignore[index]
+
+
+def rotor_energy(half_inertia: float, sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Kinetic energy of rotor and generator [J]."""
+    return float(half_inertia * context.signals["rotor_speed"] ** 2)
+
+
+def power_headroom(factor: float, most: float, sensors: Sensors, context: ObservationContext, _: int) -> float:
+    """Power that the wind of the estimator allows less what is asked for [W]."""
+    available = min(factor * sensors.estimator.wind**3, most)  # type: ignore[union-attr]
+    return available - context.demanded_power[0]  # type: ignore[index]

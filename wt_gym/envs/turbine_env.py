@@ -12,9 +12,11 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from wt_gym.control import ActionMap, Lidar
-from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
+from wt_gym.control.controllers import AboveRated, lidar_of, make_controller, parts_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
+from wt_gym.control.controllers.power_tracking import PowerTracking
+from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.control.controllers.yaw import yaw_drive_of
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.deprecated import renamed_attribute
@@ -37,6 +39,7 @@ from wt_gym.envs.options.environment import (
     signature,
 )
 from wt_gym.envs.options.variation import STRUCTURAL
+from wt_gym.envs.power_reference import AHEAD, PowerReferenceDraws
 from wt_gym.envs.readers import ObservationContext
 from wt_gym.envs.running_start import RunningStart
 from wt_gym.envs.simulators import OWN, simulator_maker
@@ -124,9 +127,11 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if groups is None:
             groups = RESIDUAL_GROUPS if action.mode == "residual" else DEFAULT_GROUPS
         late = self._late_steps()
+        references = None if options.grid.reference is None else PowerReferenceDraws(self.turbine, options.grid)
         self._observer = observer = Observer(
             self.turbine, action, groups, observed.noise if apart else 0.0, late, observed.history, lidar, residual,
-            observed.washout, yaw_drive_of(controller), linear_part(controller),
+            observed.washout, yaw_drive_of(controller), linear_part(controller), supervisor_of(controller),
+            references is not None,
         )  # fmt: skip
         self.operation = Operation(
             self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker(),
@@ -147,7 +152,13 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._observation: np.ndarray | None = None
         self._saturated: tuple[str, ...] = ()
         self._twin = Twin(self._make_twin(), self.wind.turbulence_key) if options.rewards.relative else None
-        self._starts = EpisodeStarts(self.turbine, self.wind, self._running_start(controller), options.starts)
+        supervisor = supervisor_of(controller)
+        if supervisor is None and "set_point" in action.components:
+            raise ValueError(
+                "action_components 'set_point' needs a base controller with a supervisor: 'discon+supervisor'"
+            )
+        running = self._running_start(_at_level(controller, references))
+        self._starts = EpisodeStarts(self.turbine, self.wind, running, options.starts, supervisor, references)
         self._renderer = self._make_renderer()
         self._running = self._failed = self._seeded = False
         self._steps = 0
@@ -397,6 +408,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         instruments = operation.instruments
         self._observer.reset(self._situation(), start.trail, None if instruments is None else instruments.offset)
         self._observation, self._saturated = None, ()
+        if operation.reference is None and any(getattr(term, "needs_reference", False) for term in self.reward_terms):
+            raise ValueError("the reward term power_tracking needs a power_reference of the environment, got None")
         rewards.reset(self.reward_terms, self.turbine, operation.signals, start.averaged(operation.signals))
 
     def step(self, action: Any) -> tuple[np.ndarray, Any, bool, bool, dict[str, Any]]:
@@ -440,8 +453,11 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._renderer is not None:
             self._renderer.record(after)
 
-        inflow = operation.wind.inflow
-        transition = rewards.Transition(self.turbine, before, after, dt, inflow=inflow, action=values)
+        inflow, reference = operation.wind.inflow, operation.reference
+        demanded = None if reference is None else reference.at(after["time"])
+        transition = rewards.Transition(
+            self.turbine, before, after, dt, inflow=inflow, action=values, demanded_power=demanded
+        )
         reward, terms = rewards.total(self.reward_terms, transition)
         clearance = tip_clearance(after)
         ending = self.limits.ending(after, clearance)
@@ -490,7 +506,13 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._observer.sees_disturbances:
             part = linear_part(o.controller)
             known = None if part is None else part.known(signals)
-        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known)
+        demanded = None
+        if o.reference is not None:
+            demanded = tuple(o.reference.at(o.signals["time"] + ahead) for ahead in (0.0, *AHEAD))
+        return ObservationContext(
+            signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known,
+            supervisor=supervisor_of(o.controller) if o.supervised else None, demanded_power=demanded,
+        )  # fmt: skip
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)
@@ -498,7 +520,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def _info(self, saturated: tuple[str, ...], clearance: float) -> dict[str, Any]:
         signals, wind = self.operation.signals, self.operation.wind
-        return {
+        supervisor = supervisor_of(self.operation.controller) if self.operation.supervised else None
+        info = ({} if supervisor is None else {"state": supervisor.state}) | {
             "time": signals["time"],
             "wind_speed": float(wind.wind_speed),
             "wind_seed": int(wind.wind_seed),
@@ -508,6 +531,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             "tip_clearance_min": clearance,
             "saturated": saturated,
         }
+        if self.operation.reference is not None:
+            info["demanded_power"] = self.operation.reference.at(signals["time"])
+        return info
 
     # ---- snapshots and pictures ----
 
@@ -586,6 +612,17 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._twin is not None:
             self._twin.close()
         self._renderer, self._running = None, False
+
+
+def _at_level(controller: Controller | None, references: PowerReferenceDraws | None) -> Controller | None:
+    """Base controller as starts are recorded of it: nothing is asked for then, and it follows the middle level."""
+    if references is None or controller is None:
+        return controller
+    controller = copy.deepcopy(controller)
+    for part in parts_of(controller):
+        if isinstance(part, PowerTracking):
+            part.level = references.mean_level
+    return controller
 
 
 def _lidar(given: Lidar | None, controller: Controller | None) -> Lidar | None:

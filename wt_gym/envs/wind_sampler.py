@@ -28,6 +28,7 @@ from wt_gym.envs.wind_files import WindFile, is_wind_file
 from wt_gym.errors import InflowError
 from wt_gym.wind import (
     Inflow,
+    PathInflow,
     SteadyInflow,
     TransientInflow,
     TurbulenceBox,
@@ -41,6 +42,7 @@ from wt_gym.wind.iec import (
     extreme_wind_speed,
     turbulence_sigma,
 )
+from wt_gym.wind.path import speed_path
 from wt_gym.wind.protocol import require_cover
 
 if TYPE_CHECKING:
@@ -65,6 +67,15 @@ WANDERING = 1200.0
 # Boxes are synthesized at multiples of this speed [m/s], and at its half, quarter, …, and carried along at the speed
 # wanted: at half the speed at least, so that their harmonics, up to 2 Hz as synthesized, reach to 1 Hz.
 _BOX_SPEED_STEP = 6.0
+PATH_BOX = 12.0, 1200.0
+"""Speed at which the turbulence of a path is synthesized [m/s], with harmonics up to 2 Hz, and for how long [s]: 14.4
+km of air with waves down to 6 m."""
+_LONGEST_PATH = 3600.0
+"""Of an episode without an end [s]; the mean speed then stays."""
+_PATH_SEED = 50_000_000
+"""Beside a chosen seed of the turbulence, of the path that goes with it."""
+_SLOWEST_NTM = 2.0
+"""Mean speed below which the turbulence of a path falls to none in still air [m/s]."""
 # As far may hub heights of a turbulence box and its mean wind differ.
 _HUB_HEIGHT_TOLERANCE = 0.01
 
@@ -77,7 +88,7 @@ class EpisodeWind:
     ----------
     inflow : Inflow
     wind_speed : float
-        Mean speed at hub height [m/s].
+        Mean speed at hub height [m/s]; of a path at its start.
     wind_seed : int
         Seed of the turbulence, -1 without.
     time_offset : float
@@ -135,6 +146,8 @@ class WindSampler:
         self._gusts = tuple(form for name in GUSTS if name in options.gusts for form in _FORMS[name])
         self._turbulent = options.turbulent
         self._whose = options.turbulence
+        swing = real_numbers(options.swing)
+        self._swing = swing[0], swing[1]
         self._model = "ETM" if isinstance(kind, str) and kind == "gusts" else options.turbulence_model
         self.parks = options.extreme
         self.speeds: tuple[float, float]
@@ -179,7 +192,7 @@ class WindSampler:
         """Whether speed and turbulence seed leave something open: a gust, a direction, which inflow, a time in it."""
         if isinstance(self._kind, tuple):
             return self._turns or len(self._kind) > 1 or self._all_files
-        return self._turns or self._kind == "gusts" or callable(self._kind)
+        return self._turns or self._kind in ("gusts", "path") or callable(self._kind)
 
     @property
     def _turns(self) -> bool:
@@ -252,6 +265,9 @@ class WindSampler:
         if not self._turbulent:
             return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng, heading)
         seed = checked_wind_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
+        if self._kind == "path":
+            path = self._path(speed, seed, rng if wind_seed is None else None, time_offset, float(drawn_phase), length)
+            return self._turned(path, rng, heading)
         box = self._box(speed, seed)
         if time_offset is None:
             time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * box.duration
@@ -330,6 +346,32 @@ class WindSampler:
             gust = TransientInflow.ews(*where, self._class, axis=make, sign=sign, start_time=start)
         return replace(gust, steady=self._steady(speed))
 
+    def _path(
+        self,
+        speed: float,
+        seed: int,
+        rng: np.random.Generator | None,
+        time_offset: float | None,
+        phase: float,
+        length: float | None,
+    ) -> EpisodeWind:
+        """Turbulence along a path from a speed on: a seed that is chosen decides on the path too."""
+        steps = _LONGEST_PATH if length is None else length
+        chosen = rng is None
+        path_rng = np.random.default_rng((_PATH_SEED, seed)) if rng is None else rng
+        times, speeds = speed_path(path_rng, *self.speeds, self._swing, steps, start=speed)
+        made_at, duration = PATH_BOX
+        box = self._make_box(made_at, seed, duration=duration)
+        slow = np.maximum(speeds, _SLOWEST_NTM)
+        sigma = np.array([self._sigma(value) for value in slow.tolist()]) * speeds / slow
+        if time_offset is None:
+            time_offset = 0.0 if chosen else phase * duration
+        inflow = PathInflow(
+            times, speeds, self._steady(1.0), box, sigma / turbulence_sigma(made_at, self._box_class),
+            made_at * time_offset,
+        )  # fmt: skip
+        return EpisodeWind(inflow, speed, seed, time_offset)
+
     def _steady(self, speed: float) -> SteadyInflow:
         """Mean wind with its profile, for a speed at hub height [m/s]."""
         return SteadyInflow(speed, self._turbine.hub_height, **self._profile)
@@ -393,9 +435,7 @@ class WindSampler:
             speed < 0.5 * made_at and made_at <= _BOX_SPEED_STEP
         ):  # a box has no harmonics faster than 1 Hz at half it
             made_at *= 0.5
-        turbine = self._turbine
-        make = TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
-        box = make(made_at, turbine.hub_height, turbine.rotor_diameter, self._box_class, seed=seed)
+        box = self._make_box(made_at, seed)
         sigma = self._sigma(speed)
         intensity = sigma / turbulence_sigma(made_at, self._box_class)
         if made_at == speed and intensity == 1.0:
@@ -403,13 +443,18 @@ class WindSampler:
         text = f"{box.description}, carried along at {speed:.4g} m/s with sigma_u {sigma:.3g} m/s"
         return box.carried_along(speed, intensity, text)
 
+    def _make_box(self, made_at: float, seed: int, **more: Any) -> TurbulenceBox:
+        """Turbulence as it is synthesized at a speed."""
+        turbine, make = self._turbine, TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
+        return make(made_at, turbine.hub_height, turbine.rotor_diameter, self._box_class, seed=seed, **more)
+
     def _range(self, wind_speed: Any) -> tuple[float, float]:
         """Lower and upper wind speed at the hub [m/s]."""
         ends = tuple(wind_speed) if isinstance(wind_speed, tuple | np.ndarray) else (wind_speed,)
         return self._checked_speed(ends[0]), self._checked_speed(ends[-1])
 
     def _checked_speed(self, speed: Any) -> float:
-        moves = self._turbulent or self._kind == "gusts"
+        moves = (self._turbulent or self._kind == "gusts") and self._kind != "path"
         low = SLOWEST_TURBULENCE if moves else 0.0
         given = real_number(speed)
         if given is None:

@@ -13,6 +13,8 @@ from wt_gym.control.controllers import checked_demand, make_controller, readings
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.episode import episode_steps
+from wt_gym.envs.rewards import available_power
+from wt_gym.envs.running_record import rotor_wind
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.simulation import Recorder
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from wt_gym.analysis.replay import Replay
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.episode import Agent, EpisodeStep
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.simulation.channels import Signals
     from wt_gym.simulation.contract import TurbineSimulator
 
@@ -105,6 +108,7 @@ def play(
     plain = turbine_env_of(env)
     recorder, shapes = Recorder(plain.simulator), ReplayRecorder(round(replay / plain.control_dt))
     recorder.append(plain.signals)
+    asked = [_demanded_and_available(plain)]
     most = None if duration is None else round(duration / plain.control_dt)
     total, cost, terms = 0.0, 0.0, dict[str, float]()
     for count, step in enumerate(episode_steps(env, agent, observation), start=1):
@@ -114,6 +118,7 @@ def play(
             terms[name] = terms.get(name, 0.0) + value
         if not step.failed:
             recorder.append(plain.signals)
+            asked.append(_demanded_and_available(plain))
             if replay:
                 shapes.append(info["time"], plain.simulator.geometry())
         if on_step is not None:
@@ -121,9 +126,31 @@ def play(
         if count == most:
             break
     return Episode(
-        recorder.to_dataset(), float(info["time"]), info.get("termination", "time"), info.get("failure"), float(total),
-        terms, float(cost), shapes.to_replay(),
+        _with_demanded(recorder.to_dataset(), asked), float(info["time"]), info.get("termination", "time"),
+        info.get("failure"), float(total), terms, float(cost), shapes.to_replay(),
     )  # fmt: skip
+
+
+def _demanded_and_available(env: WindTurbineEnv) -> tuple[float, float] | None:
+    """Power that is asked for, and that the wind over the rotor allows [W]; None where nothing is asked for."""
+    reference, signals = env.operation.reference, env.signals
+    if reference is None:
+        return None
+    wind = rotor_wind(env.operation.wind.inflow, env.turbine, signals["yaw"], signals["time"])[0]
+    return reference.at(signals["time"]), available_power(env.turbine, max(float(wind), 0.0))
+
+
+def _with_demanded(data: xr.Dataset, asked: list[tuple[float, float] | None]) -> xr.Dataset:
+    """Signals with the channels "demanded_power" and "available_power", where something was asked for."""
+    if any(one is None for one in asked):
+        return data
+    columns = np.array(asked).T
+    texts = "power that is asked for", "power that the wind over the rotor allows, at most rated"
+    added = {
+        name: ("time", column, {"units": "W", "long_name": text})
+        for name, column, text in zip(("demanded_power", "available_power"), columns, texts, strict=True)
+    }
+    return data.assign(added)
 
 
 def run_controller(

@@ -7,6 +7,7 @@
 
 from wt_gym.wind.described import wind_from
 from wt_gym.wind.mirrored import MirroredInflow
+from wt_gym.wind.path import PathInflow
 from wt_gym.wind.protocol import Inflow
 from wt_gym.wind.series import SeriesInflow
 from wt_gym.wind.steady import SteadyInflow
@@ -18,6 +19,7 @@ from wt_gym.wind.turning import TurningInflow
 __all__ = [
     "Inflow",
     "MirroredInflow",
+    "PathInflow",
     "SeriesInflow",
     "SteadyInflow",
     "TransientInflow",

@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.control.controllers.controller import demanded_power_of
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -74,6 +76,7 @@ RECORDS = (
     Record((6, 7), "rad", "turbine", "least and greatest pitch"),
     Record((8, 9), "rad/s", "turbine", "least and greatest pitch rate"),
     Record((10,), "-", "turbine", "0: the pitch drives follow angles"),
+    Record((13,), "W", "simulation", "demanded power of a grid operator; 0 without one"),
     Record((14,), "W", "simulation", "shaft power"),
     Record((15,), "W", "simulation", "electrical power"),
     Record((16,), "N m s²/rad²", "turbine", "torque over the square of the generator speed below rated; 0 if unknown"),
@@ -171,6 +174,7 @@ def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:
     """
     for number, name in _SINGLE:
         swap[number - 1] = signals[name]
+    swap[13 - 1] = demanded_power_of(signals) or 0.0
     swap[14 - 1] = signals["shaft_torque"] * signals["rotor_speed"]
     yaw, fore_aft, side_side = (signals[name] for name in ("yaw", *_ACCELERATIONS))
     swap[53 - 1] = fore_aft * math.cos(yaw) - side_side * math.sin(yaw)

@@ -8,6 +8,7 @@ turbines; any other turbine gets an input file by `wt_gym.control.bladed.rosco_i
 from __future__ import annotations
 
 import importlib.util
+import math
 import re
 import sys
 import tempfile
@@ -17,16 +18,28 @@ from typing import TYPE_CHECKING
 
 from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.bladed.rosco_input import write_rosco_input
+from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from wt_gym.control.actions import Demand
+    from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
 __all__ = ["PARAMETERS", "RoscoController", "rosco_library", "tuned_input"]
 
+_FACTORS = {
+    "speed": ("Ind_R_Speed",),
+    "torque": ("Ind_R_Torque",),
+    "pitch": ("Ind_R_Pitch", "Ind_R_Torque"),
+}
+"""Columns of the open-loop file by the way of derating."""
+_COURSE, _STEP, _LONGEST = "demanded_power.dat", 0.01, 1e5
 LONGEST_INTERVAL = 0.0125
 """Longest time between calls [s], the step with which ROSCO is used in OpenFAST."""
 
@@ -36,6 +49,10 @@ PARAMETERS = (
         otherwise="the one that the package brings for the turbine, else one made from its data",
     ),
     Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
+    Parameter(
+        "derate", "-", "by what a demanded power is followed: ROSCO's factors on rated speed or torque, or on the "
+        "power at fine pitch and on rated torque", word="speed, torque or pitch", otherwise="nothing",
+    ),
     Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
 )  # fmt: skip
 """What can be chosen (`wt_gym.control.controllers.parameters`)."""
@@ -107,6 +124,9 @@ class RoscoController(BladedController):
         Longest time between calls [s].
     isolated : bool
         See `BladedController`.
+    derate : {"speed", "torque", "pitch"}, optional
+        By what a demanded power is followed: its whole course, as it is known at a start, goes into an open-loop file
+        of ROSCO's power reference control (PRC_Mode 2, PRC_Comm 1).
 
     Raises
     ------
@@ -114,6 +134,8 @@ class RoscoController(BladedController):
         If the package ``rosco`` is not installed.
     FileNotFoundError
         If there is no such input file.
+    ValueError
+        If the way is unknown.
     """
 
     def __init__(
@@ -123,7 +145,10 @@ class RoscoController(BladedController):
         *,
         interval: float | None = LONGEST_INTERVAL,
         isolated: bool = False,
+        derate: str | None = None,
     ):
+        if derate is not None and derate not in _FACTORS:
+            raise ValueError(f"derate of the controller 'rosco' must be among {', '.join(_FACTORS)}, got {derate!r}")
         library = rosco_library()
         folder = tempfile.TemporaryDirectory(prefix="wt_gym_rosco_")
         target = Path(folder.name) / "DISCON.IN"
@@ -137,6 +162,27 @@ class RoscoController(BladedController):
         super().__init__(turbine, library, target, interval=interval, isolated=isolated)
         self.input_folder = folder
         """Holds the input file as long as this controller or a copy of it lives."""
+        self._derate, self._plain_input = derate, target.read_text(encoding="utf-8")
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Load the library afresh, with the course of the demanded power in its files if it is to follow one."""
+        if self._derate is not None:
+            self._write_course(signals)
+        super().start(signals, demand)
+
+    def _write_course(self, signals: Readings) -> None:
+        """Write an input file with an open-loop file beside it, in a folder of this start: copies keep theirs."""
+        before = Path(self.input_file).parent
+        folder = tempfile.TemporaryDirectory(prefix="wt_gym_rosco_")
+        made = Path(folder.name)
+        for file in before.iterdir():
+            (made / file.name).write_bytes(file.read_bytes())
+        (made / _COURSE).write_text(_course(signals, self.turbine.drivetrain.rated_power), encoding="utf-8")
+        columns = {name: 2 for name in _FACTORS[self._derate or ""]}
+        values = {"PRC_Mode": 2, "PRC_Comm": 1, "OL_Mode": 1, "OL_Filename": f'"{made / _COURSE}"', "Ind_Breakpoint": 1}
+        text = with_values(self._plain_input, values | columns)
+        (made / "DISCON.IN").write_text(text, encoding="utf-8")
+        self.input_file, self.input_folder = str(made / "DISCON.IN"), folder
 
     @classmethod
     def of_turbine(  # type: ignore[override]  # its library is known
@@ -145,9 +191,41 @@ class RoscoController(BladedController):
         input_file: str | Path | None = None,
         interval: float | None = LONGEST_INTERVAL,
         isolated: bool = False,
+        derate: str | None = None,
     ) -> RoscoController:
         """Make one by name; parameters as of the class."""
-        return cls(turbine, input_file, interval=interval, isolated=isolated)
+        return cls(turbine, input_file, interval=interval, isolated=isolated, derate=derate)
+
+
+def _course(signals: Readings, rated_power: float) -> str:
+    """Rows of time since the start [s] and power over rated [-]."""
+    reference = getattr(signals, "reference", None)
+    if reference is None:
+        share = (demanded_power_of(signals) or rated_power) / rated_power
+        rows = [(0.0, share), (_LONGEST, share)]
+    else:
+        begin = signals["time"]
+        points = zip(reference.times, reference.powers, strict=True)
+        later = [(time - begin, power / rated_power) for time, power in points if time > begin]
+        rows = [(0.0, reference.at(begin) / rated_power), *later]
+        rows.append((max(_LONGEST, rows[-1][0] + 1.0), rows[-1][1]))
+    lines, last = ["! time  share", "! s  -"], -math.inf
+    for time, share in rows:
+        last = max(time, last + _STEP)  # interpolation wants times that rise
+        lines.append(f"{last:.4f} {min(max(share, 0.0), 1.0):.6f}")
+    return "\n".join(lines) + "\n"
+
+
+def with_values(text: str, values: Mapping[str, object]) -> str:
+    """Text of an input file with other values of some parameters; those that it does not have are added."""
+    left, lines = dict(values), []
+    for line in text.splitlines():
+        _, mark, comment = line.partition("!")
+        found = re.match(r"\s*(\w+)", comment)
+        if found is not None and found[1] in left:
+            line = f"{left.pop(found[1])} {mark}{comment}"
+        lines.append(line)
+    return "\n".join([*lines, *(f"{value} ! {name}" for name, value in left.items())]) + "\n"
 
 
 def quiet_input(source: Path) -> str:

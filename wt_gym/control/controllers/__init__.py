@@ -21,6 +21,7 @@ from wt_gym.control.controllers.controller import (
     Combined,
     Controller,
     Readings,
+    WithDemandedPower,
     WithLidar,
     checked_demand,
     lidar_of,
@@ -40,6 +41,7 @@ from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.names import Name, make_controller, name_and_parameters, parse_name
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.retuned import retuned_parameters
+from wt_gym.control.controllers.supervisor import STATES, Supervisor, SupervisorParameters, supervisor_of
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.wind_estimator import WindEstimator
@@ -52,6 +54,7 @@ __all__ = [
     "BASES",
     "COMPILED",
     "CONTROLLERS",
+    "STATES",
     "WRAPPERS",
     "AboveRated",
     "Addition",
@@ -72,9 +75,12 @@ __all__ = [
     "Readings",
     "RotorTable",
     "SideSideDamper",
+    "Supervisor",
+    "SupervisorParameters",
     "TsrTrackingController",
     "TsrTrackingParameters",
     "WindEstimator",
+    "WithDemandedPower",
     "WithLidar",
     "YawByDeadBand",
     "checked_demand",
@@ -91,6 +97,7 @@ __all__ = [
     "readings_of",
     "retuned_parameters",
     "rotor_table",
+    "supervisor_of",
     "to_harmonic",
 ]
 

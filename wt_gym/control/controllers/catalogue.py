@@ -19,7 +19,9 @@ from wt_gym.control.controllers import (
     lidar_feedforward,
     linear_optimal,
     own,
+    power_tracking,
     retuned,
+    supervisor,
     tower_dampers,
     tsr_tracking,
     yaw,
@@ -30,7 +32,9 @@ from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
 from wt_gym.control.controllers.own import own_controller, own_parameters
 from wt_gym.control.controllers.parameters import PATH, Parameter, with_defaults
+from wt_gym.control.controllers.power_tracking import PowerTracking, PowerTrackingLaw
 from wt_gym.control.controllers.retuned import retuned_controller
+from wt_gym.control.controllers.supervisor import Supervisor
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
@@ -109,6 +113,31 @@ def _lidar(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
     return LidarFeedforward.of_turbine(turbine, base, **parameters)  # type: ignore[arg-type]  # checked by the class
 
 
+def _supervisor(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """Start-up, shut-down, soft or hard cut-out and restart around a base (`supervisor`)."""
+    return Supervisor.of_turbine(turbine, base, **parameters)
+
+
+def _derate_speed(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """No more power than is demanded, by a lower rotor speed (`power_tracking`)."""
+    return PowerTracking.of_turbine(turbine, base, "speed", **parameters)
+
+
+def _derate_torque(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """No more power than is demanded, by a lower torque at rated speed (`power_tracking`)."""
+    return PowerTracking.of_turbine(turbine, base, "torque", **parameters)
+
+
+def _derate_pitch(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """No more power than is demanded, by a higher least pitch that keeps a reserve (`power_tracking`)."""
+    return PowerTracking.of_turbine(turbine, base, "pitch", **parameters)
+
+
+def _derate_kinetic(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
+    """The demanded power, by torque, with the rotor as a store where the wind is too weak (`power_tracking`)."""
+    return PowerTracking.of_turbine(turbine, base, "kinetic", **parameters)
+
+
 def _bladed(turbine: Turbine, library: str | None = None, **parameters: Any) -> Controller:
     """A compiled controller with the Bladed interface (`wt_gym.control.bladed`)."""
     if library is None:
@@ -139,8 +168,15 @@ ADDITIONS: dict[str, Callable[..., Addition]] = {
     "yaw": _yaw,
 }
 """What changes the demand of a controller."""
-WRAPPERS: dict[str, Callable[..., Controller]] = {"lidar": _lidar}
-"""What works on the inside of a base, before all additions."""
+WRAPPERS: dict[str, Callable[..., Controller]] = {
+    "derate_speed": _derate_speed,
+    "derate_torque": _derate_torque,
+    "derate_pitch": _derate_pitch,
+    "derate_kinetic": _derate_kinetic,
+    "lidar": _lidar,
+    "supervisor": _supervisor,
+}
+"""What works on a base before all additions, the first within the others."""
 SHORT_FOR = {
     "tower_dampers": ("fore_aft_damper", "side_side_damper"),
     "linear_optimal": ("side_side_damper", "linear_pitch"),
@@ -159,6 +195,11 @@ _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]
     "rosco": (rosco.PARAMETERS, (RoscoController.of_turbine,)),
     "bladed": (bladed.PARAMETERS, (_bladed, BladedController)),
     "lidar": (lidar_feedforward.PARAMETERS, (LidarFeedforward.of_turbine,)),
+    "supervisor": (supervisor.PARAMETERS, (Supervisor.of_turbine,)),
+    "derate_speed": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
+    "derate_torque": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
+    "derate_pitch": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
+    "derate_kinetic": (power_tracking.KINETIC_PARAMETERS, (PowerTracking.of_turbine, PowerTrackingLaw)),
     "ipc": (individual_pitch.PARAMETERS, (IndividualPitch.of_turbine,)),
     "ipc_2p": (individual_pitch.PARAMETERS, (_ipc_2p, IndividualPitch.of_turbine)),
     "constrained_ipc": (individual_pitch.PARAMETERS, (_constrained_ipc, IndividualPitch.of_turbine)),
@@ -255,7 +296,13 @@ def _parts(choice: str) -> tuple[str, ...]:
             f"controller {choice!r} must be one of {', '.join(BASES)} first, then additions "
             f"({', '.join((*WRAPPERS, *ADDITIONS))}), each once"
         )
-    return tuple(sorted(parts, key=lambda part: 0 if part in BASES else 1 if part in WRAPPERS else 2))
+    inside = list(WRAPPERS)
+    return tuple(
+        sorted(
+            parts,
+            key=lambda part: 0 if part in BASES else 1 + inside.index(part) if part in inside else 1 + len(inside),
+        )
+    )
 
 
 def catalogue_controller(choice: str, turbine: Turbine, parameters: dict[str, Any]) -> Controller:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
@@ -34,8 +35,10 @@ __all__ = [
     "Combined",
     "Controller",
     "Readings",
+    "WithDemandedPower",
     "WithLidar",
     "checked_demand",
+    "demanded_power_of",
     "is_addition",
     "is_controller",
     "lidar_of",
@@ -140,6 +143,33 @@ class WithLidar:
     def __getitem__(self, name: str) -> float:
         seen = self._seen.get(name)
         return self._signals[name] if seen is None else seen
+
+
+class WithDemandedPower:
+    """Readings, and the power that a grid operator asks for as ``demanded_power`` [W].
+
+    Attributes
+    ----------
+    reference : object
+        What gives the power at any time, for what can take it as a whole; None where only the present one is known.
+    """
+
+    __slots__ = ("_demanded", "_signals", "reference")
+
+    def __init__(self, signals: Readings, demanded: float, reference: object = None) -> None:
+        self._signals, self._demanded, self.reference = signals, demanded, reference
+
+    def __getitem__(self, name: str) -> float:
+        return self._demanded if name == "demanded_power" else self._signals[name]
+
+
+def demanded_power_of(signals: Readings) -> float | None:
+    """Power that a grid operator asks for [W]; None where nothing is asked for."""
+    if isinstance(signals, WithDemandedPower):
+        return signals["demanded_power"]
+    if isinstance(signals, Mapping) and "demanded_power" in signals:
+        return float(signals["demanded_power"])
+    return None
 
 
 def lidar_of(controller: Controller) -> Lidar | None:

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.control.controllers.controller import Readings
+    from wt_gym.control.controllers.speed_exclusion import SpeedExclusion
     from wt_gym.turbines import Turbine
 
 __all__ = ["PARAMETERS", "TsrTrackingController", "TsrTrackingParameters", "pitch_schedule"]
@@ -302,6 +303,8 @@ class TsrTrackingController:
     ----------
     wind : float
         Estimated rotor-effective wind behind the filter [m/s].
+    exclusion : SpeedExclusion or None
+        Speeds that the set point of the torque passes quickly.
     """
 
     def __init__(self, parameters: TsrTrackingParameters, estimator: WindEstimator):
@@ -311,6 +314,7 @@ class TsrTrackingController:
         self._speed = parameters.baseline.speed_filter()
         self._wind = LowPass(parameters.wind_time_constant)
         self._shift = LowPass(parameters.smoothing_time_constant)
+        self.exclusion: SpeedExclusion | None = None
         self._pitch = self._torque = self._pitch_integral = self._torque_integral = math.nan
 
     @property
@@ -344,7 +348,9 @@ class TsrTrackingController:
         self._wind.reset(self.estimator.start(signals))
         self._pitch, self._torque = float(np.mean(demand.pitch)), float(demand.generator_torque)
         self._shift.reset(self._wanted_shift(self._least_pitch()))
-        torque_error, pitch_error = self._errors()
+        if self.exclusion is not None:
+            self.exclusion.start()
+        torque_error, pitch_error = self._errors(0.0)
         self._torque_integral = self._torque - p.torque_gain * torque_error
         self._pitch_integral = p.baseline.pitch_law.holding(self._pitch, pitch_error)
 
@@ -355,7 +361,7 @@ class TsrTrackingController:
         self._wind.update(self.estimator.update(signals, dt), dt)
         least = self._least_pitch()
         self._shift.update(self._wanted_shift(least), dt)
-        torque_error, pitch_error = self._errors()
+        torque_error, pitch_error = self._errors(dt)
 
         highest = min(b.torque.rated_power / max(speed, 1e-3), self._most_torque(least), b.max_torque)
         integral = self._torque_integral + p.torque_integral_gain * torque_error * dt
@@ -386,11 +392,13 @@ class TsrTrackingController:
         pitched = (self._pitch - least) / p.constant_power_pitch
         return (1.0 + 0.1 * min(max(pitched, 0.0), 1.0)) * p.rated_torque
 
-    def _errors(self) -> tuple[float, float]:
-        """Generator speed errors of torque and pitch [rad/s]."""
+    def _errors(self, dt: float) -> tuple[float, float]:
+        """Generator speed errors of torque and pitch [rad/s], ``dt`` [s] after the last."""
         p, speed = self.parameters, self._speed.value
         shift = self._shift.value * p.rated_speed
         tracked = min(max(p.speed_per_wind * self.wind, p.min_speed), p.rated_speed)
+        if self.exclusion is not None:
+            tracked = self.exclusion.moved(tracked, dt)
         return speed - (tracked - max(shift, 0.0)), speed - (p.rated_speed - min(shift, 0.0))
 
     def _wanted_shift(self, least: float) -> float:

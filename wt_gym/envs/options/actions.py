@@ -26,15 +26,17 @@ class ActionOptions(OptionGroup):
         allowed='"cyclic" with mode "residual"; the latter two with three blades or more',
     )
     components: Sequence[str] | None = option(
-        'sequence of {"pitch", "yaw", "torque"}, optional',
-        "Components of the action, by default all that the turbine has",
+        'sequence of {"pitch", "yaw", "torque", "set_point"}, optional',
+        'Components of the action, by default the first three as far as there are any; "set_point" moves that of '
+        "a supervisor",
         default=None,
         flat="action_components",
     )
     spans: Mapping[str, float] | None = option(
         "mapping, optional",
         'Rates and limits other than the default ones: "pitch", "pitch_mean" [rad], "pitch_rate", "yaw_rate" [rad/s], '
-        '"torque" [N m], "torque_rate" [N m/s]; see `wt_gym.control.ActionMap`',
+        '"torque" [N m], "torque_rate" [N m/s], "set_point" [-], "set_point_rate" [1/s]; see '
+        "`wt_gym.control.ActionMap`",
         default=None,
         flat="action_spans",
         allowed="positive, rates at most those of the drives",

@@ -16,6 +16,7 @@ import gymnasium as gym
 from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
+from wt_gym.envs.options.grid import GridOptions
 from wt_gym.envs.options.group import Described, OptionGroup, described, option, option_group, plain_value, section
 from wt_gym.envs.options.limits import LimitOptions
 from wt_gym.envs.options.observations import ObservationOptions
@@ -61,6 +62,7 @@ GROUPS: dict[str, type[OptionGroup]] = {
         RewardOptions,
         LimitOptions,
         ControllerOptions,
+        GridOptions,
         Variation,
     )
 }
@@ -134,6 +136,7 @@ class EnvOptions(OptionGroup):
     rewards: RewardOptions = RewardOptions()
     limits: LimitOptions = LimitOptions()
     controller: ControllerOptions = ControllerOptions()
+    grid: GridOptions = GridOptions()
     variation: Variation = Variation()
 
     def check(self) -> None:

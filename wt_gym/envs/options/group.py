@@ -101,7 +101,10 @@ def section(entries: Iterable[tuple[str, str, str]], indent: str = "    ") -> st
     lines = []
     for name, kind, text in entries:
         inner = f"{indent}    "
-        lines += [f"{indent}{name} : {kind}", fill(text, 120, initial_indent=inner, subsequent_indent=inner)]
+        lines += [
+            f"{indent}{name} : {kind}",
+            fill(text, 120, initial_indent=inner, subsequent_indent=inner, break_on_hyphens=False),
+        ]
     return "\n".join(lines)
 
 

@@ -18,6 +18,7 @@ from wt_gym.wind.iec import reference_intensity
 __all__ = [
     "EVALUATION_WIND_SEEDS",
     "EXTREME",
+    "FASTEST_SWING",
     "FASTEST_WANDERING",
     "FASTEST_WIND",
     "GUSTS",
@@ -45,7 +46,7 @@ LARGEST_WIND_SEED = 2**63 - 1
 """Larger ones have no place in the integers of arrays and files."""
 
 EXTREME = ("extreme", "extreme-turbulent")
-KINDS = ("steady", "turbulent", "gusts", *EXTREME)
+KINDS = ("steady", "turbulent", "path", "gusts", *EXTREME)
 TRANSIENTS = ("EOG", "EDC", "ECD", "EWS")
 """Deterministic transients of IEC 61400-1, which the inflow "gusts" draws by default."""
 GUSTS = (*TRANSIENTS, "ETM")
@@ -59,13 +60,15 @@ NORMAL_SHEAR = 0.2
 """Exponent of IEC 61400-1 for normal conditions."""
 FASTEST_WIND = 50.0
 """Highest mean wind speed that can be asked for [m/s]: the reference speed of class I."""
+FASTEST_SWING = 30.0
+"""Shortest time in which the mean wind of a path goes through its range [s]."""
 SLOWEST_TURBULENCE = 0.5
 """Lowest mean wind speed of turbulence and gusts [m/s]: what is carried along does not pass in still air."""
 _ALLOWED = (
     f"{KINDS}, an Inflow, a file of wind ({', '.join(SUFFIXES)}), a mapping that describes a wind, several of these "
     "or a callable"
 )
-_MADE = "the inflows 'steady', 'turbulent' and 'gusts'"
+_MADE = "the inflows 'steady', 'turbulent', 'path' and 'gusts'"
 
 
 def is_wind_file(value: Any) -> bool:
@@ -112,20 +115,21 @@ class WindOptions(OptionGroup):
     title = "wind"
 
     inflow: str | os.PathLike[str] | Inflow | Mapping[str, Any] | Sequence[Any] | Callable[..., Any] = option(
-        '{"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, mapping, sequence, callable',
-        "Steady sheared wind, IEC turbulence, gusts of IEC 61400-1 (see ``gusts``), the IEC extreme wind model (EWM) "
-        "steady or turbulent, for a parked turbine, or inflows of your own: one, several to draw from, or a function "
-        "of a random generator. Files of wind are paths, or mappings with options (``docs/wind.md``): TurbSim's .bts, "
-        "series in .csv, .wnd and .hh, boxes of HAWC2 and hipersim. The time in a box at which an episode begins is "
-        "drawn, in a record that is not periodic so that the episode is over before the record is; a series is met "
-        "from its beginning. The mean speed of an own inflow must hold at the hub: another height, by more than 1 %, "
-        "is a warning",
+        '{"steady", "turbulent", "path", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, mapping, sequence, '
+        "callable",
+        "Steady sheared wind, IEC turbulence, turbulence whose mean speed rises and falls along a path, gusts of "
+        "IEC 61400-1 (see ``gusts``), the IEC extreme wind model (EWM) steady or turbulent, for a parked turbine, "
+        "or inflows of your own: one, several to draw from, or a function of a random generator. Files of wind are "
+        "paths, or mappings with options (``docs/wind.md``): TurbSim's .bts, series in .csv, .wnd and .hh, boxes of "
+        "HAWC2 and hipersim. The time in a box at which an episode begins is drawn, in a record that is not "
+        "periodic so that the episode is over before the record is; a series is met from its beginning. The mean "
+        "speed of an own inflow must hold at the hub: another height, by more than 1 %, is a warning",
         default="steady",
     )
     speed: float | Sequence[float] | None = option(
         "float or (float, float)",
-        "Mean wind speed at hub height, or the range from which it is drawn uniformly at each reset; extreme winds "
-        "have that of the turbine's class, own inflows their own",
+        "Mean wind speed at hub height, or the range from which it is drawn uniformly at each reset; of a path that in "
+        "which it rises and falls; extreme winds have that of the turbine's class, own inflows their own",
         default=(6.0, 18.0),
         flat="wind_speed",
         unit="m/s",
@@ -163,6 +167,14 @@ class WindOptions(OptionGroup):
         flat="wind_wander",
         unit="rad, s",
         allowed=f"0 to pi, at least {FASTEST_WANDERING:g}",
+    )
+    swing: Sequence[float] = option(
+        "(float, float)",
+        "Shortest and longest time in which the mean speed of a path rises or falls through its whole range",
+        default=(200.0, 400.0),
+        flat="wind_swing",
+        unit="s",
+        allowed=f"at least {FASTEST_SWING:g}",
     )
     turbulence_model: str = option(
         '{"NTM", "ETM"}', 'Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``', default="NTM"
@@ -212,7 +224,9 @@ class WindOptions(OptionGroup):
         """Whether some of them are turbulence that is made by the environment."""
         if not isinstance(self.inflow, str):
             return False
-        return self.inflow in ("turbulent", "extreme-turbulent") or (self.inflow == "gusts" and "ETM" in self.gusts)
+        return self.inflow in ("turbulent", "path", "extreme-turbulent") or (
+            self.inflow == "gusts" and "ETM" in self.gusts
+        )
 
     def check(self) -> None:
         """Refuse what has no meaning, and what the kind of wind would ignore.
@@ -232,6 +246,7 @@ class WindOptions(OptionGroup):
         if not self.seeds:
             raise InflowError("wind_seeds must name at least one seed")
         self._check_gusts()
+        self._check_swing()
         self._check_turbulence()
         if self.made_here and not self.extreme:
             self._check_speed()
@@ -283,14 +298,23 @@ class WindOptions(OptionGroup):
             raise InflowError(f"gusts={names} belongs to inflow='gusts'")
         self._set("gusts", names)
 
+    def _check_swing(self) -> None:
+        given = real_numbers(self.swing)
+        if len(given) != 2 or not FASTEST_SWING <= given[0] <= given[1] < np.inf:
+            raise InflowError(
+                f"wind_swing must be two times (shortest, longest) of at least {FASTEST_SWING:g} s, got {self.swing!r}"
+            )
+
     def _check_turbulence(self) -> None:
         if self.turbulence_model not in TURBULENCE_MODELS:
             raise InflowError(
                 f"turbulence_model must be one of {TURBULENCE_MODELS}, got {self.turbulence_model!r}"
                 f"{did_you_mean(self.turbulence_model, TURBULENCE_MODELS)}"
             )
-        if self.turbulence_model != "NTM" and not (isinstance(self.inflow, str) and self.inflow == "turbulent"):
-            raise InflowError(f"turbulence_model={self.turbulence_model!r} belongs to inflow='turbulent'")
+        if self.turbulence_model != "NTM" and self.inflow not in ("turbulent", "path"):
+            raise InflowError(
+                f"turbulence_model={self.turbulence_model!r} belongs to the inflows 'turbulent' and 'path'"
+            )
         if isinstance(self.return_period, bool):
             raise InflowError(f"return_period must be 1 or 50 years, got {self.return_period!r}")
         if self.turbulence not in TURBULENCE:

@@ -9,6 +9,7 @@ x = 1. Any callable with a ``name``, a ``weight`` and the same signature joins i
 
 from wt_gym.envs.rewards.compose import DEFAULT_WEIGHTS, compose, reset, total, worst_rate
 from wt_gym.envs.rewards.damage import Damage, Load
+from wt_gym.envs.rewards.extremes import ExtremeLoads
 from wt_gym.envs.rewards.fatigue import AVERAGED, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.rewards.function import FunctionTerm
 from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
@@ -16,6 +17,7 @@ from wt_gym.envs.rewards.operation import ActuatorUse, Overspeed
 from wt_gym.envs.rewards.power import Power, available_power
 from wt_gym.envs.rewards.rainflow_counter import RainflowCounter
 from wt_gym.envs.rewards.term import RewardTerm, Transition
+from wt_gym.envs.rewards.tracking import PowerTracking
 
 __all__ = [
     "AVERAGED",
@@ -23,10 +25,12 @@ __all__ = [
     "ActuatorUse",
     "BladeFatigue",
     "Damage",
+    "ExtremeLoads",
     "FunctionTerm",
     "Load",
     "Overspeed",
     "Power",
+    "PowerTracking",
     "RainflowCounter",
     "RewardTerm",
     "TipDeflection",

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wt_gym.envs.arguments import check_mapping, check_number, shown
 from wt_gym.envs.rewards.damage import Damage
+from wt_gym.envs.rewards.extremes import ExtremeLoads
 from wt_gym.envs.rewards.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.rewards.function import FunctionTerm
 from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
 from wt_gym.envs.rewards.operation import ActuatorUse, Overspeed
 from wt_gym.envs.rewards.power import Power
+from wt_gym.envs.rewards.tracking import PowerTracking
 from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -34,7 +36,9 @@ _CLASSES = (
     Overspeed,
     TipDeflection,
     TowerLoad,
+    ExtremeLoads,
     Damage,
+    PowerTracking,
 )
 _TERMS = {term.name: type(term) for term in (cls() for cls in _CLASSES)}
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["Power", "available_power"]
+__all__ = ["Power", "available_power", "efficiency"]
 
 _RINGS = np.sqrt([0.25, 0.75])
 _AZIMUTHS = 2.0 * np.pi * np.arange(6) / 6
@@ -37,7 +37,7 @@ def available_power(turbine: Turbine, wind_speed: float) -> float:
     return min(turbine.drivetrain.rated_power, _power_factor(turbine) * wind_speed**3)
 
 
-def _efficiency(turbine: Turbine) -> float:
+def efficiency(turbine: Turbine) -> float:
     """Electrical power over power on the low-speed shaft [-]."""
     return turbine.drivetrain.gearbox_efficiency * turbine.drivetrain.generator_efficiency
 
@@ -46,7 +46,7 @@ def _power_factor(turbine: Turbine) -> float:
     """Electrical power over cubed wind speed at the design point [W/(m/s)^3]."""
     radius = turbine.rotor_diameter / 2 * math.cos(turbine.hub.cone)
     area = math.pi * radius**2
-    return 0.5 * turbine.air_density * area * design_point(turbine).peak_power_coefficient * _efficiency(turbine)
+    return 0.5 * turbine.air_density * area * design_point(turbine).peak_power_coefficient * efficiency(turbine)
 
 
 class Power:
@@ -89,7 +89,7 @@ class Power:
         drivetrain = turbine.drivetrain
         self._started, self._wind_speed = True, math.nan
         self._rated_power, self._rated_speed = drivetrain.rated_power, drivetrain.rated_rotor_speed
-        self._half_inertia = 0.5 * rotor_inertia(turbine) * _efficiency(turbine)
+        self._half_inertia = 0.5 * rotor_inertia(turbine) * efficiency(turbine)
         self._power_factor = _power_factor(turbine)
         disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
         ring = turbine.rotor_diameter / 2 * _RINGS

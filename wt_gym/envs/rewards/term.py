@@ -31,6 +31,8 @@ class Transition:
         The undisturbed wind of the episode.
     action : numpy.ndarray, shape (n_act,), optional
         The validated action that led here.
+    demanded_power : float, optional
+        That a grid operator asks for at the end of the step [W].
     """
 
     turbine: Turbine
@@ -39,6 +41,7 @@ class Transition:
     dt: float
     inflow: Inflow | None = None
     action: np.ndarray | None = None
+    demanded_power: float | None = None
 
 
 class RewardTerm(Protocol):

@@ -1,0 +1,201 @@
+"""The environment with a power reference: what it pays, what an optimizer could try, and that nothing is lost."""
+
+import itertools
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from scripted_simulator import ScriptedSimulator, scripted_signals, use
+
+from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.envs import rewards
+from wt_gym.envs.power_reference import AHEAD
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.runs.playing import play
+from wt_gym.tasks import TASKS
+from wt_gym.turbines import load_turbine
+
+TURBINE = load_turbine("nrel_5mw")
+RATED = TURBINE.drivetrain.rated_rotor_speed
+P, DT = TURBINE.drivetrain.rated_power, 0.1
+HALF = 0.5 * rotor_inertia(TURBINE) * TURBINE.drivetrain.gearbox_efficiency * TURBINE.drivetrain.generator_efficiency
+TRACKED = {
+    "inflow": "steady", "wind_speed": 15.0, "action_mode": "residual", "action_components": ("pitch", "torque"),
+    "controller": "discon+derate_torque", "control_dt": DT, "reward": {"power": 0.0, "power_tracking": 0.5},
+}  # fmt: skip
+
+
+def paid(powers, demanded, speeds=None):
+    """Return of a course of powers [W] and rotor speeds over rated, the starting ones first."""
+    speeds = np.full(len(powers), RATED) if speeds is None else RATED * np.asarray(speeds)
+    samples = [
+        scripted_signals({"time": k * DT, "generator_power": power, "rotor_speed": speed})
+        for k, (power, speed) in enumerate(zip(powers, speeds, strict=True))
+    ]
+    demanded = np.broadcast_to(demanded, len(powers))
+    term = rewards.PowerTracking(1.0)
+    rewards.reset([term], TURBINE, samples[0])
+    steps = zip(itertools.pairwise(samples), demanded[1:].tolist(), strict=True)
+    return DT * sum(
+        term(rewards.Transition(TURBINE, before, after, DT, demanded_power=asked)) for (before, after), asked in steps
+    )
+
+
+def speed_with(energy):
+    """Rotor speed over rated with so much energy [J] more than at rated speed."""
+    return math.sqrt(1.0 + energy / (HALF * RATED**2))
+
+
+# ---- what is paid ----
+
+
+def test_errors_cost_alike_above_and_below_and_grow_evenly_beyond_the_scale():
+    assert paid([P, P], P) == 0.0
+    above, below = paid([1.02 * P, 1.02 * P], P), paid([0.98 * P, 0.98 * P], P)
+    assert above == pytest.approx(below)
+    assert above < 0.0
+    rates = [-paid([P - e * P] * 2, P) / DT for e in (0.005, 0.01, 0.4, 0.5)]
+    assert rates[1] == pytest.approx(4.0 * rates[0], rel=0.02)
+    assert rates[3] - rates[2] == pytest.approx(0.1 / 0.05, rel=0.01)
+    term = rewards.PowerTracking(1.0)
+    assert -rates[3] > term.worst_rate
+    still = scripted_signals({"generator_power": P})
+    with pytest.raises(ValueError, match="needs a power_reference"):
+        term(rewards.Transition(TURBINE, still, still, DT))
+
+
+# ---- what an optimizer could try ----
+
+
+def test_holding_low_power_in_a_lull_costs_as_much_as_anywhere():
+    """Available is 3.5 MW of 4.5: making 3 MW, to have energy for later, loses more than it then saves."""
+    lull = [3.5e6] * 101
+    rest = [4.5e6] * 101
+    honest = paid(lull + rest, 4.5e6)
+    saved = paid([3.0e6] * 101 + rest, 4.5e6)
+    later = paid([3.0e6] * 101 + [4.5e6] * 51 + [4.9e6] * 50, 4.5e6)
+    assert saved < honest
+    assert later < saved  # making it up for the energy costs once more
+    deficits = paid([3.3e6, 3.7e6] * 50 + [3.3e6], 4.5e6)
+    assert deficits == pytest.approx(paid([3.5e6] * 101, 4.5e6), rel=0.02)  # nothing is won by shifting energy
+
+
+def test_torque_that_swings_about_the_reference_costs():
+    swinging = [4.5e6 + 1e5 * (-1) ** k for k in range(100)]
+    assert paid(swinging, 4.5e6) < -0.05 * DT * 100
+    assert np.mean(swinging) == 4.5e6
+
+
+def test_a_rotor_that_is_run_down_at_the_end_pays_more_than_it_saved():
+    """The last 10 s: a deficit of 0.5 MW, or the same energy out of the rotor."""
+    drained = [speed_with(-0.5e6 * DT * k) for k in range(101)]
+    kept = paid([4.0e6] * 101, 4.5e6)
+    assert paid([4.5e6] * 101, 4.5e6, drained) < kept < 0.0
+    returned = drained + drained[::-1]
+    assert paid([4.5e6] * 202, 4.5e6, returned) == pytest.approx(0.0, abs=1e-9)  # as a store it is free
+
+
+def test_a_rotor_that_is_run_up_before_the_end_earns_nothing():
+    faster = [speed_with(0.3e6 * DT * k) for k in range(101)]
+    assert paid([4.5e6] * 101, 4.5e6, faster) == 0.0
+    below = [0.9 * speed for speed in faster]  # the store counts up to where the episode began
+    assert paid([4.5e6] * 101, 4.5e6, below) == 0.0
+    up_and_down = [0.9, 1.0, 0.9, 0.8]
+    lost = HALF * RATED**2 * (0.9**2 - 0.8**2)
+    assert paid([4.5e6] * 4, 4.5e6, up_and_down) == pytest.approx(-1.1 * lost / (0.05 * P))
+
+
+# ---- the environment ----
+
+
+def test_the_reference_is_observed_and_told(monkeypatch):
+    use(monkeypatch, ScriptedSimulator)
+    rows = [[0.0, 4e6], [2.0, 4e6], [2.0, 4.4e6], [12.0, 3.4e6]]
+    env = WindTurbineEnv(**TRACKED, power_reference=rows, observation=("power_reference", "power_forecast"))
+    names = env.observation_names.tolist()
+    assert names == [
+        "demanded_power", "power_error", "power_headroom", "rotor_energy",
+        *(f"demanded_power_in_{t:g}_s" for t in AHEAD),
+    ]  # fmt: skip
+    observation, info = env.reset(seed=0)
+    value = env.layout.observation.value
+    assert info["demanded_power"] == 4e6
+    ahead = [value(observation, name) for name in names if name.startswith("demanded_power")]
+    np.testing.assert_allclose(ahead, [4e6, 4.4e6, 4.1e6, 3.6e6], rtol=1e-5)
+    assert value(observation, "power_error") == pytest.approx(info["generator_power"] - 4e6, abs=1.0)
+    assert value(observation, "rotor_energy") == pytest.approx(
+        0.5 * rotor_inertia(TURBINE) * info["rotor_speed"] ** 2, rel=1e-5
+    )
+    for _ in range(25):
+        observation, _, _, _, info = env.step([0.0, 0.0])
+    assert info["demanded_power"] == pytest.approx(4.4e6 - 0.05e6)
+    assert info["generator_power"] == pytest.approx(info["demanded_power"], rel=0.02)  # the controller reads it
+    _, info = env.reset(seed=0, options={"power_reference": [[0.0, 3e6]]})
+    assert info["demanded_power"] == 3e6
+
+
+def test_what_needs_a_reference_says_so(monkeypatch):
+    use(monkeypatch, ScriptedSimulator)
+    plain = TRACKED | {"reward": None}
+    with pytest.raises(
+        ValueError, match=r"\['power_reference'\] must be left out: with this action, base controller or"
+    ):
+        WindTurbineEnv(**plain, observation=("power_reference",))
+    with pytest.raises(ValueError, match="power_tracking needs a power_reference"):
+        WindTurbineEnv(**TRACKED).reset(seed=0)
+    with pytest.raises(ValueError, match="power_reference must be left out of a reset"):
+        WindTurbineEnv(**plain).reset(seed=0, options={"power_reference": "steps"})
+    env = WindTurbineEnv(**plain)
+    env.reset(seed=0)
+    assert "demanded_power" not in env.step([0.0, 0.0])[4]
+
+
+def test_seeds_repeat_the_reference_and_the_twin_has_it(monkeypatch):
+    use(monkeypatch, ScriptedSimulator)
+    env = WindTurbineEnv(**TRACKED, power_reference="steps", relative_reward=True, starts=4)
+    courses = []
+    for number in (0, 1, 0):
+        env.reset(seed=number, options={"start_number": number})
+        courses.append(env.operation.reference)
+        assert all(env.step([0.0, 0.0])[1] == 0.0 for _ in range(30))  # as the controller alone, bit for bit
+    assert courses[0] == courses[2] != courses[1]
+
+
+def test_snapshots_and_vectors_go_on_alike():
+    given = TRACKED | {"power_reference": ("steps", "regulation"), "observation": ("power", "power_reference")}
+    env = WindTurbineEnv(**given)
+    env.reset(seed=3)
+    kept, reference = env.snapshot(), env.operation.reference
+    course = [env.step([0.2, -0.1])[:2] for _ in range(20)]
+    env.reset(seed=4)
+    env.restore(kept)
+    assert env.operation.reference == reference
+    again = [env.step([0.2, -0.1])[:2] for _ in range(20)]
+    assert all(np.array_equal(a[0], b[0]) and a[1] == b[1] for a, b in zip(course, again, strict=True))
+    several = gym.make_vec("wt_gym/NREL5MW-Steady-v1", num_envs=2, **given)
+    several.reset(seed=[3, 4])
+    observations = [several.step(np.full((2, 2), [0.2, -0.1]))[0] for _ in range(20)]
+    assert np.array_equal([row[0] for row in observations], [row for row, _ in course])
+    several.close()
+
+
+def test_runs_have_the_demanded_and_the_available_power():
+    env = WindTurbineEnv(**TRACKED, power_reference=[[0.0, 4e6], [1.0, 4.5e6]])
+
+    class Nobody:
+        def predict(self, observation, **_):
+            return np.zeros(2), None
+
+    run = play(env, Nobody(), seed=0, options={}, duration=2.0).data
+    np.testing.assert_allclose(run["demanded_power"].values[[0, 5, 20]], [4e6, 4.25e6, 4.5e6])
+    assert (run["available_power"].values == P).all()
+    assert run["demanded_power"].attrs["units"] == "W"
+
+
+def test_the_task_asks_for_every_kind():
+    env = gym.make(TASKS["PowerTracking"].ids[-1], start="steady", relative_reward=False).unwrapped
+    kinds = set()
+    for number in range(24):
+        kinds.add(env._starts.draw(np.random.default_rng(number), None, 60.0).reference.kind)
+    assert kinds == {"reserve", "steps", "ramps", "regulation"}

@@ -1,0 +1,251 @@
+"""Supervisory control: its states, set points and what it hands to the base controller, on a rotor of a few lines."""
+
+import copy
+import math
+
+import numpy as np
+import pytest
+
+from wt_gym.control import Demand
+from wt_gym.control.controllers import (
+    STATES,
+    Combined,
+    DisconController,
+    Supervisor,
+    make_controller,
+    supervisor_of,
+)
+from wt_gym.control.controllers.speed_exclusion import SpeedExclusion, resonant_speed
+from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.rotor_table import rotor_table
+from wt_gym.errors import ControllerError
+from wt_gym.turbines import load_turbine
+
+DT = 0.1
+TURBINE = load_turbine("nrel_5mw")
+RATED = TURBINE.drivetrain.rated_rotor_speed
+GEAR = TURBINE.drivetrain.gear_ratio
+
+
+def readings(wind, speed, pitch=0.0, torque=0.0):
+    """Signals that the controllers read."""
+    values = {"wind_x": wind, "wind_y": 0.0, "rotor_speed": speed, "generator_speed": GEAR * speed,
+              "generator_torque": torque} | {f"pitch_{b}": pitch for b in (1, 2, 3)}  # fmt: skip
+    return values
+
+
+class Rotor:
+    """A rotor with the coefficients of the turbine's table, and where those end that of a section at 70 % radius."""
+
+    def __init__(self, controller, wind, speed=0.0, pitch=0.5 * math.pi, torque=0.0):
+        self.table, self.inertia = rotor_table(TURBINE), rotor_inertia(TURBINE)
+        self.controller, self.speed, self.pitch, self.torque, self.energy = controller, speed, pitch, torque, 0.0
+        self.states, self.fastest = [], speed
+        controller.start(readings(wind, speed, pitch, torque), Demand(np.full(3, pitch), 0.0, torque))
+
+    def air(self, v):
+        """Moment of the air [N m]."""
+        around = 44.0 * self.speed
+        if self.pitch <= self.table.pitch[-1] and around > 1.5 * v:
+            return self.table.torque(v, self.speed, self.pitch)
+        inflow = math.atan2(v, around)
+        attack = inflow - self.pitch
+        lift = 2.0 * math.pi * math.sin(attack) if abs(attack) < 0.2 else math.sin(2.0 * attack)
+        drag = 0.01 + 1.3 * math.sin(attack) ** 2
+        force = lift * math.sin(inflow) - drag * math.cos(inflow)
+        return 0.5 * 1.225 * 3.0 * 3.5 * 40.0 * 44.0 * (v * v + around * around) * force
+
+    def run(self, seconds, wind):
+        """Time in a wind, a number or a function of the time since the start of the run."""
+        for k in range(round(seconds / DT)):
+            v = wind(k * DT) if callable(wind) else wind
+            demand = self.controller.step(readings(v, self.speed, self.pitch, self.torque), DT)
+            self.pitch, self.torque = float(demand.pitch[0]), demand.generator_torque
+            air = self.air(v)
+            self.speed = max(self.speed + DT * (air - GEAR * self.torque) / self.inertia, 0.0)
+            self.energy += DT * self.torque * GEAR * self.speed
+            self.fastest = max(self.fastest, self.speed)
+            state = supervisor_of(self.controller).state
+            if not self.states or self.states[-1] != state:
+                self.states.append(state)
+        return self
+
+
+def supervised(name="discon+supervisor", **parameters):
+    return make_controller(name, TURBINE, **({"averaging": 20.0} | parameters))
+
+
+def test_production_at_rated_is_the_base_controller_bit_for_bit():
+    base, controller = DisconController(), supervised()
+    demand = Demand(np.full(3, 0.2), 0.0, 4e4)
+    for one in (base, controller):
+        one.start(readings(16.0, RATED, 0.2, 4e4), demand)
+    for k in range(300):
+        read = readings(16.0 + math.sin(0.1 * k), RATED * (1.0 + 0.05 * math.sin(0.07 * k)), 0.2, 4e4)
+        one, other = base.step(read, DT), controller.step(read, DT)
+        assert np.array_equal(one.pitch, other.pitch)
+        assert one.generator_torque == other.generator_torque
+    assert controller.state == "production"
+
+
+@pytest.mark.parametrize("wind", [5.0, 8.0, 14.0, 22.0])
+def test_a_start_goes_from_feather_to_the_power_of_the_base(wind):
+    rotor = Rotor(supervised(), wind).run(240.0, wind)
+    assert rotor.states == ["start_up", "production"]
+    assert rotor.torque * GEAR * rotor.speed > (0.9 if wind > 12.0 else 0.2 * (wind / 12.0) ** 3) * 5e6
+    assert rotor.fastest < 1.1 * RATED
+
+
+def test_a_start_holds_the_speed_on_its_ramp():
+    """In strong wind the rotor would spin up within seconds; it takes the time of the ramp."""
+    controller = supervised(run_up=80.0)
+    rotor, controller_ramp = Rotor(controller, 18.0), []
+    for _ in range(400):
+        rotor.run(DT, 18.0)
+        if controller.state == "start_up":
+            controller_ramp.append(rotor.speed / RATED - controller._ramp)
+    assert max(controller_ramp) < 0.12
+
+
+def test_a_calm_stops_the_turbine_and_a_wind_starts_it_again():
+    rotor = Rotor(supervised(), 8.0, 0.75 * RATED, 0.0, 2e4).run(60.0, 8.0)
+    rotor.run(300.0, lambda t: max(8.0 - 0.1 * t, 1.0))
+    assert rotor.states == ["production", "shut_down", "parked"]
+    assert rotor.speed < 0.1 * RATED
+    assert rotor.torque == 0.0
+    assert rotor.pitch == pytest.approx(0.5 * math.pi)
+    rotor.run(300.0, 7.0)
+    assert rotor.states[3:] == ["start_up", "production"]
+
+
+def test_a_storm_holds_the_turbine_back_then_stops_it_and_hysteresis_keeps_it():
+    rotor = Rotor(supervised(), 20.0, RATED, 0.3, 4e4).run(20.0, 20.0)
+    rotor.run(180.0, lambda t: min(20.0 + 0.1 * t, 27.0))
+    supervisor = supervisor_of(rotor.controller)
+    share, power = supervisor.parameters.set_points(27.0)
+    assert rotor.states == ["production", "soft_cut_out"]
+    assert rotor.speed / RATED == pytest.approx(share, rel=0.02)
+    assert rotor.torque * GEAR * rotor.speed / 5.297e6 == pytest.approx(power, rel=0.03)
+    rotor.run(120.0, lambda t: min(27.0 + 0.1 * t, 32.0))
+    assert rotor.states[2:] == ["shut_down", "parked"]
+    assert rotor.fastest < 1.15 * RATED
+    rotor.run(120.0, 28.5)  # below cut-out, above the wind of a restart
+    assert rotor.states[-1] == "parked"
+    rotor.run(300.0, 24.0)
+    assert rotor.states[4:] == ["start_up", "production", "soft_cut_out"] or rotor.states[4:] == [
+        "start_up", "soft_cut_out"
+    ]  # fmt: skip
+
+
+def test_a_hard_cut_out_never_holds_back():
+    controller = supervised(cut_out=25.0, least_speed=1.0, least_power=1.0)
+    rotor = Rotor(controller, 20.0, RATED, 0.3, 4e4).run(60.0, 24.5)
+    assert rotor.states == ["production"]
+    rotor.run(60.0, 26.0)
+    assert rotor.states == ["production", "shut_down", "parked"]
+
+
+def test_a_gust_and_an_overspeed_stop_at_once():
+    controller = supervised(averaging=600.0)
+    rotor = Rotor(controller, 18.0, RATED, 0.25, 4e4).run(5.0, 18.0)
+    rotor.run(15.0, 48.0)
+    assert "shut_down" in rotor.states
+    controller = supervised(averaging=600.0)
+    rotor = Rotor(controller, 14.0, 1.21 * RATED, 0.2, 4e4).run(DT, 14.0)
+    assert rotor.states == ["shut_down"]
+
+
+def test_torque_of_a_shut_down_falls_with_the_square_of_the_speed():
+    controller = supervised()
+    rotor = Rotor(controller, 14.0, 1.21 * RATED, 0.2, 4e4).run(DT, 14.0)
+    speed, torque = rotor.speed, rotor.torque
+    while rotor.speed > 0.7 * RATED:
+        rotor.run(DT, 14.0)
+    read_at = rotor.controller._first_speed * RATED
+    assert rotor.torque / torque == pytest.approx((read_at / speed) ** 2, rel=0.05)
+    rotor.run(20.0, 14.0)
+    assert rotor.torque == 0.0
+
+
+def test_an_agent_moves_the_set_point_within_its_limits():
+    controller = supervised()
+    rotor = Rotor(controller, 18.0, RATED, 0.25, 4e4).run(10.0, 18.0)
+    controller.asked = -0.2
+    rotor.run(60.0, 18.0)
+    assert rotor.speed / RATED == pytest.approx(0.8, rel=0.02)
+    assert rotor.torque * GEAR * rotor.speed == pytest.approx(0.8 * 5.297e6, rel=0.03)
+    controller.asked = 0.3
+    rotor.run(60.0, 18.0)
+    assert controller.set_point == 1.0
+    controller.asked = -5.0
+    rotor.run(60.0, 18.0)
+    assert controller.set_point == pytest.approx(controller.parameters.cut_in_speed)
+
+
+def test_a_copy_goes_on_identically():
+    rotor = Rotor(supervised("tsr_tracking+supervisor"), 9.0).run(50.0, 9.0)
+    other = copy.deepcopy(rotor)
+    rotor.run(60.0, lambda t: 9.0 + math.sin(t))
+    other.run(60.0, lambda t: 9.0 + math.sin(t))
+    assert (rotor.speed, rotor.pitch, rotor.torque, rotor.states) == (
+        other.speed, other.pitch, other.torque, other.states
+    )  # fmt: skip
+
+
+def test_its_place_is_around_the_base_and_before_the_additions():
+    controller = supervised("discon+ipc+supervisor+lidar")
+    assert isinstance(controller, Combined)
+    assert isinstance(controller.base, Supervisor)
+    assert controller.lidar is controller.base.base.lidar is not None
+    assert supervisor_of(controller) is controller.base
+    assert supervisor_of(make_controller("ipc", TURBINE)) is None
+    assert set(STATES) == {"parked", "start_up", "production", "soft_cut_out", "shut_down"}
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "error", "message"),
+    [
+        ("rosco+supervisor", {}, TypeError, "whose pitch can be shifted"),
+        ("discon+supervisor", {"cut_out": 5.0}, ControllerError, "cut-in < restart"),
+        ("discon+supervisor", {"least_power": 0.9}, ControllerError, "least_power must be at most"),
+        ("discon+supervisor", {"resonance": 0.1}, ValueError, "tracks the tip-speed ratio"),
+        ("discon+supervisor", {"overspeed": 0.9}, ValueError, "above 1"),
+    ],
+)
+def test_what_does_not_fit_is_refused(name, parameters, error, message):
+    if name.startswith("rosco"):
+        pytest.importorskip("rosco")
+    with pytest.raises(error, match=message):
+        supervised(name, **parameters)
+
+
+def test_resonant_speeds_are_within_the_range_of_the_large_turbines_alone():
+    assert resonant_speed(TURBINE) is not None  # 6.7 rpm, just below the least speed of 6.9
+    large = load_turbine("iea_22mw")
+    speed = resonant_speed(large)
+    assert large.drivetrain.min_rotor_speed < speed < large.drivetrain.rated_rotor_speed
+    with pytest.raises(ValueError, match="resonance must be 0 for"):
+        SpeedExclusion.of_turbine(load_turbine("nrel_5mw_monopile"), 0.1)
+
+
+def test_a_set_point_waits_at_the_ends_of_the_band_and_crosses_it_quickly():
+    band = SpeedExclusion(4.0, 5.0, 0.5)
+    assert [band.moved(w, DT) for w in (3.0, 3.9, 4.2, 4.8, 4.99)] == [3.0, 3.9, 4.0, 4.0, 4.0]
+    path = [band.moved(5.1, DT) for _ in range(30)]
+    assert path[0] == pytest.approx(4.05)
+    assert path[-1] == pytest.approx(5.1)
+    assert np.diff(path).max() <= 0.05 + 1e-12
+    assert [band.moved(w, DT) for w in (4.9, 4.5, 4.01)][-1] == pytest.approx(5.0, abs=0.11)
+    for _ in range(40):
+        last = band.moved(3.5, DT)
+    assert last == 3.5
+    above = SpeedExclusion(4.0, 5.0, 0.5, least=4.5)  # nothing below the band to wait at
+    assert above.moved(4.6, DT) == 5.0
+
+
+def test_the_supervisor_of_a_tracking_base_avoids_the_band():
+    large = load_turbine("iea_22mw")
+    controller = make_controller("discon+supervisor", large, resonance=0.08)
+    band = controller.base.exclusion
+    assert band.low < resonant_speed(large) * large.drivetrain.gear_ratio < band.high
+    assert make_controller("discon+supervisor", large).base.exclusion is None

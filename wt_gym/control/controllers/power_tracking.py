@@ -1,0 +1,284 @@
+"""Controllers that make no more power than a grid operator asks for, and as nearly as much as wind and rotor allow.
+
+All stand on the law of the NREL 5-MW's controller (`wt_gym.control.controllers.discon`): filtered generator speed w,
+torque curve M(w), pitch law on the speed error. The power that is asked for, over generator efficiency, is the power P
+on the shaft of the generator; R is P over rated power, within ``least_share`` and 1. A rotor that could make more is
+held back in one of the ways of ROSCO 2.10 (its power reference control, mode 2: factors on rated speed, on rated torque
+and on the power coefficient at fine pitch; Abbas, Zalkind, Pao and Wright, Wind Energ. Sci. 7 (2022) 53, and the
+documentation of the program), and in a fourth one:
+
+- *by speed* (``derate_speed``, R_Speed): rated speed of the torque curve and reference speed of the pitch law are
+  R w_rated, at rated torque. The speed goes no lower than just above region 2; what is left is done by torque;
+- *by torque* (``derate_torque``, R_Torque): rated speed stays, ``M = min(M(w), P / w)``;
+- *by pitch* (``derate_pitch``, R_Pitch): the least pitch is that at which the power coefficient at the best tip-speed
+  ratio is R times the largest one. Below rated wind that leaves a reserve of 1 - R; above it the torque is
+  ``min(M(w), P / w)``;
+- *by torque, with the rotor as a store* (``derate_kinetic``): as by torque, but where the wind is too weak for P the
+  torque stays at P / w and takes kinetic energy from the rotor, down to ``lowest_speed`` w_rated, where it has gone
+  over to M(w), from which the rotor recovers. The reference speed of the pitch law is (1 + ``raised``) w_rated: the
+  store is larger, and in winds that hardly suffice a faster rotor is nearer to its best tip-speed ratio. The power is
+  that of the measured speed, not of the filtered one: the lag of the filter is an error of the power.
+
+Running at rated speed while derated stores most kinetic energy (Aho, Fleming and Pao, American Control Conference 2016,
+compare the ways; Lio, Mirzaei and Larsen, J. Phys. Conf. Ser. 1037 (2018) 032040, their loads).
+
+Where no demanded power can be read, a share ``power_level`` of the rated power is followed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from wt_gym.control.controllers.controller import demanded_power_of
+from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, DisconController
+from wt_gym.control.controllers.parameters import Parameter
+from wt_gym.control.rotor_table import RotorTable, rotor_table
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.control.actions import Demand
+    from wt_gym.control.controllers.controller import Controller, Readings
+    from wt_gym.control.controllers.discon import BaselineState
+    from wt_gym.turbines import Turbine
+
+__all__ = ["KINETIC_PARAMETERS", "PARAMETERS", "WAYS", "PowerTracking", "PowerTrackingLaw", "pitch_over_share"]
+
+WAYS = ("speed", "torque", "pitch", "kinetic")
+"""How a rotor is held back."""
+LEAST_SHARE = 0.2
+"""Of rated power: less is not followed, a turbine that is asked for it is stopped [-]."""
+_ABOVE_REGION_2 = 1.05
+"""Least rated speed of the derated torque curve over the end of region 1 1/2 [-]."""
+_SHARES = np.linspace(LEAST_SHARE, 1.0, 33)
+
+_LEVEL = Parameter(
+    "power_level", "-", "share of the rated power that is followed where no demanded power is read", LEAST_SHARE, 1.0
+)
+PARAMETERS = (_LEVEL,)
+KINETIC_PARAMETERS = (
+    _LEVEL,
+    Parameter("lowest_speed", "-", "rotor speed over rated at which no more energy is taken from the rotor", 0.3, 0.99),
+    Parameter("raised", "-", "rise of the reference speed over rated, by which more is stored", 0.0, 0.1),
+    Parameter("band", "-", "rotor speed over rated above it within which the store closes", 0.005, 0.3),
+)
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+
+
+def pitch_over_share(turbine: Turbine, table: RotorTable | None = None) -> NDArray[np.float64]:
+    """Least pitch by which a share of the largest power coefficient is left at the best tip-speed ratio.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    table : RotorTable, optional
+        By default the turbine's.
+
+    Returns
+    -------
+    numpy.ndarray, shape (2, n)
+        Shares of the power [-], ascending, and pitch [rad].
+    """
+    table = rotor_table(turbine) if table is None else table
+    ratio, _ = table.optimum
+    least = BaselineParameters.from_turbine(turbine).min_pitch
+    angles = np.linspace(least, float(table.pitch[-1]), 400)
+    at = np.array([table.power_coefficient(ratio, angle) for angle in angles.tolist()])
+    top = int(np.argmax(at))
+    falling = np.minimum.accumulate(at[top:]) / at[top]
+    pitch = np.interp(_SHARES, falling[::-1], angles[top:][::-1])
+    pitch[_SHARES == 1.0] = least
+    return np.array([_SHARES, pitch])
+
+
+class PowerTrackingLaw(BaselineController):
+    """Law of the baseline that makes no more than a power.
+
+    Parameters
+    ----------
+    parameters : BaselineParameters
+    way : {"speed", "torque", "pitch", "kinetic"}
+    shares, pitch : array_like, shape (n,)
+        As of `pitch_over_share`.
+    lowest_speed, band, raised : float
+        Of the store: speed at which it is shut, by how much faster it is open, and rise of the reference speed, all
+        over rated speed [-].
+
+    Attributes
+    ----------
+    power : float
+        On the shaft of the generator, to be set before a step [W].
+    """
+
+    def __init__(
+        self,
+        parameters: BaselineParameters,
+        way: str,
+        shares: NDArray[np.float64],
+        pitch: NDArray[np.float64],
+        lowest_speed: float = 0.9,
+        band: float = 0.1,
+        raised: float = 0.05,
+    ):
+        super().__init__(parameters)
+        if way not in WAYS:
+            raise ValueError(f"the way must be one of {WAYS}, got {way!r}")
+        self.way, self.lowest_speed, self.band, self.raised = way, float(lowest_speed), float(band), float(raised)
+        self._shares, self._share_pitch = np.asarray(shares, dtype=np.float64), np.asarray(pitch, dtype=np.float64)
+        self.power = parameters.torque.rated_power
+        curve = parameters.torque
+        self._least_speed_share = min(_ABOVE_REGION_2 * curve.region_2_speed / curve.rated_generator_speed, 1.0)
+        self._measured = math.nan
+
+    @property
+    def share(self) -> float:
+        """R: power over rated power, within limits [-]."""
+        return min(max(self.power / self.parameters.torque.rated_power, LEAST_SHARE), 1.0)
+
+    @property
+    def speed_share(self) -> float:
+        """Rated speed over that of the turbine [-]."""
+        if self.way == "kinetic":
+            return 1.0 + self.raised
+        return max(self.share, self._least_speed_share) if self.way == "speed" else 1.0
+
+    @property
+    def least_pitch(self) -> float:
+        """Lower limit of the pitch [rad]."""
+        least = self.parameters.min_pitch
+        if self.way != "pitch":
+            return least
+        return max(least, float(np.interp(self.share, self._shares, self._share_pitch)))
+
+    def step(self, generator_speed: float, dt: float) -> tuple[NDArray[np.float64], float]:
+        """Advance by one call; arguments and results as of `BaselineController.step`."""
+        self._measured = float(generator_speed)
+        return super().step(generator_speed, dt)
+
+    def _torque(self, filtered_speed: float, pitch: float, dt: float) -> float:
+        p, previous = self.parameters, cast("BaselineState", self.state).torque
+        power = self.share * p.torque.rated_power
+        pitched = pitch >= self.least_pitch + p.region_3_min_pitch - p.min_pitch
+        torque = min(self._curve(filtered_speed, power, pitched), p.max_torque)
+        if self.way == "kinetic":
+            held = min(power / max(self._measured, 1e-3), p.max_torque)
+            from_store = self._open(self._measured / p.reference_speed)
+            torque = held if held < torque else torque + from_store * (held - torque)
+        if math.isnan(previous):
+            return torque
+        step = p.max_torque_rate * dt
+        return min(max(torque, previous - step), previous + step)
+
+    def _curve(self, speed: float, power: float, pitched: bool) -> float:
+        """Torque of the curve, of its own rated speed, at most that of the power [N m]."""
+        p = self.parameters
+        curve, share = p.torque, min(self.speed_share, 1.0)
+        rated = share * curve.rated_generator_speed
+        if speed <= 0.0:
+            return 0.0
+        if pitched or speed >= rated:
+            torque = power / speed
+        elif share == 1.0:
+            torque = min(curve.torque(speed), power / speed)
+        else:
+            # region 2 1/2 ends with the torque of the power at the derated speed
+            start = rated / (1.0 + curve.slip)
+            line = power / rated * (speed - start) / (rated - start)
+            torque = min(max(curve.torque(min(speed, curve.transition_speed)), line), power / speed)
+        return torque if p.constant_power else min(torque, p.rated_torque)
+
+    def _open(self, speed: float) -> float:
+        """How far the store is open at a speed over the reference speed, 0 … 1."""
+        x = min(max((speed - self.lowest_speed) / self.band, 0.0), 1.0)
+        return x * x * (3.0 - 2.0 * x)
+
+    def _pitch(self, filtered_speed: float, previous: list[float], dt: float) -> tuple[list[float], float]:
+        p = self.parameters
+        error = filtered_speed - self.speed_share * p.reference_speed
+        low, high = self.least_pitch, p.max_pitch
+        before, integral = previous[0], cast("BaselineState", self.state).speed_integral
+        demand, integral = p.pitch_law.step(before, integral, error, dt, low, high)
+        step = p.max_pitch_rate * dt
+        # the limit of the rate goes before a least pitch that has just risen
+        return [min(max(demand, now - step), now + step, high) for now in previous], integral
+
+    def shift_pitch(self, change: float) -> None:
+        """Move the present command, as of `BaselineController.shift_pitch`, no lower than the least pitch."""
+        state = cast("BaselineState", self.state)
+        lowest = min(self.least_pitch - float(state.pitch[0]), 0.0)
+        super().shift_pitch(max(change, lowest))
+
+
+class PowerTracking(DisconController):
+    """A controller that follows the demanded power: reads the generator speed and what is asked for.
+
+    Parameters
+    ----------
+    law : PowerTrackingLaw
+    generator_efficiency : float
+        Electrical power over that on the shaft of the generator [-].
+    level : float
+        Share of the rated power that is followed where no demanded power is read [-].
+    """
+
+    def __init__(self, law: PowerTrackingLaw, generator_efficiency: float, level: float = 1.0):
+        self.law: PowerTrackingLaw = law
+        self.generator_efficiency, self.level = float(generator_efficiency), float(level)
+
+    @classmethod
+    def of_turbine(
+        cls,
+        turbine: Turbine,
+        base: Controller,
+        way: str,
+        power_level: float = 1.0,
+        **store: Any,
+    ) -> PowerTracking:
+        """By rule for a turbine.
+
+        Parameters
+        ----------
+        turbine : Turbine
+        base : DisconController
+            Whose constants are taken.
+        way : {"speed", "torque", "pitch", "kinetic"}
+        power_level : float
+            ``level`` of the class.
+        **store
+            ``lowest_speed``, ``band`` and ``raised`` of `PowerTrackingLaw`.
+
+        Raises
+        ------
+        ValueError
+            If the generator is a damper, or the base is none with a torque curve.
+        """
+        if not turbine.drivetrain.takes_torque:
+            raise ValueError(f"{turbine.name} has a damper as generator: its torque must be a demand to follow a power")
+        if type(base) is not DisconController:
+            raise ValueError(
+                "a demanded power can be followed by a controller with a torque curve: the base must be 'discon' or "
+                f"'retuned' of such a turbine, that of {turbine.name} is a {type(base).__name__}"
+            )
+        law = PowerTrackingLaw(base.parameters, way, *pitch_over_share(turbine), **store)
+        return cls(law, turbine.drivetrain.generator_efficiency, power_level)
+
+    def _ask(self, signals: Readings) -> None:
+        """Tell the law what is asked for."""
+        demanded = demanded_power_of(signals)
+        if demanded is None:
+            self.law.power = self.level * self.law.parameters.torque.rated_power
+        else:
+            self.law.power = demanded / self.generator_efficiency
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start bumplessly from the present demand."""
+        self._ask(signals)
+        super().start(signals, demand)
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand for the next ``dt`` [s]."""
+        self._ask(signals)
+        return super().step(signals, dt)

@@ -1,0 +1,437 @@
+"""Supervisory control: when a turbine stands, starts, produces, is held back in a storm, and stops.
+
+The states are those of a turbine's operation: *parked* (blades feathered, the rotor idles without torque), *start-up*
+(the wind spins the rotor up to the speed at which the generator cuts in, which is then loaded by degrees),
+*production* (the base controller), *soft cut-out* (production at a set point that falls with the mean wind), and
+*shut-down* (blades to feather, the torque falls with the square of the speed). Stages and their numbers follow the
+start-up and shut-down of ROSCO 2.10 (inputs SU_*, SD_*, PRC_WindSpeeds and PRC_GenSpeeds of the package ``rosco``;
+Abbas et al., Wind Energ. Sci. 7 (2022) 53); a set point that falls above the wind of the classical cut-out is that of
+storm control (Markou and Larsen, EWEC 2009; Bossanyi and King, EWEA 2012; Petrovic and Bottasso, J. Phys. Conf. Ser.
+524 (2014) 012052).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.controller import Controller, lidar_of, parts_of
+from wt_gym.control.controllers.discon import BaselineParameters
+from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward, ShiftablePitch
+from wt_gym.control.controllers.parameters import Parameter
+from wt_gym.control.controllers.speed_exclusion import SpeedExclusion
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
+from wt_gym.control.operating_point import least_pitch, torque_curve
+from wt_gym.control.sensors import LowPass
+from wt_gym.errors import ControllerError
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.control.controllers.pitch_law import PitchLaw
+    from wt_gym.control.sensors import Lidar
+    from wt_gym.turbines import Turbine
+
+__all__ = ["PARAMETERS", "STATES", "Supervisor", "SupervisorParameters", "supervisor_of"]
+
+STATES = ("parked", "start_up", "production", "soft_cut_out", "shut_down")
+"""What a turbine does, in the order of `Supervisor.state_index`."""
+_PARKED, _START_UP, _PRODUCTION, _SOFT, _SHUT_DOWN = range(len(STATES))
+
+_BEST_ANGLE = math.radians(10.0)
+"""Angle of attack and twist at 70 % of the radius with which a rotor starts [rad]: attached flow near best torque."""
+_STANDS = 0.1
+"""Rotor speed over rated below which a shut-down has ended [-]."""
+_BEYOND_CUT_IN = 1.1
+"""End of the ramp of a start-up in cut-in speeds [-]: in a wind that falls the speed lags behind the ramp."""
+_PITCHED = math.radians(1.0)
+"""Pitch above the least one from which on the pitch holds the speed [rad]."""
+_MOST_TORQUE = 1.1
+"""Torque that a shut-down may begin with, over rated [-]: that which the baseline controllers end at."""
+
+PARAMETERS = (
+    Parameter("averaging", "s", "time over which the wind is averaged; its low-pass filter has half of it", 0.0,
+              above=True),
+    Parameter("cut_out", "m/s", "mean wind at which the turbine stops", 0.0, above=True,
+              otherwise="5 m/s above the cut-out wind of the turbine",
+              in_use=lambda turbine: turbine.cut_out + 5.0),
+    Parameter("derate_from", "m/s", "mean wind from which on the set point falls", 0.0, above=True,
+              otherwise="2 m/s below the cut-out wind of the turbine",
+              in_use=lambda turbine: turbine.cut_out - 2.0),
+    Parameter("least_speed", "-", "set point of the rotor speed at cut-out, over rated", 0.3, 1.0),
+    Parameter("least_power", "-", "power at cut-out over rated, at most least_speed", 0.0, 1.0, above=True),
+    Parameter("hysteresis", "m/s", "by which the mean wind must have fallen below cut-out for a restart", 0.0),
+    Parameter("restart_delay", "s", "time that the turbine stands at least", 0.0),
+    Parameter("run_up", "s", "time in which a start-up brings the rotor to rated speed; a third of it loads the "
+              "generator", 1.0),
+    Parameter("gust", "m/s", "wind over 3 s above cut-out at which the turbine stops at once", 0.0),
+    Parameter("overspeed", "-", "rotor speed over rated at which the turbine stops at once", 1.0, above=True),
+    Parameter("stop_rate", "rad/s", "pitch rate of a shut-down", 0.0, above=True,
+              otherwise="half of the greatest rate of the drives",
+              in_use=lambda turbine: 0.5 * turbine.pitch.max_rate),
+    Parameter("resonance", "-", "half width of the band of rotor speeds that is crossed quickly, over the one at which "
+              "the passing blades excite the tower; 0: none", 0.0, 0.3),
+)  # fmt: skip
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+
+
+@dataclass(frozen=True)
+class SupervisorParameters:
+    """Numbers of a `Supervisor`.
+
+    Attributes
+    ----------
+    cut_in, restart, derate_from, cut_out : float
+        Mean winds at which the turbine starts, starts again after a storm, is held back, and stops [m/s].
+    least_speed, least_power : float
+        Set points at ``cut_out``, over rated; between ``derate_from`` and there they fall in straight lines [-].
+    averaging, restart_delay, run_up : float
+        [s].
+    gust : float
+        Wind over 3 s at which the turbine stops [m/s].
+    overspeed : float
+        Over rated [-].
+    stop_rate, start_rate : float
+        Pitch rates of shut-down and start-up [rad/s].
+    feather, fine_pitch : float
+        [rad].
+    rated_speed : float
+        Of the rotor [rad/s].
+    cut_in_speed : float
+        Of the rotor over rated, at which the generator takes torque [-].
+    radius : float
+        70 % of that of the rotor [m].
+    gear_ratio : float
+    rated_torque : float
+        [N m], high-speed shaft.
+    n_blades : int
+    """
+
+    cut_in: float
+    restart: float
+    derate_from: float
+    cut_out: float
+    least_speed: float
+    least_power: float
+    averaging: float
+    restart_delay: float
+    run_up: float
+    gust: float
+    overspeed: float
+    stop_rate: float
+    start_rate: float
+    feather: float
+    fine_pitch: float
+    rated_speed: float
+    cut_in_speed: float
+    radius: float
+    gear_ratio: float
+    rated_torque: float
+    n_blades: int
+
+    def __post_init__(self) -> None:
+        if not self.cut_in < self.restart <= self.cut_out:
+            raise ControllerError(
+                f"a supervisor needs cut-in < restart <= cut-out, got {self.cut_in:g}, {self.restart:g} and "
+                f"{self.cut_out:g} m/s: choose a larger cut_out or a smaller hysteresis"
+            )
+        if self.least_power > self.least_speed:
+            raise ControllerError(
+                f"least_power must be at most least_speed, so that the torque does not rise, got {self.least_power:g} "
+                f"and {self.least_speed:g}"
+            )
+
+    def set_points(self, wind: float) -> tuple[float, float]:
+        """Rotor speed and power over rated in a mean wind [m/s]."""
+        width = self.cut_out - self.derate_from
+        share = 0.0 if width <= 0.0 else min(max((wind - self.derate_from) / width, 0.0), 1.0)
+        return 1.0 - share * (1.0 - self.least_speed), 1.0 - share * (1.0 - self.least_power)
+
+
+class _Scaled:
+    """Readings with the speeds of the rotor over a set point: a controller then holds that set point in their place."""
+
+    __slots__ = ("_share", "_signals")
+
+    def __init__(self, signals: Readings, share: float):
+        self._signals, self._share = signals, share
+
+    def __getitem__(self, name: str) -> float:
+        value = self._signals[name]
+        return value / self._share if name in ("generator_speed", "rotor_speed") else value
+
+
+class Supervisor:
+    """A base controller under supervisory control.
+
+    - *Parked*: blades feathered, no torque. After ``restart_delay`` the turbine starts when the mean wind lies between
+      cut-in and, after a storm too, ``restart`` (``cut_out - hysteresis``).
+    - *Start-up*: the blades turn from feather to where the flow at 70 % of the radius meets them at ten degrees, at no
+      more than a quarter of the greatest rate, so that the flow stays attached while its angle falls. The speed
+      follows a ramp that reaches rated speed in ``run_up``: where the wind would spin the rotor up faster, the gains of
+      the turbine's pitch law hold it on the ramp. At 5 % above the cut-in speed of the generator production begins; the
+      torque rises from none to that of the base controller in a third of ``run_up``.
+    - *Production*: the demand of the base controller. While the set point is rated and the load full it is exactly
+      that.
+    - *Soft cut-out*: above ``derate_from`` the set points of speed and power fall with the mean wind. The base
+      controller reads speeds over the set point, and so holds that; its torque is scaled to the set point of the power.
+    - *Shut-down*: above ``cut_out``, below cut-in by 0.5 m/s, in a gust or overspeed the blades go to feather at
+      ``stop_rate``; the torque falls with the square of the speed, and ends at the cut-in speed.
+
+    An ``averaging`` of 600 s is the ten minutes of the field; winds that are compressed in time need less. With
+    ``cut_out`` at the cut-out wind of the turbine and ``least_speed`` 1 the cut-out is hard.
+
+    Parameters
+    ----------
+    base : Controller
+        Of the package: ``discon``, ``retuned``, ``tsr_tracking``, with or without ``lidar``.
+    parameters : SupervisorParameters
+    pitch_law : PitchLaw
+        Of the start-up.
+
+    Attributes
+    ----------
+    state_index : int
+        Place of the present state in `STATES`.
+    set_point : float
+        Present set point of the rotor speed over rated [-].
+    load : float
+        Share of the base controller's torque that is demanded [-].
+    asked : float
+        By which an agent moves the set point of the speed [-].
+    """
+
+    def __init__(self, base: Controller, parameters: SupervisorParameters, pitch_law: PitchLaw):
+        if not isinstance(base, ShiftablePitch | LidarFeedforward):
+            raise TypeError(
+                f"a supervisor needs a controller whose pitch can be shifted (shift_pitch): discon, retuned or "
+                f"tsr_tracking; got {base!r}"
+            )
+        self.base, self.parameters, self.pitch_law = base, parameters, pitch_law
+        self.channels = tuple(dict.fromkeys((*base.channels, "rotor_speed", "wind_x", "wind_y")))
+        self._mean, self._gust = LowPass(0.5 * parameters.averaging), LowPass(3.0)
+        self._rotor = LowPass(0.5)
+        self.state_index, self.set_point, self.load, self.asked = _PRODUCTION, 1.0, 1.0, 0.0
+        self._since = self._ramp = 0.0
+        self._pitch, self._torque, self._first_speed = parameters.fine_pitch, 0.0, 1.0
+
+    @classmethod
+    def of_turbine(
+        cls,
+        turbine: Turbine,
+        base: Controller,
+        averaging: float = 600.0,
+        cut_out: float | None = None,
+        derate_from: float | None = None,
+        least_speed: float = 0.75,
+        least_power: float = 0.5,
+        hysteresis: float = 3.0,
+        restart_delay: float = 30.0,
+        run_up: float = 60.0,
+        gust: float = 10.0,
+        overspeed: float = 1.2,
+        stop_rate: float | None = None,
+        resonance: float = 0.0,
+    ) -> Supervisor:
+        """Numbers from a turbine: its winds, drives, torque curve and pitch law.
+
+        Raises
+        ------
+        ValueError
+            If the generator is a damper, which takes no torque.
+        wt_gym.errors.ControllerError
+            If winds or set points do not fit each other.
+        TypeError
+            If the base is none whose pitch can be shifted.
+        """
+        drivetrain, pitch = turbine.drivetrain, turbine.pitch
+        if resonance > 0.0:
+            tracking = getattr(base, "base", base)
+            if not isinstance(tracking, TsrTrackingController):
+                raise ValueError(
+                    f"resonance must be 0 for {type(tracking).__name__}: only a base that tracks the tip-speed ratio "
+                    f"can avoid speeds; got {resonance!r}"
+                )
+            tracking.exclusion = SpeedExclusion.of_turbine(turbine, resonance)
+        if not drivetrain.takes_torque:
+            raise ValueError(f"{turbine.name} has a damper as generator: a supervisor needs one that takes a torque")
+        law, curve = BaselineParameters.from_turbine(turbine), torque_curve(turbine)
+        last = turbine.cut_out + 5.0 if cut_out is None else cut_out
+        rated = drivetrain.rated_rotor_speed
+        made = SupervisorParameters(
+            cut_in=turbine.cut_in,
+            restart=last - hysteresis,
+            derate_from=min(turbine.cut_out - 2.0, last) if derate_from is None else derate_from,
+            cut_out=last,
+            least_speed=least_speed,
+            least_power=least_power,
+            averaging=averaging,
+            restart_delay=restart_delay,
+            run_up=run_up,
+            gust=last + gust,
+            overspeed=overspeed,
+            stop_rate=0.5 * pitch.max_rate if stop_rate is None else min(stop_rate, pitch.max_rate),
+            start_rate=0.25 * pitch.max_rate,
+            feather=min(pitch.max_pitch, 0.5 * math.pi),
+            fine_pitch=least_pitch(turbine, turbine.cut_in),
+            rated_speed=rated,
+            cut_in_speed=1.05 * max(curve.cut_in_speed / drivetrain.gear_ratio, drivetrain.min_rotor_speed) / rated,
+            radius=0.35 * turbine.rotor_diameter,
+            gear_ratio=drivetrain.gear_ratio,
+            rated_torque=law.rated_torque,
+            n_blades=turbine.n_blades,
+        )
+        return cls(base, made, law.pitch_law)
+
+    # ---- what is asked ----
+
+    @property
+    def state(self) -> str:
+        """What the turbine does, of `STATES`."""
+        return STATES[self.state_index]
+
+    @property
+    def lidar(self) -> Lidar | None:
+        """Lidar of the base, None if it has none."""
+        return lidar_of(self.base)
+
+    @property
+    def mean_wind(self) -> float:
+        """Mean wind that decides [m/s]."""
+        return self._mean.value
+
+    def runs_in(self, wind: float) -> bool:
+        """Whether a turbine runs in a mean wind [m/s] at a start: up to the middle between restart and stop."""
+        p = self.parameters
+        return p.cut_in <= wind <= 0.5 * (p.restart + p.cut_out)
+
+    # ---- the contract of controllers ----
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start in production, or parked where the rotor barely turns and the blades are feathered.
+
+        The mean wind starts at the present one, but no further than the state of the turbine holds.
+        """
+        p, pitch = self.parameters, float(np.mean(demand.pitch))
+        wind, speed = self._wind(signals), signals["rotor_speed"] / p.rated_speed
+        parked = speed < 0.5 * p.cut_in_speed and pitch > 0.5 * p.feather
+        self.state_index, self.asked = (_PARKED if parked else _PRODUCTION), 0.0
+        self._mean.reset(wind if parked else min(max(wind, p.cut_in), p.cut_out))
+        self._gust.reset(wind)
+        self._rotor.reset(speed)
+        self.set_point, self.load = 1.0, 0.0 if parked else 1.0
+        self._since, self._ramp = (p.restart_delay if parked else 0.0), speed
+        self._pitch, self._torque, self._first_speed = pitch, float(demand.generator_torque), max(speed, _STANDS)
+        self.base.start(signals, demand)
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand for the next ``dt`` [s]."""
+        p, wind = self.parameters, self._wind(signals)
+        mean, gust = self._mean.update(wind, dt), self._gust.update(wind, dt)
+        speed = signals["rotor_speed"] / p.rated_speed
+        self._since += dt
+        if self.state_index == _PARKED:
+            if self._since >= p.restart_delay and p.cut_in <= mean <= p.restart and gust < p.gust:
+                self._enter(_START_UP)
+                self._ramp = max(speed, 0.0)
+                self._rotor.reset(speed)
+        elif self.state_index == _SHUT_DOWN:
+            if speed < _STANDS and self._pitch >= p.feather - _PITCHED:
+                self._enter(_PARKED)
+        elif mean > p.cut_out or mean < p.cut_in - 0.5 or gust > p.gust or speed > p.overspeed:
+            self._torque = min(self._torque, _MOST_TORQUE * p.rated_torque)
+            self._first_speed = max(speed, _STANDS)
+            self._enter(_SHUT_DOWN)
+        elif self.state_index == _START_UP and speed >= p.cut_in_speed:
+            self._begin_production(signals, speed)
+        if self.state_index in (_PRODUCTION, _SOFT):
+            return self._produce(signals, mean, dt)
+        if self.state_index == _START_UP:
+            self._spin_up(wind, speed, dt)
+        elif self.state_index == _SHUT_DOWN:
+            self._stop(speed, dt)
+        else:
+            self._move(p.feather, p.stop_rate * dt)
+            self._torque = 0.0
+        return Demand(np.full(p.n_blades, self._pitch), 0.0, self._torque)
+
+    def shift_pitch(self, change: float) -> None:
+        """Move the pitch of the next demand by so much [rad], in production."""
+        if self.state_index in (_PRODUCTION, _SOFT) and isinstance(self.base, ShiftablePitch):
+            self.base.shift_pitch(change)
+
+    # ---- states ----
+
+    def _enter(self, state: int) -> None:
+        self.state_index, self._since = state, 0.0
+
+    @staticmethod
+    def _wind(signals: Readings) -> float:
+        """Horizontal wind by the anemometer [m/s]."""
+        return math.hypot(signals["wind_x"], signals["wind_y"])
+
+    def _move(self, pitch: float, reach: float) -> None:
+        self._pitch += min(max(pitch - self._pitch, -reach), reach)
+
+    def _spin_up(self, wind: float, speed: float, dt: float) -> None:
+        """Pitch of a start-up: as near to the best angle of attack as the ramp of the speed lets it."""
+        p = self.parameters
+        self._ramp = min(self._ramp + dt / p.run_up, _BEYOND_CUT_IN * p.cut_in_speed)
+        before = self._rotor.value
+        smooth = self._rotor.update(speed, dt)
+        proportional, integral = self.pitch_law.gains(self._pitch)
+        to_generator = p.rated_speed * p.gear_ratio
+        rise = smooth - before - (dt / p.run_up if self._ramp < _BEYOND_CUT_IN * p.cut_in_speed else 0.0)
+        wanted = self._pitch + to_generator * (proportional * rise + integral * (smooth - self._ramp) * dt)
+        inflow = math.atan2(max(wind, 0.0), max(speed, 0.0) * p.rated_speed * p.radius)
+        least = min(max(inflow - _BEST_ANGLE, p.fine_pitch), p.feather)
+        self._move(min(max(wanted, least), p.feather), p.start_rate * dt)
+        self._torque = 0.0
+
+    def _begin_production(self, signals: Readings, speed: float) -> None:
+        """Hand over to the base controller, which continues from the present pitch and speed, without torque."""
+        p = self.parameters
+        self._enter(_PRODUCTION)
+        self.set_point, self.load = min(speed, 1.0), 0.0
+        self.base.start(_Scaled(signals, self.set_point), Demand(np.full(p.n_blades, self._pitch), 0.0, 0.0))
+
+    def _produce(self, signals: Readings, mean: float, dt: float) -> Demand:
+        p = self.parameters
+        wanted, power = p.set_points(mean)
+        self.state_index = _SOFT if wanted < 1.0 or power < 1.0 else _PRODUCTION
+        if self.asked != 0.0:
+            moved = min(max(wanted + self.asked, p.cut_in_speed), 1.0)
+            power, wanted = power * moved / wanted, moved
+        pitched = self._pitch > p.fine_pitch + _PITCHED
+        reach = dt / (p.run_up if pitched else 0.1 * p.run_up)
+        self.set_point += min(max(wanted - self.set_point, -reach), reach)
+        self.load = min(self.load + 3.0 * dt / p.run_up, 1.0)
+        share, factor = self.set_point, self.load * min(power / wanted, 1.0)
+        demand = self.base.step(signals if share == 1.0 else _Scaled(signals, share), dt)
+        if factor != 1.0:
+            demand = Demand(demand.pitch, demand.yaw_rate, factor * demand.generator_torque)
+        self._pitch, self._torque = float(demand.pitch[0]), float(demand.generator_torque)
+        return demand
+
+    def _stop(self, speed: float, dt: float) -> None:
+        """Pitch and torque of a shut-down."""
+        p = self.parameters
+        self._move(p.feather, p.stop_rate * dt)
+        ratio = max(speed, 0.0) / self._first_speed
+        self._first_speed = max(speed, _STANDS)
+        self._torque = 0.0 if speed < p.cut_in_speed else self._torque * min(ratio, 1.0) ** 2
+
+
+def supervisor_of(controller: Controller | None) -> Supervisor | None:
+    """Supervisor among the parts of a controller, None without any."""
+    parts: tuple[Any, ...] = () if controller is None else parts_of(controller)
+    for part in parts:
+        inner = part
+        while inner is not None:
+            if isinstance(inner, Supervisor):
+                return inner
+            inner = getattr(inner, "base", None)
+    return None
