@@ -228,37 +228,53 @@ def write_csv(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
 def draw_front(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
     """Draw the change of the flap DEL over the pitch duty cycle, one picture a task."""
     import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
+    from wt_gym.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
 
-    mpl.rcParams["svg.hashsalt"] = "front"
     tasks = sorted({(row["wind_speed"], row["task"]) for row in rows})
-    figure, axes = plt.subplots(
-        1, len(tasks), figsize=(4.4 * len(tasks), 4.0), layout="constrained", sharey=True, squeeze=False
-    )
-    for axis, (speed, task) in zip(axes[0], tasks, strict=True):
+    figure = Figure(figsize=(4.2 * len(tasks) + 0.6, 4.6), layout="constrained")
+    grid = figure.subplots(1, len(tasks), sharey=True, squeeze=False)
+    named = []
+    for axis, (speed, task) in zip(grid[0], tasks, strict=True):
+        plain(axis, "pitch duty cycle [%]", "", f"{speed:g} m/s")
         own = [row for row in rows if row["task"] == task]
-        for family, marker in zip((*FAMILIES, *WITH_LIDAR, BASELINE), "os^D", strict=True):
+        places: list[tuple[float, float]] = []
+        bare: list[tuple[float, float]] = []
+        texts: list[str] = []
+        colors: list[str] = []
+        for k, family in enumerate((*FAMILIES, *WITH_LIDAR)):
             points = sorted((row for row in own if row["family"] == family), key=lambda row: row["pitch_duty_cycle"])
             duty, flap, error = (
                 [100.0 * row[key] for row in points] for key in ("pitch_duty_cycle", "blade_flap_del", "flap_sem")
             )
-            axis.errorbar(duty, flap, error, marker=marker, ms=5, lw=1.2, capsize=2, label=family)
-            for row, x, y in zip(points, duty, flap, strict=True):
-                setting = row["agent"].rpartition("=")[2] if "=" in row["agent"] else ""
-                axis.annotate(setting, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=8, color="0.35")
-        for row, marker in zip((row for row in own if row["family"] == AGENTS), "*PvX<>dhp" * len(own), strict=False):
-            point = 100.0 * row["pitch_duty_cycle"], 100.0 * row["blade_flap_del"]
-            axis.errorbar(*point, 100.0 * row["flap_sem"], marker=marker, ms=9, ls="", capsize=2, label=row["agent"])
-        axis.set_title(f"{speed:g} m/s", fontsize=11)
-        axis.set_xlabel("pitch duty cycle [%]")
-        axis.axhline(0, color="0.8", lw=0.8, zorder=0)
-        axis.spines[["top", "right"]].set_visible(False)
-    axes[0][0].set_ylabel("flap DEL against the baseline [%]")
-    axes[0][0].legend(frameon=False, fontsize=9)
+            axis.errorbar(duty, flap, error, marker=MARKERS[k], ls=LINE_STYLES[k], color=COLORS[k + 1], ms=4, lw=1.2,
+                          elinewidth=0.7, capsize=2, alpha=0.85, label=family)  # fmt: skip
+            if family in WITH_LIDAR:  # the settings are those of the curve without
+                bare += zip(duty, flap, strict=True)
+                continue
+            places += zip(duty, flap, strict=True)
+            texts += [row["agent"].rpartition("=")[2] for row in points]
+            colors += [COLORS[k + 1]] * len(points)
+        agents = [row for row in own if row["family"] == AGENTS]
+        at = [(100.0 * row["pitch_duty_cycle"], 100.0 * row["blade_flap_del"]) for row in agents]
+        if agents:
+            axis.errorbar(*zip(*at, strict=True), [100.0 * row["flap_sem"] for row in agents], marker="*", ms=9, ls="",
+                          color=COLORS[0], elinewidth=0.7, capsize=2, label="trained agents, controllers")  # fmt: skip
+        bare += [(100.0 * row["pitch_duty_cycle"], 0.0) for row in own if row["family"] == BASELINE]
+        axis.plot(*bare[-1], "D", color=INK, ms=5, label=f"{BASELINE}, the baseline")
+        baseline(axis, 0.0)
+        named.append((axis, at, [row["agent"] for row in agents], places, texts, colors, bare))
+    grid[0][0].set_ylabel("change of flap DEL against the baseline [%]", fontsize=9, color=INK)
+    grid[0][0].set_xlim(left=0.0)
+    figure.legend(
+        *grid[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8
+    )
+    for axis, at, agents_here, places, texts, colors, bare in named:
+        axis.margins(x=0.12, y=0.08)
+        label_points(axis, [*at, *places, *bare], [*agents_here, *texts],
+                     [*[COLORS[0]] * len(at), *colors], 7.5)  # fmt: skip
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as partial:
+    with whole_file(path) as partial, mpl.rc_context({**SVG, "svg.hashsalt": "front"}):
         figure.savefig(partial, format=path.suffix.removeprefix("."), metadata={"Date": None})
-    plt.close(figure)
     return path

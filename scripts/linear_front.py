@@ -25,7 +25,8 @@ def parse_arguments(words=None):
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--turbine", default="nrel_5mw", help="(default: %(default)s)")
-    parser.add_argument("--folder", type=Path, required=True, help="of recordings and designs")
+    parser.add_argument("--folder", type=Path, help="of recordings and designs")
+    parser.add_argument("--draw-only", action="store_true", help="draw the figure again from the table")
     parser.add_argument("--weights", nargs="+", type=float, default=[1.0, 3.0, 8.0, 20.0], help="of the travel")
     parser.add_argument("--speeds", nargs="+", type=float, help="winds of the designs, m/s (default: as wt-gym design)")
     parser.add_argument("--wind-speed", type=float, default=15.0, help="of the runs, m/s (default: %(default)g)")
@@ -34,7 +35,10 @@ def parse_arguments(words=None):
         "--duration", type=float, default=150.0, help="measured time of a run, s (default: %(default)g)"
     )
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "data", help="folder of table and figure")
-    return parser.parse_args(words)
+    arguments = parser.parse_args(words)
+    if arguments.folder is None and not arguments.draw_only:
+        parser.error("--folder is required, unless --draw-only")
+    return arguments
 
 
 def designs(arguments, turbine):
@@ -89,29 +93,38 @@ def rows_of(turbine, controllers, arguments):
 def draw(rows, path):
     """Improvement of the cost over the pitch duty cycle."""
     import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
+    from wt_gym.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
 
-    mpl.rcParams["svg.hashsalt"] = "linear_front"
-    figure, axis = plt.subplots(figsize=(6.0, 4.2), layout="constrained")
-    for (start, name), marker in zip(FAMILIES.items(), "os", strict=True):
+    figure = Figure(figsize=(7.4, 4.6), layout="constrained")
+    axis = figure.subplots()
+    plain(axis, "pitch duty cycle [%]", "improvement of the cost of energy [%]",
+          f"{float(rows[0]['wind_speed']):g} m/s, {rows[0]['winds']} winds, bars: standard error")  # fmt: skip
+    at, texts, colors = [], [], []
+    for k, (start, name) in enumerate(FAMILIES.items()):
         points = [row for row in rows if row["controller"].startswith(start)]
         x, y, error = ([100.0 * float(row[key]) for row in points] for key in ("pitch_duty_cycle", "cost", "cost_sem"))
-        axis.errorbar(x, y, error, marker=marker, ms=5, lw=1.2, capsize=2, label=name)
-        for row, *place in zip(points, x, y, strict=True):
-            axis.annotate(row["controller"].rpartition(" ")[2], place, xytext=(4, 4), textcoords="offset points",
-                          fontsize=8, color="0.35")  # fmt: skip
+        setting = points[0]["controller"].partition(", ")[2].rpartition(" ")[0]
+        axis.errorbar(x, y, error, marker=MARKERS[k], ls=LINE_STYLES[k], color=COLORS[k], ms=5, lw=1.4, capsize=2,
+                      elinewidth=0.8, label=f"{name}, by {setting}")  # fmt: skip
+        at += zip(x, y, strict=True)
+        texts += [row["controller"].partition(", ")[2] for row in points]
+        colors += [COLORS[k]] * len(points)
     others = [row for row in rows if not row["controller"].startswith(tuple(FAMILIES))]
     for row, marker in zip(others, "D*Pv", strict=False):
-        axis.plot(100.0 * float(row["pitch_duty_cycle"]), 100.0 * float(row["cost"]), marker, label=row["controller"])
-    axis.set_xlabel("pitch duty cycle [%]")
-    axis.set_ylabel("improvement of the cost [%]")
-    axis.set_title(f"{rows[0]['wind_speed']:g} m/s, {rows[0]['winds']} winds", fontsize=11)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.legend(frameon=False, fontsize=9)
-    figure.savefig(path, metadata={"Date": None})
-    plt.close(figure)
+        place = 100.0 * float(row["pitch_duty_cycle"]), 100.0 * float(row["cost"])
+        axis.plot(*place, marker, color=INK, ms=6)
+        at.append(place)
+        texts.append(f"{row['controller']}, the baseline" if row is rows[0] else row["controller"])
+        colors.append(INK)
+    baseline(axis, 0.0)
+    axis.margins(x=0.15, y=0.1)
+    axis.set_xlim(left=0.0)
+    axis.legend(frameon=False, fontsize=8, loc="upper left")
+    label_points(axis, at, texts, colors)
+    with mpl.rc_context({**SVG, "svg.hashsalt": "linear_front"}):
+        figure.savefig(path, metadata={"Date": None})
 
 
 def main(words=None):
@@ -119,6 +132,11 @@ def main(words=None):
     from wt_gym.turbines import load_turbine
 
     arguments = parse_arguments(words)
+    table = arguments.out / "linear_front.csv"
+    if arguments.draw_only:
+        with table.open(newline="", encoding="utf-8") as file:
+            draw(list(csv.DictReader(file)), table.with_suffix(".svg"))
+        return
     arguments.folder.mkdir(parents=True, exist_ok=True)
     turbine = load_turbine(arguments.turbine)
     controllers = {"discon": "discon", "tuned": "tuned"}
@@ -131,7 +149,6 @@ def main(words=None):
         for level in (0.03, 0.1, 0.2)
     }
     rows = rows_of(turbine, controllers, arguments)
-    table = arguments.out / "linear_front.csv"
     with table.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()

@@ -363,40 +363,40 @@ def show(result: dict, weights: dict[str, float]) -> None:
 def draw(result: dict, folder: Path) -> Path:
     """Reward against cost, each run and each controller's lifetime."""
     import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
+    from wt_gym.picture_style import COLORS, INK, MARKERS, SVG, baseline, plain
 
-    mpl.rcParams["svg.fonttype"] = "none"
-    mpl.rcParams["svg.hashsalt"] = "reward_study"
-    figure, axes = plt.subplots(1, 3, figsize=(13, 4.4), layout="constrained")
+    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
     plots = (
         ("former_total", "lifetimes", "earlier weights"),
         ("total", "lifetimes", "default reward"),
         ("total", "runs", "default reward, every run"),
     )
-    for axis, (column, kind, title) in zip(axes, plots, strict=True):
+    for axis, (column, kind, title) in zip(figure.subplots(1, 3), plots, strict=True):
         rows = result[kind]
         table = result["lifetime" if kind == "lifetimes" else "all_runs"]
-        for wind in sorted({row.get("wind_speed", 0.0) for row in rows}):
+        winds = sorted({row.get("wind_speed", 0.0) for row in rows})
+        for k, wind in enumerate(winds):
             chosen = [row for row in rows if row.get("wind_speed", 0.0) == wind]
-            label = f"{wind:g} m/s" if wind else None
-            axis.plot([100 * row["cost"] for row in chosen], [row[column] for row in chosen], "o", ms=5, label=label)
+            axis.plot(
+                [100 * row["cost"] for row in chosen], [row[column] for row in chosen], MARKERS[k % len(MARKERS)], ms=4,
+                color=COLORS[k % len(COLORS)], alpha=0.75, label=f"{wind:g} m/s" if wind else "varied controllers",
+            )  # fmt: skip
         if kind == "lifetimes":
             unseen = result["library"]
-            axis.plot([100 * row["cost"] for row in unseen], [row[column] for row in unseen], "x", ms=6, color="0.3")
-        if kind == "runs":
-            axis.legend(frameon=False)
-        axis.set_title(f"{title}: Spearman {table[column]['cost']:+.2f}", fontsize=11)
-        axis.set_xlabel("lifetime cost against the baseline [%]")
-        axis.axhline(0, color="0.8", lw=0.8, zorder=0)
-        axis.axvline(0, color="0.8", lw=0.8, zorder=0)
-        axis.spines[["top", "right"]].set_visible(False)
-    axes[0].set_ylabel("reward against the baseline [1/s]")
+            axis.plot([100 * row["cost"] for row in unseen], [row[column] for row in unseen], "x", ms=6, color=INK,
+                      label="controllers of the library")  # fmt: skip
+        plain(axis, "lifetime cost against the baseline [%]", "",
+              f"{title}: Spearman {table[column]['cost']:+.2f}".replace("-", "−"))  # fmt: skip
+        baseline(axis, 0.0, "baseline")
+        baseline(axis, 0.0, vertical=True)
+        axis.legend(frameon=False, fontsize=8)
+    figure.axes[0].set_ylabel("reward against the baseline [1/s]", fontsize=9, color=INK)
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "reward_svg"
-    figure.savefig(path, metadata={"Date": None})
-    plt.close(figure)
+    path = folder / "reward_study.svg"
+    with mpl.rc_context({**SVG, "svg.hashsalt": "reward_study"}):
+        figure.savefig(path, metadata={"Date": None})
     return path
 
 

@@ -220,6 +220,8 @@ def uae_phase_vi() -> CaseResult:
             "  chordwise" + "".join(f"{x:8.3f}" for x in at[1]),
         ]
     lines.append(f"Air density {AIR_DENSITY} kg/m³. Hub and shaft friction are not modeled.")
+    taps = np.multiply(SECTIONS, PhaseSixBlade().tip_radius)
+    normal.insert(0, Curve(taps, MEASURED[7.0][2], "measured", "ks"))
     figures = {
         "normal force coefficient": Figure(tuple(normal), "radius [m]", "c_n"),
         "chordwise force coefficient": Figure(tuple(along), "radius [m]", "c_t"),

@@ -6,8 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from wt_gym.analysis.scene import cut_at_sea_level
 from wt_gym.control.controllers.rotor_rules import tower_top
-from wt_gym.envs.rendering import _cut_at_sea_level
 from wt_gym.errors import SimulationError, TurbineDefinitionError
 from wt_gym.simulation import Fidelity, Simulator
 from wt_gym.simulation.model.turbine_structure import tower_beam
@@ -296,8 +296,8 @@ def test_environment_on_a_monopile():
 
 def test_pictures_show_what_stands_in_the_water():
     column = np.array([[0.0, 0.0, -20.0, 3.0], [0.0, 0.0, 10.0, 3.0], [1.0, 0.0, 80.0, 2.0]])
-    below, above = _cut_at_sea_level(column)
+    below, above = cut_at_sea_level(column)
     assert below[:, 2] == pytest.approx([-20.0, 0.0])
     assert above[:, 2] == pytest.approx([0.0, 10.0, 80.0])
-    below, above = _cut_at_sea_level(column[1:])
+    below, above = cut_at_sea_level(column[1:])
     assert (len(below), len(above)) == (0, 2)

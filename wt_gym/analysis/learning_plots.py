@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from wt_gym.analysis.plots import agent_styles, style, titles_at_left
+from wt_gym.analysis.plots import MUTED, agent_styles, style, titles_at_left
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -113,6 +113,11 @@ def learning_figure(evaluation: Evaluation, agents: list[str]) -> go.Figure:
             ]  # fmt: skip
         for trace in traces:
             figure.add_trace(trace, row=row, col=1)
+    if all(evaluation.training[agent].get("environment", {}).get("relative_reward") for agent in agents):
+        figure.add_hline(  # rewards are differences to those of the base controller
+            y=0.0, line={"color": MUTED, "width": 1.2, "dash": "dash"}, annotation_text="base controller",
+            annotation_font={"size": 12, "color": MUTED}, annotation_position="bottom right", row=1, col=1,
+        )  # fmt: skip
     titles_at_left(figure)
     style(figure, height=120 + 190 * len(panels))
     figure.update_xaxes(title_text="Environment steps", row=len(panels), col=1)

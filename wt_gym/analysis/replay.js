@@ -31,7 +31,7 @@
     const strongest = shapes.strength.values.reduce((a, b) => (b > a ? b : a), 1e-9);
     return Object.assign({}, agent, {shapes, strongest});
   });
-  let current = agents[agents.length - 1], position = 0, playing = false, last = null, speed = 1;
+  let current = agents[data.open], position = 0, playing = false, last = null, speed = 1;
   let [azimuth, elevation] = VIEWS.oblique, zoom = 1;
 
   // ---------------------------------------------------------------- scene
@@ -54,10 +54,20 @@
     return (1 - a) * shape.values[i] + a * shape.values[j];
   }
 
-  function wakeColor(strength, age) {
-    const s = Math.min(1, Math.sqrt(strength)), fade = 1 - 0.75 * age;
-    return 'rgba(' + Math.round(90 + 150 * s) + ',' + Math.round(170 + 75 * s) + ',' + Math.round(225 + 30 * s) + ',' +
-      ((0.10 + 0.80 * s) * fade).toFixed(3) + ')';
+  function wakeColor(weight) {
+    return 'rgba(' + Math.round(90 + 150 * weight) + ',' + Math.round(170 + 75 * weight) + ',' +
+      Math.round(225 + 30 * weight) + ',' + (0.08 + 0.87 * weight).toFixed(3) + ')';
+  }
+
+  // Control points of the curve from p to q between the nodes before and behind: it passes through all nodes, and its
+  // direction at each takes account of how far apart they are.
+  function bend(before, p, q, behind) {
+    const span = (a, b) => Math.hypot(b[0] - a[0], b[1] - a[1]) || 1e-9, d = span(p, q);
+    const first = before ? d / (3 * (span(before, p) + d)) : 0, last = behind ? d / (3 * (d + span(q, behind))) : 0;
+    return [0, 1].map((k) => [
+      before ? p[k] + first * (q[k] - before[k]) : p[k] + (q[k] - p[k]) / 3,
+      behind ? q[k] - last * (behind[k] - p[k]) : q[k] - (q[k] - p[k]) / 3,
+    ]);
   }
 
   function addWake(items, project, frame, a) {
@@ -65,7 +75,9 @@
     const shift = a * DRIFT * data.dt * current.signals.wind[frame];
     for (let b = 0; b < blades; b++) {
       for (let f = 0; f < filaments; f++) {
-        let before = null;
+        // tip vortices first: those of the roots are as strong, and hide them
+        const share = f / Math.max(1, filaments - 1), place = 0.25 + 0.75 * Math.min(1, Math.max(0, (share - 0.5) / 0.35));
+        const points = [];
         for (let r = 0; r < rows; r++) {
           const node = (r * blades + b) * filaments + f, k = 3 * node;
           const start = frame * wake.size + k;
@@ -73,14 +85,17 @@
           const point = r === 0
             ? project(mixed(wake, frame, a, k), mixed(wake, frame, a, k + 1), mixed(wake, frame, a, k + 2))
             : project(wake.values[start] + shift, wake.values[start + 1], wake.values[start + 2]);
-          if (before) {
-            const s = strength.values[frame * strength.size + node] / current.strongest;
-            items.push({
-              depth: 0.5 * (before[2] + point[2]), line: [before, point], color: wakeColor(s, r / rows),
-              width: 0.7 + 1.5 * s,
-            });
-          }
-          before = point;
+          points.push(point);
+        }
+        for (let r = 1; r < points.length; r++) {
+          const node = ((r - 1) * blades + b) * filaments + f, p = points[r - 1], q = points[r];
+          const s = Math.min(1, strength.values[frame * strength.size + node] / current.strongest);
+          const weight = Math.sqrt(s) * place * Math.min(1, 1.8 * (1 - r / points.length));
+          if (weight < 0.05) continue;
+          items.push({
+            depth: 0.5 * (p[2] + q[2]), line: [p, q], curve: bend(points[r - 2], p, q, points[r + 1]),
+            color: wakeColor(weight), width: 0.5 + 1.9 * weight,
+          });
         }
       }
     }
@@ -117,7 +132,53 @@
     }
   }
 
+  // The circle of the tips, a little brighter than the sky.
+  function rotorDisc(context, project, frame, a) {
+    const {blades, hub} = current.shapes, [, count, , spans] = blades.shape, tips = [];
+    for (let b = 0; b < count; b++) {
+      const at = 3 * ((2 * b) * spans + spans - 1);
+      tips.push([0, 1, 2].map((k) => mixed(blades, frame, a, at + k)));
+    }
+    if (count < 3) return;
+    const center = [0, 1, 2].map((k) => tips.reduce((sum, tip) => sum + tip[k], 0) / count);
+    const radius = Math.hypot(...[0, 1, 2].map((k) => tips[0][k] - center[k]));
+    const e1 = [0, 1, 2].map((k) => (tips[0][k] - center[k]) / radius), e = [0, 1, 2].map((k) => tips[1][k] - center[k]);
+    const along = e.reduce((sum, value, k) => sum + value * e1[k], 0), rest = e.map((value, k) => value - along * e1[k]);
+    const size = Math.hypot(...rest), e2 = rest.map((value) => value / size);
+    context.beginPath();
+    for (let i = 0; i <= 72; i++) {
+      const c = radius * Math.cos(i * Math.PI / 36), s = radius * Math.sin(i * Math.PI / 36);
+      const p = project(...[0, 1, 2].map((k) => center[k] + c * e1[k] + s * e2[k]));
+      if (i) context.lineTo(p[0], p[1]); else context.moveTo(p[0], p[1]);
+    }
+    context.fillStyle = 'rgba(150,200,230,.07)';
+    context.fill();
+    context.strokeStyle = 'rgba(150,200,230,.35)';
+    context.stroke();
+  }
+
+  // Distances downwind on the ground, in rotor diameters.
+  function scaleMarks(context, project) {
+    const d = 2 * data.size;
+    context.textAlign = 'center';
+    for (let k = 1; k <= 2; k++) {
+      const p = project(k * d, -0.08 * d, 0), q = project(k * d, 0.08 * d, 0);
+      context.beginPath();
+      context.moveTo(p[0], p[1]);
+      context.lineTo(q[0], q[1]);
+      context.stroke();
+      context.fillText(k === 1 ? '1 D = ' + d.toFixed(0) + ' m' : k + ' D', p[0], p[1] + 14);
+    }
+  }
+
   function ground(context, project) {
+    context.beginPath();
+    for (let k = 0; k <= 72; k++) {
+      const p = project(1.2 * data.size + 2.4 * data.size * Math.cos(k * Math.PI / 36), 1.2 * data.size * Math.sin(k * Math.PI / 36), 0);
+      if (k) context.lineTo(p[0], p[1]); else context.moveTo(p[0], p[1]);
+    }
+    context.fillStyle = 'rgba(140,170,150,.10)';
+    context.fill();
     context.strokeStyle = 'rgba(140,170,190,.28)';
     context.fillStyle = 'rgba(140,170,190,.55)';
     context.lineWidth = 1;
@@ -160,6 +221,8 @@
   function drawScene(frame, a) {
     const [context, width, height] = sized(canvas), project = camera(width, height), items = [];
     ground(context, project);
+    scaleMarks(context, project);
+    rotorDisc(context, project, frame, a);
     addWake(items, project, frame, a);
     addTurbine(items, project, frame, a);
     items.sort((p, q) => q.depth - p.depth);
@@ -171,7 +234,10 @@
         context.strokeStyle = item.color;
         context.lineWidth = item.width;
         context.moveTo(item.line[0][0], item.line[0][1]);
-        context.lineTo(item.line[1][0], item.line[1][1]);
+        if (item.curve) {
+          const [[x1, x2], [y1, y2]] = item.curve;
+          context.bezierCurveTo(x1, y1, x2, y2, item.line[1][0], item.line[1][1]);
+        } else context.lineTo(item.line[1][0], item.line[1][1]);
         context.stroke();
       } else if (item.disc) {
         context.fillStyle = item.color;

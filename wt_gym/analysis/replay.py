@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["Replay", "ReplayRecorder", "trailing_strength"]
+__all__ = ["Replay", "ReplayRecorder", "kept_filaments", "trailing_strength"]
 
 # A wake is thinned to this many rows and filaments a blade, which keeps a replay of 20 s below 1 MB.
 _MOST_ROWS, _MOST_FILAMENTS = 64, 5
@@ -125,8 +125,7 @@ def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
     if len(rings):  # one ring less than rows of nodes: the last node ends the last ring
         strength[len(rings) :] = rings[-1]
     rows = np.unique(np.linspace(0, len(wake) - 1, min(len(wake), _MOST_ROWS)).round().astype(int))
-    n_filaments = wake.shape[2]
-    filaments = np.unique(np.linspace(0, n_filaments - 1, min(n_filaments, _MOST_FILAMENTS)).round().astype(int))
+    filaments = kept_filaments(wake.shape[2])
     shapes = {
         "blades": np.asarray(geometry["blades"])[:, [0, -1]],
         "wake": wake[rows][:, :, filaments],
@@ -136,6 +135,24 @@ def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
         "hub": geometry["hub"],
     }
     return {name: np.array(values, dtype=np.float32) for name, values in shapes.items()}
+
+
+def kept_filaments(n_filaments: int) -> NDArray[np.int_]:
+    """Filaments of a blade that a replay keeps, from root to tip, closer to each other towards the tip.
+
+    Parameters
+    ----------
+    n_filaments : int
+
+    Returns
+    -------
+    numpy.ndarray of int, shape (n,)
+        The first and the last among them.
+    """
+    if n_filaments <= _MOST_FILAMENTS:
+        return np.arange(n_filaments)
+    places = (n_filaments - 1) * np.sin(np.linspace(0.0, 0.5 * np.pi, _MOST_FILAMENTS))
+    return np.unique(places.round().astype(int))
 
 
 def _padded(values: NDArray[np.float32], n_rows: int) -> NDArray[np.float32]:

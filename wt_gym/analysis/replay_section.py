@@ -9,15 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.analysis.paired import paired_change
 from wt_gym.analysis.report_page import Section
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
     from wt_gym.analysis.replay import Replay
     from wt_gym.analysis.results import Evaluation, Run
 
-__all__ = ["encode", "replay_script", "replay_section"]
+__all__ = ["encode", "opening_agent", "replay_script", "replay_section", "shown_agents"]
 
 # Almost a megabyte each: more agents would make the page heavy.
 _MOST_AGENTS = 4
@@ -100,9 +103,11 @@ def encode(values: ArrayLike, bits: int = 16) -> dict[str, Any]:
 def replay_section(evaluation: Evaluation) -> Section:
     """Section of the page with the replay, empty where no run kept its shapes."""
     runs = [run for agent in evaluation.agents for run in evaluation.runs_of(agent) if run.replay is not None]
-    runs = runs[:_MOST_AGENTS]
     if not runs:
         return Section("replay", "", "")
+    opened = opening_agent(evaluation, [run.agent for run in runs])
+    kept = shown_agents(evaluation, [run.agent for run in runs], opened)
+    runs = [run for run in runs if run.agent in kept]
     replays = [run.replay for run in runs if run.replay is not None]
     blades = replays[0].blades
     data = {
@@ -111,6 +116,7 @@ def replay_section(evaluation: Evaluation) -> Section:
         "size": float(np.linalg.norm(blades[0, :, 0, -1] - replays[0].hub[0], axis=-1).max()),
         "hub_height": float(replays[0].hub[0, 2]),
         "tower_radius": [round(float(radius), 3) for radius in replays[0].tower_radius],
+        "open": [run.agent for run in runs].index(opened),
         "agents": [_agent(run, replay) for run, replay in zip(runs, replays, strict=True)],
     }
     text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
@@ -121,9 +127,42 @@ def replay_section(evaluation: Evaluation) -> Section:
         "they are stronger. Drag to turn."
     )
     if left_out:
-        caption += f" The first {len(runs)} agents are shown."
+        caption += f" {len(runs)} of {len(evaluation.agents)} agents can be chosen."
     content = f"{_STYLE}{_CONTROLS}<script type='application/json' id='replay-data'>{text}</script>"
     return Section("replay", "Replay of rotor and wake", content, caption, "Replay")
+
+
+def opening_agent(evaluation: Evaluation, agents: Sequence[str]) -> str:
+    """Agent that the replay opens on: the trained one with the lowest flap DEL, or the last where none is trained.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    agents : sequence of str
+        Those that have a replay, at least one.
+    """
+    trained = [agent for agent in agents if agent in evaluation.training]
+    loads = {}
+    for agent in trained:
+        changes = [paired_change(evaluation, agent, "blade_flap_del", speed) for speed in evaluation.speeds]
+        known = [change.value for change in changes if change is not None]
+        loads[agent] = sum(known) / len(known) if known else 0.0
+    return min(trained, key=lambda agent: loads[agent]) if trained else agents[-1]
+
+
+def shown_agents(evaluation: Evaluation, agents: Sequence[str], opened: str) -> set[str]:
+    """Agents that the replay offers: the one it opens on, the baseline, and the first others.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    agents : sequence of str
+        Those that have a replay.
+    opened : str
+        See `opening_agent`.
+    """
+    first = [agent for agent in (opened, evaluation.baseline) if agent in agents]
+    return set(list(dict.fromkeys([*first, *agents]))[:_MOST_AGENTS])
 
 
 def replay_script() -> str:

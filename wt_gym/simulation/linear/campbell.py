@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,6 +46,10 @@ class CampbellDiagram:
         Damped frequency [Hz] and damping ratio [-]; NaN where a mode does not oscillate.
     turbine, description : str
         For titles.
+    generator : str
+        "locked", at constant speed, or "free", at constant torque.
+    rated : float
+        Rated rotor speed [rad/s] or rated wind speed [m/s], as the abscissa; NaN if not known.
     """
 
     abscissa: str
@@ -56,6 +61,8 @@ class CampbellDiagram:
     damping: NDArray[np.float64]
     turbine: str = ""
     description: str = ""
+    generator: str = "locked"
+    rated: float = math.nan
 
     def rows(self) -> list[dict[str, float | str]]:
         """Tidy table: one dict for each mode at each point.
@@ -88,47 +95,15 @@ class CampbellDiagram:
             writer.writerows(rows)
 
     def figure(self) -> Figure:
-        """Frequencies with the rotor's harmonics, and damping below.
+        """Frequencies with the rotor's harmonics, and damping below; families by color, whirls by line style.
 
         Returns
         -------
         matplotlib.figure.Figure
         """
-        from matplotlib import colormaps
-        from matplotlib.figure import Figure
+        from wt_gym.simulation.linear.campbell_figure import campbell_figure
 
-        by_rotor = self.abscissa == "rotor_speed"
-        x = self.rotor_speed / RPM if by_rotor else self.wind_speed
-        figure = Figure(figsize=(10, 9), layout="constrained")
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-        highest = 1.05 * np.nanmax(self.frequency)
-        for n in (1, 3, 6, 9):
-            line = n * self.rotor_speed / (2.0 * np.pi)
-            top.plot(x, line, color="0.75", linewidth=1.0, zorder=0)
-            if line[-1] < highest:
-                top.annotate(f"{n}P", (x[-1], line[-1]), color="0.5", xytext=(4, 0), textcoords="offset points")
-        colors, styles = colormaps["tab10"], ("-", "--", ":")
-        marks = {"regressive": "v", "progressive": "^", "collective": "o"}
-        for k, name in enumerate(self.names):
-            style = {
-                "color": colors(k % colors.N),
-                "linestyle": styles[k // colors.N % len(styles)],
-                "marker": marks.get(name.rpartition(" ")[2], "s"),
-                "markersize": 4,
-            }
-            top.plot(x, self.frequency[k], label=name.replace("_", " "), **style)
-            bottom.plot(x, 100.0 * self.damping[k], **style)
-        top.set_ylim(0.0, highest)
-        top.set_ylabel("damped frequency [Hz]")
-        top.set_title(f"{self.turbine}: {self.description}")
-        top.legend(loc="center left", bbox_to_anchor=(1.02, 0.3), fontsize=8, frameon=False)
-        bottom.set_ylabel("damping ratio [%]")
-        bottom.axhline(0.0, color="0.5", linewidth=0.8)
-        bottom.set_xlabel("rotor speed [rpm]" if by_rotor else "wind speed [m/s]")
-        for axes in (top, bottom):
-            axes.grid(alpha=0.25)
-            axes.margins(x=0.02)
-        return figure
+        return campbell_figure(self)
 
 
 def campbell(
@@ -198,7 +173,8 @@ def campbell(
         tables.append(_whirl_names(model.modes()))
         if on_point is not None:
             on_point(k + 1, len(values))
-    return _assemble(simulator, "rotor_speed" if wind_speeds is None else "wind_speed", points, tables, aerodynamics)
+    abscissa = "rotor_speed" if wind_speeds is None else "wind_speed"
+    return _assemble(simulator, abscissa, points, tables, aerodynamics, generator)
 
 
 def _whirl_names(modes: Iterable[Mode]) -> dict[str, Mode]:
@@ -246,12 +222,14 @@ def _assemble(
     points: Sequence[SteadyPoint],
     tables: Sequence[Mapping[str, Mode]],
     aerodynamics: str,
+    generator: str,
 ) -> CampbellDiagram:
     branches = _branches(tables)
     names, nothing = list(branches), float("nan")
     frequency = np.array([[m.frequency if m else nothing for m in branches[name]] for name in names])
     damping = np.array([[m.damping if m else nothing for m in branches[name]] for name in names])
     order = np.argsort(np.nanmean(frequency, axis=1))
+    turbine = simulator.turbine
     words = {"none": "structure without air", "frozen_wake": "in operation, whole wake frozen"}
     return CampbellDiagram(
         abscissa,
@@ -263,4 +241,6 @@ def _assemble(
         damping[order],
         simulator.turbine.title,
         words.get(aerodynamics, "in operation, quasi-steady aerodynamics"),
+        generator,
+        turbine.drivetrain.rated_rotor_speed if abscissa == "rotor_speed" else turbine.rated_wind_speed,
     )

@@ -1,0 +1,325 @@
+"""What the pictures draw: wake, Campbell diagram, and the look they share."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from validation.case import CaseResult, Check, Curve, absolute
+from validation.case import Figure as CaseFigure
+from validation.record import read_record
+from wt_gym.analysis.replay import kept_filaments
+from wt_gym.analysis.replay_section import opening_agent, shown_agents
+from wt_gym.analysis.scene import Camera, Scene, filament_weights, line_look, smooth_curves
+from wt_gym.picture_style import COLORS, LINE_STYLES, MARKERS, baseline, label_points
+from wt_gym.simulation.linear.campbell import CampbellDiagram
+from wt_gym.simulation.linear.campbell_figure import FAMILIES, campbell_figure, mode_family, mode_label, spread
+from wt_gym.turbines import load_turbine
+
+ROOT = Path(__file__).resolve().parents[2]
+RADIUS, HUB = 60.0, np.array([0.0, 0.0, 90.0])
+
+
+def helix(angles, n_blades=3, radii=(2.0, 20.0, 40.0, 55.0, RADIUS)):
+    """Nodes of helices that drift 8 m a radian, shape (n_rows, n_blades, n_span + 1, 3)."""
+    angle = angles[:, None, None] + 2.0 * np.pi / n_blades * np.arange(n_blades)[:, None]
+    radius = np.broadcast_to(radii, (len(angles), n_blades, len(radii)))
+    drift = np.broadcast_to(8.0 * angles[:, None, None], radius.shape)
+    return HUB + np.stack([drift, radius * np.sin(angle), radius * np.cos(angle)], axis=-1)
+
+
+def geometry(n_rows=40):
+    """Shapes of a turbine with a regular wake: strong tips, stronger roots."""
+    nodes = helix(np.linspace(0.0, 4.0 * np.pi, n_rows + 1))
+    leading, trailing = nodes[0], nodes[0] + [2.0, 0.0, 0.0]
+    return {
+        "blades": np.stack([leading, trailing], axis=1),
+        "wake": nodes,
+        "wake_circulation": np.broadcast_to([30.0, 28.0, 26.0, 24.0], (n_rows, 3, 4)),
+        "tower": np.column_stack([np.full(5, 4.0), np.zeros(5), np.linspace(0.0, 88.0, 5)]),
+        "tower_radius": np.linspace(3.0, 2.0, 5),
+        "hub": HUB,
+    }
+
+
+def test_curves_pass_through_the_nodes_of_rows_at_unequal_distances():
+    rows = np.concatenate([np.arange(0.0, 2.0, 0.14), np.arange(2.1, 12.0, 0.42)])  # old rows are thinned
+    nodes = helix(rows)
+    curves = smooth_curves(nodes, 6)
+    assert len(curves) == 6 * (len(rows) - 1) + 1
+    np.testing.assert_allclose(curves[::6], nodes, atol=1e-9)
+
+
+def test_curves_are_round_where_straight_lines_have_corners():
+    nodes = helix(np.arange(0.0, 12.0, 0.42))
+    tips = smooth_curves(nodes, 8)[16:-16, 0, -1] - HUB
+    radii = np.hypot(tips[:, 1], tips[:, 2])
+    chord = RADIUS * np.cos(0.5 * 0.42)  # middle of a straight piece
+    assert np.abs(radii - RADIUS).max() < 0.05 * (RADIUS - chord)
+
+
+@pytest.mark.parametrize("n_rows", [0, 1, 2])
+def test_a_short_wake_is_drawn_too(n_rows):
+    shapes = geometry(max(n_rows, 1))
+    shapes["wake"] = shapes["wake"][: n_rows + 1]
+    shapes["wake_circulation"] = shapes["wake_circulation"][:n_rows]
+    assert len(smooth_curves(shapes["wake"], 5)) == 5 * n_rows + 1
+    scene = Scene(Figure().add_axes((0, 0, 1, 1)), load_turbine("nrel_5mw"))
+    scene.draw(shapes)
+
+
+def test_tips_come_before_roots_and_old_filaments_fade():
+    shapes = geometry()
+    weights = filament_weights(shapes["wake_circulation"], shapes["wake"], HUB)
+    assert weights.shape == (40, 3, 5)
+    assert weights[0, 0, -1] == pytest.approx(1.0)  # 24 m²/s leave the tip
+    assert weights[0, 0, 0] < 0.5 * weights[0, 0, -1]  # 30 leave the root
+    assert np.all(np.diff(weights[:, 0, -1]) <= 0.0)
+    assert weights[-1, 0, -1] < 0.1
+    doubled = shapes["wake_circulation"].copy()
+    doubled[:, 0] *= 0.5  # one blade is loaded half as much
+    halves = filament_weights(doubled, shapes["wake"], HUB)
+    np.testing.assert_allclose(halves[:, 0, -1], 0.5 * halves[:, 1, -1])
+
+
+def test_widths_and_opacities_follow_the_weight():
+    weights = np.linspace(0.0, 1.0, 11)
+    widths, opacities = line_look(weights)
+    assert np.all(np.diff(widths) > 0.0)
+    assert np.all(np.diff(opacities) > 0.0)
+    assert opacities[-1] == 1.0
+
+
+def test_scene_draws_filaments_on_both_sides_of_the_tower_with_widths_by_strength():
+    figure = Figure(figsize=(4, 3))
+    scene = Scene(figure.add_axes((0, 0, 1, 1)), load_turbine("nrel_5mw"), length=1.2)
+    shapes = geometry()
+    scene.draw(shapes)
+    for lines in (scene._behind, scene._before):
+        widths, opacities = lines.get_linewidths(), lines.get_colors()[:, 3]
+        assert len(lines.get_segments()) == len(widths) == len(opacities) > 20
+        assert np.all(np.diff(widths) >= 0.0)  # the strongest last, on top
+        np.testing.assert_allclose(np.argsort(widths, kind="stable"), np.argsort(opacities, kind="stable"))
+        # a piece begins and ends at nodes of the wake
+        ends = np.array([[line[0], line[-1]] for line in lines.get_segments()]).reshape(-1, 1, 2)
+        known = scene.camera.project(shapes["wake"]).reshape(1, -1, 2)
+        assert np.abs(ends - known).max(axis=2).min(axis=1).max() < 1e-9
+    left, right = figure.axes[0].get_xlim()
+    drawn = np.concatenate([line for line in scene._before.get_segments()])
+    assert left < drawn[:, 0].min()
+    assert drawn[:, 0].max() < right  # nothing is cut at the edge
+    rim = scene._rim.get_segments()[0]
+    tips = scene.camera.project(0.5 * (shapes["blades"][:, 0, -1] + shapes["blades"][:, -1, -1]))
+    assert np.linalg.norm(rim[:, None] - tips, axis=-1).min(axis=0).max() < 3.0  # the disc goes through the tips
+
+
+def test_camera_looks_from_above():
+    camera = Camera()
+    near, far = np.array([0.0, -50.0, 0.0]), np.array([0.0, 50.0, 0.0])
+    assert camera.depth(far) > camera.depth(near)
+    assert camera.project(far)[1] > camera.project(near)[1]  # what is farther on the ground is higher in the picture
+    assert camera.project([0.0, 0.0, 10.0])[1] > 0.0
+    assert camera.project([10.0, 0.0, 0.0])[0] > 0.0  # downwind is to the right
+
+
+@pytest.mark.parametrize(
+    ("name", "family", "label"),
+    [
+        ("flap_1 regressive", "blade flap", "blade flap 1, regressive"),
+        ("edge_2 collective", "blade edge", "blade edge 2, collective"),
+        ("torsion_1", "tower torsion", "tower torsion 1"),
+        ("torsion_1 progressive", "blade torsion", "blade torsion 1, progressive"),
+        ("shaft_torsion", "drivetrain torsion", "drivetrain torsion"),
+        ("fore_aft_2", "tower fore-aft", "tower fore-aft 2"),
+        ("side_side_1", "tower side-side", "tower side-side 1"),
+        ("platform_surge", "platform_surge", "platform surge"),
+    ],
+)
+def test_modes_have_names_that_say_what_moves(name, family, label):
+    assert mode_family(name) == family
+    assert mode_label(name) == label
+
+
+def test_labels_keep_their_order_and_distance():
+    places = np.array([0.30, 0.31, 0.9, 0.32, 0.97])
+    out = spread(places, 0.1, 0.0, 1.0)
+    assert np.all(np.argsort(out) == np.argsort(places))
+    assert np.diff(np.sort(out)).min() > 0.1 - 1e-12
+    np.testing.assert_allclose(spread([0.1, 0.5, 0.9], 0.1, 0.0, 1.0), [0.1, 0.5, 0.9])  # those with room stay
+    crowded = spread(np.full(30, 0.5), 0.1, 0.0, 1.0)
+    assert crowded.min() >= -1e-12
+    assert crowded.max() <= 1.0 + 1e-12
+
+
+def diagram(damping, generator="free"):
+    speeds = np.array([4.0, 11.0, 20.0])
+    names = ("fore_aft_1", "flap_1 regressive", "torsion_1")
+    frequency = np.array([[0.32, 0.32, 0.33], [0.7, 0.6, 0.5], [3.4, np.nan, 3.3]])
+    return CampbellDiagram("wind_speed", speeds, np.array([0.8, 1.2, 1.27]), 0.0 * speeds, names, frequency,
+                           np.broadcast_to(np.array(damping)[:, None], (3, 3)), "A turbine", "in operation", generator,
+                           11.4)  # fmt: skip
+
+
+def texts(figure):
+    return [text.get_text() for axes in figure.axes for text in axes.texts] + [text.get_text() for text in figure.texts]
+
+
+def test_campbell_figure_names_modes_harmonics_rated_speed_and_generator():
+    figure = campbell_figure(diagram([0.08, 0.5, 0.004]))
+    shown = texts(figure)
+    for text in ("tower fore-aft 1", "blade flap 1, regressive", "tower torsion 1"):
+        assert shown.count(text) == 2, text  # frequency and damping
+    for text in (*(f"{n}P" for n in range(1, 10)), "rated"):
+        assert text in shown
+    assert any("generator free (constant torque)" in text for text in shown)
+    assert "unstable" not in shown
+    flap = [line for line in figure.axes[0].lines if line.get_color() == FAMILIES["blade flap"]]
+    assert "--" in {line.get_linestyle() for line in flap}
+
+
+def test_damping_axis_spreads_what_is_lightly_damped_and_marks_what_is_unstable():
+    figure = campbell_figure(diagram([0.08, 0.5, -0.004], "locked"))
+    damping = figure.axes[1]
+    to_axes = (damping.transData + damping.transAxes.inverted()).transform
+    quarter = to_axes((4.0, 1.0))[1] - to_axes((4.0, 0.0))[1]
+    assert quarter > 0.1  # the first per cent has a tenth of the axis, of a range of 100
+    assert "unstable" in texts(figure)
+    assert damping.get_ylim()[0] < -0.4
+
+
+def test_style_tells_apart_by_color_marker_and_line():
+    assert len(set(COLORS)) == len(set(MARKERS)) == len(set(map(str, LINE_STYLES))) == 7
+    axes = Figure().add_subplot()
+    baseline(axes, 2.0, "published controller")
+    assert axes.lines[0].get_ydata()[0] == 2.0
+    assert axes.texts[0].get_text() == "published controller"
+
+
+def load_script(name):
+    """A script of the clone as a module."""
+    path = ROOT / "scripts" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(path.parent))
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(path.parent))
+    return module
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    return load_script("validation_pictures")
+
+
+def check(expected, obtained, tolerance, quantity="x"):
+    return Check(quantity, expected, obtained, tolerance).as_dict()
+
+
+@pytest.mark.parametrize(
+    ("checks", "margin"),
+    [
+        ([check(2.0, 2.1, 0.1), check(1.0, 1.0, 0.1)], 0.5),  # half of the tolerance
+        ([check(2.0, 2.6, 0.1)], 3.0),
+        ([check("<= 2", 1.0, 0.0)], None),
+        ([check("<= 2", 3.0, 0.0)], 1.5),
+        ([check("in [1, 3]", 4.0, 0.0)], 1.5),
+        ([check(">= 0", -0.3, 0.0)], 2.0),  # a sign
+        ([check(0.0, 0.2, absolute(0.1))], 2.0),
+    ],
+)
+def test_bars_measure_errors_in_tolerances(pictures, checks, margin):
+    found = pictures.margin({"checks": checks})
+    assert found == (None if margin is None else pytest.approx(margin))
+    if margin is not None:
+        assert (found > 1.0) == (not all(one["passed"] for one in checks))
+
+
+def test_bars_of_the_record_tell_failed_cases(pictures):
+    record = read_record(ROOT / "docs" / "data" / "validation.json")
+    axes = pictures.draw_cases(record).axes
+    names = [label.get_text() for part in axes for label in part.get_yticklabels()]
+    assert sorted(names) == sorted(record)
+    shown = [text.get_text() for part in axes for text in part.texts]
+    assert len(shown) == sum(not case["passed"] for case in record.values())
+    assert all(" fail" in text for text in shown)
+
+
+def test_panels_show_expected_and_obtained_values_with_their_tolerance(pictures):
+    checks = [check(2.0 * x, 2.1 * x, 0.1, f"Cp at {x}") for x in (9.0, 3.0, 5.0)]
+    record = {"a": {"checks": [*checks, check(1.0, 1.0, 0.1, "Ct at 3")]}}
+    ((title, data),) = pictures.panels([("a", r"^Cp at ([\d.]+)$", "power", "x", "Cp")], {}, record)
+    assert title == "power"
+    assert data["curves"][0]["x"] == data["curves"][1]["x"] == [3.0, 5.0, 9.0]
+    assert data["curves"][0]["y"] == pytest.approx([6.0, 10.0, 18.0])
+    assert data["curves"][1]["y"] == pytest.approx([6.3, 10.5, 18.9])
+    assert data["band"] == pytest.approx([0.6, 1.0, 1.8])
+    axes = pictures.draw_panels([(title, data)]).axes[0]
+    assert [line.get_label() for line in axes.lines] == ["published", "simulator"]
+
+
+def test_curves_are_few_points_and_keep_their_ends(pictures):
+    time = np.linspace(0.0, 10.0, 5001)
+    result = CaseResult(
+        [], {"a": CaseFigure((Curve(time, np.sin(time), "sine", "o"),), "time [s]", "x [m]"), "b": print}
+    )
+    stored = pictures.curves_of(result)
+    assert list(stored) == ["a"]
+    (curve,) = stored["a"]["curves"]
+    assert len(curve["x"]) == len(curve["y"]) == pictures.MOST_POINTS
+    assert (curve["x"][0], curve["x"][-1]) == (0.0, 10.0)
+    assert pictures.look("o", 0, over_time=True)["marker"] is None  # markers of a time series hide each other
+    assert pictures.look("o", 0)["linestyle"] == "none"
+
+
+def test_pictures_of_the_page_are_drawn_from_the_data_that_are_there(pictures):
+    page = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
+    for name in (*pictures.PICTURES, "validation_cases"):
+        path = ROOT / "docs" / "data" / f"{name}.svg"
+        assert (f"data/{name}.svg" in page) == path.exists()
+        if path.exists():
+            assert path.stat().st_size < 200_000
+
+
+def test_names_of_points_do_not_cover_each_other():
+    figure = Figure(figsize=(6, 4))
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    points = [(1.0, 1.0), (1.05, 1.0), (1.0, 1.05), (3.0, 2.0)]
+    axes.plot(*zip(*points, strict=True), "o")
+    axes.set(xlim=(0, 4), ylim=(0, 3))
+    texts = ["controller one", "controller two", "controller three", "far"]
+    notes = label_points(axes, points, texts, ["k"] * 4)
+    boxes = [note.get_window_extent() for note in notes]
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+    at = axes.transData.transform(points)
+    assert all(not box.contains(*place) for box in boxes for place in at)
+
+
+def test_replay_opens_on_the_trained_agent_with_the_lowest_load(monkeypatch):
+    changes = {"good": -0.4, "better": -0.5, "by hand": -0.9}
+    monkeypatch.setattr(
+        "wt_gym.analysis.replay_section.paired_change",
+        lambda evaluation, agent, key, speed: SimpleNamespace(value=changes[agent]),
+    )
+    evaluation = SimpleNamespace(training={"good": {}, "better": {}}, speeds=[15.0], baseline="base")
+    agents = ["base", "a", "b", "c", "better", "good", "by hand"]
+    assert opening_agent(evaluation, agents) == "better"
+    assert shown_agents(evaluation, agents, "better") == {"base", "better", "a", "b"}
+    assert opening_agent(evaluation, ["base", "by hand"]) == "by hand"  # the last that was asked for
+
+
+def test_replay_keeps_filaments_near_the_tip():
+    kept = kept_filaments(17)
+    assert kept[0] == 0
+    assert kept[-1] == 16
+    assert len(kept) <= 5
+    assert np.all(np.diff(np.diff(kept)) <= 0)  # closer towards the tip
+    assert kept_filaments(3).tolist() == [0, 1, 2]
