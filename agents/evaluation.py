@@ -231,7 +231,7 @@ def _settings(config: EvaluationConfig, layout: EnvLayout, env: gym.Env) -> dict
         "fidelity": fidelity if isinstance(fidelity, str) else fidelity.name,
         "control_dt": layout.control_dt,
         "iec_class": layout.turbine.iec_class,
-        "turbulence_class": layout.turbine.turbulence_class,
+        "turbulence_class": turbine_env_of(env).options.wind.turbulence_class or layout.turbine.turbulence_class,
         "duration": config.duration,
         "skip": config.skip,
         "seed": config.seed,
