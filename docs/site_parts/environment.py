@@ -15,7 +15,10 @@ from wt_gym.envs.options.environment import GROUPS, EnvOptions, argument_default
 from wt_gym.envs.options.group import described
 from wt_gym.tasks import TASKS
 
-_WIND = {"steady": "steady, sheared", "turbulent": "Kaimal turbulence", "gusts": "IEC gusts"}
+_WIND = {
+    "steady": "steady, sheared", "turbulent": "Kaimal turbulence", "gusts": "IEC gusts",
+    "path": "turbulence of a mean speed that changes",
+}  # fmt: skip
 
 
 def ids():
