@@ -16,11 +16,9 @@ from wt_gym.envs.options.group import described
 from wt_gym.tasks import TASKS
 
 _WIND = {
-    "steady": "steady, sheared",
-    "turbulent": "Kaimal turbulence",
-    "path": "mean speed along a path",
-    "gusts": "IEC gusts",
-}
+    "steady": "steady, sheared", "turbulent": "Kaimal turbulence", "gusts": "IEC gusts",
+    "path": "turbulence of a mean speed that changes",
+}  # fmt: skip
 
 
 def ids():
