@@ -15,6 +15,7 @@ from wt_gym.control.controllers import (
     make_controller,
     supervisor_of,
 )
+from wt_gym.control.controllers.controller import AtSetPoint, WithDemandedPower
 from wt_gym.control.controllers.speed_exclusion import SpeedExclusion, resonant_speed
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.rotor_table import rotor_table
@@ -180,6 +181,49 @@ def test_an_agent_moves_the_set_point_within_its_limits():
     controller.asked = -5.0
     rotor.run(60.0, 18.0)
     assert controller.set_point == pytest.approx(controller.parameters.cut_in_speed)
+
+
+@pytest.mark.parametrize(("wind", "share"), [(16.0, 0.5), (27.0, 0.4), (27.0, 0.9)])
+def test_a_demanded_power_is_followed_up_to_that_of_the_set_point(wind, share):
+    controller = supervised("discon+derate_torque+supervisor", averaging=5.0)
+    rotor = Rotor(controller, 20.0, RATED, 0.3, 4e4)
+    step = controller.step
+    controller.step = lambda signals, dt: step(WithDemandedPower(signals, share * 5e6, "reference"), dt)
+    rotor.run(180.0, lambda t: 20.0 + (wind - 20.0) * min(t / 70.0, 1.0))
+    assert "shut_down" not in rotor.states
+    _, power = controller.parameters.set_points(wind)
+    assert rotor.torque * GEAR * rotor.speed / 5.297e6 == pytest.approx(min(share, power), rel=0.02)
+
+
+@pytest.mark.parametrize("wind", [6.0, 8.0, 10.0])
+def test_the_estimated_wind_is_the_true_one_whatever_the_set_point(wind):
+    """At the hand-over, while the set point rises, and while an agent moves it."""
+    controller = supervised("tsr_tracking+supervisor")
+    rotor, estimated = Rotor(controller, wind), []
+    for k in range(2400):
+        controller.asked = -0.2 if k > 1200 else 0.0
+        rotor.run(DT, wind)
+        if controller.state == "production":
+            estimated.append(controller.base.wind)
+    assert len(estimated) > 1000
+    assert max(estimated) < 1.1 * wind
+    assert max(abs(np.array(estimated[150:]) - wind)) < 0.1 * wind
+
+
+def test_the_excluded_band_lies_in_measured_speeds():
+    """Under a set point of 0.8 the speed that is held is not within the band."""
+    large = load_turbine("iea_22mw")
+    base = make_controller("tsr_tracking", large)
+    base.exclusion = band = SpeedExclusion.of_turbine(large, 0.08)
+    gear = large.drivetrain.gear_ratio
+    for wind in np.linspace(4.0, 10.0, 13):
+        speed = 0.7 * large.drivetrain.rated_rotor_speed
+        read = readings(wind, speed) | {"generator_speed": gear * speed}
+        base.start(AtSetPoint(read, 0.8), Demand(np.zeros(3), 0.0, 1e6))
+        base._wind.reset(wind)
+        shift = max(base._shift.value, 0.0) * base.parameters.rated_speed
+        tracked = 0.8 * (base._speed.value - base._errors(600.0)[0] + shift)
+        assert not band.low + 1e-9 < tracked < band.high - 1e-9
 
 
 def test_a_copy_goes_on_identically():

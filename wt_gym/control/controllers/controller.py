@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from wt_gym.wind import Inflow
 
 __all__ = [
+    "AtSetPoint",
     "Addition",
     "Combined",
     "Controller",
@@ -163,8 +164,45 @@ class WithDemandedPower:
         return self._demanded if name == "demanded_power" else self._signals[name]
 
 
+class AtSetPoint:
+    """Readings with the speeds of the rotor over a set point: a controller then holds that set point in their place.
+
+    Parameters
+    ----------
+    signals : Readings
+        As they are measured.
+    share : float
+        Set point of the rotor speed over rated [-].
+    power_share : float
+        By what a power that the controller makes of these readings is multiplied in the end [-]; what is demanded is
+        over it, so that the demanded power comes out.
+
+    Attributes
+    ----------
+    measured : Readings
+    share : float
+    demanded : float or None
+        Power that the controller is to make of these readings [W], None where nothing is asked for.
+    """
+
+    __slots__ = ("demanded", "measured", "share")
+
+    def __init__(self, signals: Readings, share: float, power_share: float = 1.0) -> None:
+        self.measured, self.share = signals, share
+        demanded = demanded_power_of(signals)
+        self.demanded = None if demanded is None else demanded / power_share
+
+    def __getitem__(self, name: str) -> float:
+        if name == "demanded_power" and self.demanded is not None:
+            return self.demanded
+        value = self.measured[name]
+        return value / self.share if name in ("generator_speed", "rotor_speed") else value
+
+
 def demanded_power_of(signals: Readings) -> float | None:
     """Power that a grid operator asks for [W]; None where nothing is asked for."""
+    if isinstance(signals, AtSetPoint):
+        return signals.demanded
     if isinstance(signals, WithDemandedPower):
         return signals["demanded_power"]
     if isinstance(signals, Mapping) and "demanded_power" in signals:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.controller import Controller, lidar_of, parts_of
+from wt_gym.control.controllers.controller import AtSetPoint, Controller, demanded_power_of, lidar_of, parts_of
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward, ShiftablePitch
 from wt_gym.control.controllers.parameters import Parameter
@@ -151,19 +151,6 @@ class SupervisorParameters:
         return 1.0 - share * (1.0 - self.least_speed), 1.0 - share * (1.0 - self.least_power)
 
 
-class _Scaled:
-    """Readings with the speeds of the rotor over a set point: a controller then holds that set point in their place."""
-
-    __slots__ = ("_share", "_signals")
-
-    def __init__(self, signals: Readings, share: float):
-        self._signals, self._share = signals, share
-
-    def __getitem__(self, name: str) -> float:
-        value = self._signals[name]
-        return value / self._share if name in ("generator_speed", "rotor_speed") else value
-
-
 class Supervisor:
     """A base controller under supervisory control.
 
@@ -178,6 +165,7 @@ class Supervisor:
       that.
     - *Soft cut-out*: above ``derate_from`` the set points of speed and power fall with the mean wind. The base
       controller reads speeds over the set point, and so holds that; its torque is scaled to the set point of the power.
+      A power that a grid operator demands is followed up to that.
     - *Shut-down*: above ``cut_out``, below cut-in by 0.5 m/s, in a gust or overspeed the blades go to feather at
       ``stop_rate``; the torque falls with the square of the speed, and ends at the cut-in speed.
 
@@ -396,7 +384,9 @@ class Supervisor:
         p = self.parameters
         self._enter(_PRODUCTION)
         self.set_point, self.load = min(speed, 1.0), 0.0
-        self.base.start(_Scaled(signals, self.set_point), Demand(np.full(p.n_blades, self._pitch), 0.0, 0.0))
+        self.base.start(
+            AtSetPoint(signals, self.set_point, self.set_point), Demand(np.full(p.n_blades, self._pitch), 0.0, 0.0)
+        )
 
     def _produce(self, signals: Readings, mean: float, dt: float) -> Demand:
         p = self.parameters
@@ -409,8 +399,10 @@ class Supervisor:
         reach = dt / (p.run_up if pitched else 0.1 * p.run_up)
         self.set_point += min(max(wanted - self.set_point, -reach), reach)
         self.load = min(self.load + 3.0 * dt / p.run_up, 1.0)
-        share, factor = self.set_point, self.load * min(power / wanted, 1.0)
-        demand = self.base.step(signals if share == 1.0 else _Scaled(signals, share), dt)
+        share, cut = self.set_point, min(power / wanted, 1.0)
+        factor, kept = self.load * cut, share * cut
+        as_is = share == 1.0 and (kept == 1.0 or demanded_power_of(signals) is None)
+        demand = self.base.step(signals if as_is else AtSetPoint(signals, share, kept), dt)
         if factor != 1.0:
             demand = Demand(demand.pitch, demand.yaw_rate, factor * demand.generator_torque)
         self._pitch, self._torque = float(demand.pitch[0]), float(demand.generator_torque)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.controller import AtSetPoint
 from wt_gym.control.controllers.discon import PITCH_OF_REGION_3, BaselineParameters
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
@@ -294,6 +295,9 @@ class TsrTrackingController:
     3. pitch: the baseline's gain-scheduled law on ``w - w_pitch``, within theta_min(v) and the upper limit, limited in
        rate.
 
+    Where the speeds that are read are over a set point (`wt_gym.control.controllers.controller.AtSetPoint`), w is that
+    speed; the wind is estimated from, and the excluded band lies in, speeds as they are measured.
+
     Parameters
     ----------
     parameters : TsrTrackingParameters
@@ -315,6 +319,7 @@ class TsrTrackingController:
         self._wind = LowPass(parameters.wind_time_constant)
         self._shift = LowPass(parameters.smoothing_time_constant)
         self.exclusion: SpeedExclusion | None = None
+        self._share = 1.0
         self._pitch = self._torque = self._pitch_integral = self._torque_integral = math.nan
 
     @property
@@ -344,8 +349,9 @@ class TsrTrackingController:
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start bumplessly from the mean of the pitch demands and the torque demand."""
         p = self.parameters
+        measured = self._measured(signals)
         self._speed.reset(self._notch.reset(signals["generator_speed"]))
-        self._wind.reset(self.estimator.start(signals))
+        self._wind.reset(self.estimator.start(measured))
         self._pitch, self._torque = float(np.mean(demand.pitch)), float(demand.generator_torque)
         self._shift.reset(self._wanted_shift(self._least_pitch()))
         if self.exclusion is not None:
@@ -358,7 +364,7 @@ class TsrTrackingController:
         """Demand for the next ``dt`` [s]."""
         p, b = self.parameters, self.parameters.baseline
         speed = self._speed.update(self._notch.update(signals["generator_speed"], dt), dt)
-        self._wind.update(self.estimator.update(signals, dt), dt)
+        self._wind.update(self.estimator.update(self._measured(signals), dt), dt)
         least = self._least_pitch()
         self._shift.update(self._wanted_shift(least), dt)
         torque_error, pitch_error = self._errors(dt)
@@ -382,6 +388,14 @@ class TsrTrackingController:
         self._pitch = min(max(before + change, least), b.max_pitch)
         self._pitch_integral = b.pitch_law.moved(before, self._pitch - before, self._pitch_integral)
 
+    def _measured(self, signals: Readings) -> Readings:
+        """Readings for the estimator: speeds over a set point would be another rotor's; the set point is kept."""
+        if isinstance(signals, AtSetPoint):
+            self._share = signals.share
+            return signals.measured
+        self._share = 1.0
+        return signals
+
     def _most_torque(self, least: float) -> float:
         """Largest torque while the speed is below rated [N m]: a tenth above rated to hold the power of region 3."""
         p = self.parameters
@@ -398,7 +412,7 @@ class TsrTrackingController:
         shift = self._shift.value * p.rated_speed
         tracked = min(max(p.speed_per_wind * self.wind, p.min_speed), p.rated_speed)
         if self.exclusion is not None:
-            tracked = self.exclusion.moved(tracked, dt)
+            tracked = self.exclusion.moved(tracked * self._share, dt) / self._share
         return speed - (tracked - max(shift, 0.0)), speed - (p.rated_speed - min(shift, 0.0))
 
     def _wanted_shift(self, least: float) -> float:
