@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -12,7 +13,7 @@ from wt_gym.envs import reward_store
 from wt_gym.envs.rewards import FunctionTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation import Simulator
-from wt_gym.wind import SteadyInflow
+from wt_gym.wind import MirroredInflow, SteadyInflow
 
 ARGUMENTS = {
     "turbine": "nrel_5mw", "inflow": "turbulent", "wind_speed": (13.0, 17.0), "wind_seeds": (1, 2), "start": "steady",
@@ -260,3 +261,25 @@ def test_an_evaluation_begins_where_no_training_does():
     for seed in range(20):
         evaluated.reset(seed=7_000_000 + seed, options={"wind_speed": 12.0})
         assert repr(evaluated.episode_wind.inflow) not in known
+
+
+def test_a_baseline_on_a_path_is_recorded_once(tmp_path):
+    """Drawn with turbulence; another path, offset, scale, profile or mirror image is another one."""
+    path = ARGUMENTS | {"inflow": "path", "wind_speed": (9.0, 17.0)}
+    first, again = WindTurbineEnv(**path), WindTurbineEnv(**path)
+    beside = episode(first)
+    assert simulated(first) == 20
+    first.close()
+    assert episode(again) == beside
+    assert simulated(again) is None
+    beginning = again._twin._beginning
+    wind = beginning.wind.inflow
+    winds = [wind, MirroredInflow(wind)] + [
+        replace(wind, **{name: 1.01 * getattr(wind, name)}) for name in ("times", "speeds", "scales", "offset")
+    ]
+    winds += [replace(wind, profile=SteadyInflow(1.0, 90.0, shear_exponent=0.3)), replace(wind, box=None)]
+    keys = [again._twin._key(replace(beginning, wind=replace(beginning.wind, inflow=other))) for other in winds]
+    assert None not in keys
+    assert len(set(keys)) == len(winds)
+    elsewhere = replace(beginning, wind=replace(beginning.wind, wind_seed=-1))  # turbulence from a file
+    assert again._twin._key(elsewhere) is None

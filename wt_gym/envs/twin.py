@@ -28,7 +28,14 @@ from wt_gym.envs.reward_store import Course, kept_course, new_course, store_cour
 from wt_gym.envs.snapshot import TwinSnapshot
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
-from wt_gym.wind import SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
+from wt_gym.wind import (
+    MirroredInflow,
+    PathInflow,
+    SteadyInflow,
+    TransientInflow,
+    TurbulentInflow,
+    TurningInflow,
+)
 
 if TYPE_CHECKING:
     from wt_gym.envs.ending import Limits
@@ -41,7 +48,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation.fidelity import Fidelity
     from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
+    from wt_gym.wind import Inflow, TurbulenceBox
 
 __all__ = ["ControllerAlone", "Twin", "TwinSnapshot"]
 
@@ -226,12 +233,22 @@ def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:
     if isinstance(inflow, TurningInflow):
         inner = _inflow(inflow.inner, made_here)
         return None if inner is None else (type(inflow).__name__, inflow.times, inflow.directions, *inner)
+    if isinstance(inflow, MirroredInflow):
+        inner = _inflow(inflow.inner, made_here)
+        return None if inner is None else (type(inflow).__name__, *inner)
     if isinstance(inflow, TurbulentInflow) and made_here:
-        box = inflow.box
-        return inflow.steady, inflow.beyond_grid, box.mean_speed, box.time_step, box.scale, box.description
+        return inflow.steady, inflow.beyond_grid, *_box(inflow.box)
+    if type(inflow) is PathInflow and (made_here or inflow.box is None):
+        path = type(inflow).__name__, inflow.times, inflow.speeds, inflow.scales, inflow.offset, inflow.profile
+        return (*path, None) if inflow.box is None else (*path, *_box(inflow.box))
     if type(inflow) in (SteadyInflow, TransientInflow):
         return (inflow,)
     return None
+
+
+def _box(box: TurbulenceBox) -> tuple[object, ...]:
+    """What tells turbulence made here from others beside its seed."""
+    return box.mean_speed, box.time_step, box.scale, box.description
 
 
 def _start(start: Start) -> tuple[object, ...]:
