@@ -106,9 +106,21 @@ def test_a_start_from_standstill_to_power_in_the_free_wake():
     env.reset(seed=3, options={"inflow": path((0.0, 11.0)), "rotor_speed": 0.0, "pitch": 0.5 * math.pi,
                                "generator_torque": 0.0})  # fmt: skip
     states, _, info, _ = play(env, 90.0)
-    assert states == ["start_up", "production"]
+    assert states == ["parked", "start_up", "production"]
     assert info["generator_power"] > 2.5e6
     assert info["rotor_speed_max"] < 1.15 * env.limits.rated
+
+
+def test_an_agent_moves_neither_blades_nor_torque_of_a_parked_turbine():
+    """In a calm a torque offset would give power below cut-in, and tilt and yaw would turn the blades."""
+    env = make(controller=FAST)
+    env.reset(seed=3, options={"inflow": path((0.0, 2.0)), "rotor_speed": 0.05, "pitch": 1.5, "generator_torque": 0.0})
+    states, _, info, _ = play(env, 3.0, np.ones(5))
+    assert states == ["parked"]
+    assert env.setpoint.generator_torque > 1000.0
+    assert info["generator_power"] == 0.0
+    assert np.array_equal(env.demand.pitch, env.operation.base.pitch)
+    assert env.setpoint.set_point == 0.0  # nothing is wound up that would not act in production
 
 
 def test_a_storm_ends_in_a_parked_turbine_and_nothing_breaks():

@@ -92,9 +92,50 @@ def test_production_at_rated_is_the_base_controller_bit_for_bit():
 @pytest.mark.parametrize("wind", [5.0, 8.0, 14.0, 22.0])
 def test_a_start_goes_from_feather_to_the_power_of_the_base(wind):
     rotor = Rotor(supervised(), wind).run(240.0, wind)
-    assert rotor.states == ["start_up", "production"]
+    assert rotor.states == ["parked", "start_up", "production"]
     assert rotor.torque * GEAR * rotor.speed > (0.9 if wind > 12.0 else 0.2 * (wind / 12.0) ** 3) * 5e6
     assert rotor.fastest < 1.1 * RATED
+
+
+@pytest.mark.parametrize(("sample", "wind"), [(26.5, 29.0), (14.0, 29.0), (10.0, 1.0)])
+def test_one_reading_does_not_start_a_parked_turbine(sample, wind):
+    """Parked in a storm or a calm the turbine stands although the wind of the first instant would do."""
+    rotor = Rotor(supervised(), sample).run(60.0, lambda t: sample if t < 0.5 else wind)
+    assert rotor.states == ["parked"]
+
+
+def test_a_parked_turbine_starts_after_the_time_of_the_filter():
+    rotor = Rotor(supervised(averaging=60.0), 1.0).run(29.0, 8.0)
+    assert rotor.states == ["parked"]
+    assert rotor.run(2.0, 8.0).states == ["parked", "start_up"]
+
+
+def test_an_agent_has_no_share_but_in_production():
+    rotor = Rotor(supervised(), 8.0)
+    shares = {state: [] for state in STATES}
+    for seconds, wind in ((200.0, 8.0), (200.0, 1.0)):
+        for _ in range(round(seconds / DT)):
+            rotor.run(DT, wind)
+            shares[rotor.controller.state].append(rotor.controller.agent_share)
+    assert not any(shares["parked"] + shares["start_up"] + shares["shut_down"])
+    assert min(map(len, (shares["parked"], shares["start_up"], shares["shut_down"]))) > 10
+    assert shares["production"][0] < 0.01
+    assert shares["production"][-1] == 1.0
+
+
+@pytest.mark.parametrize("wind", [18.0, 26.5, 27.5])
+def test_an_offset_beyond_what_acts_is_held_there(wind):
+    """At both ends of what acts the set point is that of the offset, and no less."""
+    controller = supervised()
+    rotor = Rotor(controller, 20.0, RATED, 0.3, 4e4).run(100.0, lambda t: min(20.0 + 0.1 * t, wind))
+    wanted, _ = controller.parameters.set_points(controller.mean_wind)
+    for asked in (0.3, -1.0):
+        controller.asked = held = controller.acting_offset(asked)
+        rotor.run(60.0, wind)
+        wanted, _ = controller.parameters.set_points(controller.mean_wind)
+        assert abs(held) < abs(asked)
+        assert controller.set_point == pytest.approx(wanted + held, abs=1e-2)
+    assert controller.acting_offset(-0.1) == -0.1
 
 
 def test_a_start_holds_the_speed_on_its_ramp():
@@ -285,6 +326,15 @@ def test_a_set_point_waits_at_the_ends_of_the_band_and_crosses_it_quickly():
     assert last == 3.5
     above = SpeedExclusion(4.0, 5.0, 0.5, least=4.5)  # nothing below the band to wait at
     assert above.moved(4.6, DT) == 5.0
+
+
+@pytest.mark.parametrize(("first", "wanted"), [(39.0, 100.0), (100.0, 20.0)])
+def test_a_set_point_does_not_jump_behind_the_band(first, wanted):
+    band = SpeedExclusion(40.0, 60.0, 4.0)
+    path = [band.moved(first, DT)] + [band.moved(wanted, DT) for _ in range(250)]
+    assert abs(np.diff(path)).max() <= 4.0 * DT + 1e-9
+    assert path[-1] == wanted
+    assert band.moved(wanted + 9.0, DT) == (wanted + 9.0)  # away from the band nothing is held
 
 
 def test_the_supervisor_of_a_tracking_base_avoids_the_band():

@@ -176,7 +176,8 @@ Truncated: ``episode_length`` is over. Either way the environment can be reset a
 ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
 control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and
 for constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`). After a reset
-with a ``variation``, ``variation`` (dict of what was drawn). With a ``power_reference``, ``demanded_power`` [W].
+with a ``variation``, ``variation`` (dict of what was drawn). With a ``power_reference``, ``demanded_power`` [W];
+with a supervisor, ``state`` (text, of `wt_gym.control.controllers.STATES`).
 ``env.unwrapped.signals`` has every signal of the simulator.
 """
 """What an agent must know: actions, observations, reward, start, end, info."""

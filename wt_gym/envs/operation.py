@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -211,6 +212,12 @@ class Operation:
         simulator, controller, residual = self.simulator, self.controller, self.residual
         if simulator is None:
             raise SimulationError("the turbine does not run: it must be started first")
+        bound = None
+        if self.supervised and (supervisor := supervisor_of(controller)) is not None:
+            # an integral of the agent that went on where it does not act would have to come back first
+            supervisor.asked = supervisor.acting_offset(setpoint.set_point)
+            setpoint = replace(setpoint, set_point=supervisor.asked)
+            bound = supervisor if self.action.mode == "residual" else None
         before, signals, count, dt, demand_of = self.setpoint, self.signals, self.count, self.step, self.action.demand
         pitch, torque, yaw_rate = before.pitch, before.generator_torque, setpoint.yaw_rate
         turn, rise = setpoint.pitch - pitch, setpoint.generator_torque - torque
@@ -218,8 +225,6 @@ class Operation:
         gain, n_blades = self.pitch_gain, self.turbine.n_blades
         biased, together = bool(self._sensor_faults) or gain is not None, self._reads_together
         observer, reference = linear_part(controller), self.reference
-        if self.supervised and (supervisor := supervisor_of(controller)) is not None:
-            supervisor.asked = setpoint.set_point
         for k in range(1, count + 1):
             part = k / count
             if together:
@@ -236,7 +241,12 @@ class Operation:
             wanted, speed = pitch + part * turn, signals["rotor_speed"]
             if residual is not None:
                 wanted = residual.acting(wanted, self.base.pitch, speed, dt)
-            present = AgentSetpoint(wanted, yaw_rate, torque + part * rise)
+            offset = torque + part * rise
+            if bound is not None and (share := bound.agent_share) != 1.0:
+                wanted, offset = share * wanted, share * offset
+                if residual is not None:
+                    residual.mean *= share
+            present = AgentSetpoint(wanted, yaw_rate, offset)
             self.demand = demand = demand_of(present, self.base, signals["azimuth"], speed)
             if observer is not None:
                 observer.see_demand(self.base, demand, signals, dt)

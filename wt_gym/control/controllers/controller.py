@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "AtSetPoint",
     "Addition",
+    "AtSetPoint",
     "Combined",
     "Controller",
     "Readings",

@@ -30,7 +30,8 @@ class SpeedExclusion:
 
     A set point that rises into the band stays at its lower end until the requested one has passed the upper end, and
     the other way round: as the resonance avoidance of ROSCO 2.10 (TRA_ExclSpeed, TRA_ExclBand, TRA_RateLimit), with
-    a hysteresis of the whole band. It crosses at a limited rate.
+    a hysteresis of the whole band. It crosses at a limited rate, and keeps
+    to that until it has reached the requested one.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ class SpeedExclusion:
             )
         self.low, self.high, self.rate = float(low), float(high), float(rate)
         self._always_above = low < least
-        self.value, self._above = math.nan, 0.0
+        self.value, self._above, self._crossing = math.nan, 0.0, False
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, half_width: float, crossing: float = 5.0) -> SpeedExclusion:
@@ -86,7 +87,7 @@ class SpeedExclusion:
 
     def start(self) -> None:
         """Forget the set point."""
-        self.value, self._above = math.nan, 0.0
+        self.value, self._above, self._crossing = math.nan, 0.0, False
 
     def moved(self, wanted: float, dt: float) -> float:
         """Set point for a requested one [rad/s] after another ``dt`` [s]."""
@@ -100,8 +101,9 @@ class SpeedExclusion:
             wanted = max(wanted, self.high) if self._above or self._always_above else self.low
         if math.isnan(self.value):
             self.value = wanted
-        elif min(self.value, wanted) < self.high and max(self.value, wanted) > self.low:
+        elif self._crossing or (min(self.value, wanted) < self.high and max(self.value, wanted) > self.low):
             self.value += min(max(wanted - self.value, -self.rate * dt), self.rate * dt)
+            self._crossing = self.value != wanted  # beyond the band too: what is wanted may lie far behind it
         else:
             self.value = wanted
         return self.value

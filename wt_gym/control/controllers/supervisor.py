@@ -155,7 +155,8 @@ class Supervisor:
     """A base controller under supervisory control.
 
     - *Parked*: blades feathered, no torque. After ``restart_delay`` the turbine starts when the mean wind lies between
-      cut-in and, after a storm too, ``restart`` (``cut_out - hysteresis``).
+      cut-in and, after a storm too, ``restart`` (``cut_out - hysteresis``). One that is parked from the beginning first
+      averages the wind for the time of the filter.
     - *Start-up*: the blades turn from feather to where the flow at 70 % of the radius meets them at ten degrees, at no
       more than a quarter of the greatest rate, so that the flow stays attached while its angle falls. The speed
       follows a ramp that reaches rated speed in ``run_up``: where the wind would spin the rotor up faster, the gains of
@@ -204,6 +205,7 @@ class Supervisor:
         self._rotor = LowPass(0.5)
         self.state_index, self.set_point, self.load, self.asked = _PRODUCTION, 1.0, 1.0, 0.0
         self._since = self._ramp = 0.0
+        self._listened = math.inf
         self._pitch, self._torque, self._first_speed = parameters.fine_pitch, 0.0, 1.0
 
     @classmethod
@@ -291,6 +293,17 @@ class Supervisor:
         """Mean wind that decides [m/s]."""
         return self._mean.value
 
+    @property
+    def agent_share(self) -> float:
+        """Share of an agent's residual pitch and torque that acts [-]: `load` in production, none in other states."""
+        return self.load if self.state_index in (_PRODUCTION, _SOFT) else 0.0
+
+    def acting_offset(self, asked: float) -> float:
+        """Offset of the set point of the speed [-] within what acts in the present mean wind."""
+        p = self.parameters
+        wanted, _ = p.set_points(self._mean.value)
+        return min(max(asked, p.cut_in_speed - wanted), 1.0 - wanted)
+
     def runs_in(self, wind: float) -> bool:
         """Whether a turbine runs in a mean wind [m/s] at a start: up to the middle between restart and stop."""
         p = self.parameters
@@ -301,13 +314,15 @@ class Supervisor:
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start in production, or parked where the rotor barely turns and the blades are feathered.
 
-        The mean wind starts at the present one, but no further than the state of the turbine holds.
+        The mean wind starts at the present one, but no further than the state of the turbine holds. Parked, it is the
+        mean since the start until the filter knows more: one reading in turbulence says little.
         """
         p, pitch = self.parameters, float(np.mean(demand.pitch))
         wind, speed = self._wind(signals), signals["rotor_speed"] / p.rated_speed
         parked = speed < 0.5 * p.cut_in_speed and pitch > 0.5 * p.feather
         self.state_index, self.asked = (_PARKED if parked else _PRODUCTION), 0.0
         self._mean.reset(wind if parked else min(max(wind, p.cut_in), p.cut_out))
+        self._listened = 0.0 if parked else math.inf
         self._gust.reset(wind)
         self._rotor.reset(speed)
         self.set_point, self.load = 1.0, 0.0 if parked else 1.0
@@ -318,11 +333,12 @@ class Supervisor:
     def step(self, signals: Readings, dt: float) -> Demand:
         """Demand for the next ``dt`` [s]."""
         p, wind = self.parameters, self._wind(signals)
-        mean, gust = self._mean.update(wind, dt), self._gust.update(wind, dt)
+        mean, gust = self._averaged(wind, dt), self._gust.update(wind, dt)
         speed = signals["rotor_speed"] / p.rated_speed
         self._since += dt
         if self.state_index == _PARKED:
-            if self._since >= p.restart_delay and p.cut_in <= mean <= p.restart and gust < p.gust:
+            waited = self._since >= p.restart_delay and self._listened >= self._mean.time_constant
+            if waited and p.cut_in <= mean <= p.restart and gust < p.gust:
                 self._enter(_START_UP)
                 self._ramp = max(speed, 0.0)
                 self._rotor.reset(speed)
@@ -360,6 +376,13 @@ class Supervisor:
     def _wind(signals: Readings) -> float:
         """Horizontal wind by the anemometer [m/s]."""
         return math.hypot(signals["wind_x"], signals["wind_y"])
+
+    def _averaged(self, wind: float, dt: float) -> float:
+        """Mean wind [m/s]: low-pass filtered; after a parked start the plain mean for the time of the filter."""
+        if self._listened >= self._mean.time_constant:
+            return self._mean.update(wind, dt)
+        self._listened += dt
+        return self._mean.reset(self._mean.value + (wind - self._mean.value) * dt / self._listened)
 
     def _move(self, pitch: float, reach: float) -> None:
         self._pitch += min(max(pitch - self._pitch, -reach), reach)
