@@ -52,8 +52,8 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
     registered, env_kwargs = gym.spec(env_id).kwargs, flat_arguments(env_kwargs)
     if "controller" in registered and "controller" not in env_kwargs:
         raise ValueError(
-            f"pretraining needs a base controller with linear_pitch, and {env_id} has {registered['controller']!r}; give "
-            "env_kwargs a controller such as 'linear_optimal', or leave pretraining out"
+            f"pretraining needs a base controller with linear_pitch, and {env_id} has {registered['controller']!r}; "
+            "give env_kwargs a controller such as 'linear_optimal', or leave pretraining out"
         )
     turbine = {**registered, **env_kwargs}.get("turbine", "nrel_5mw")
     limit, rate = default_limits(load_turbine(turbine) if isinstance(turbine, str) else turbine)
