@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, scripted_signals, use
 
+from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.export.flight import fly
+from wt_gym.agents.export.openfast_folder import Scene
 from wt_gym.control.controllers.power_tracking import power_tracking_of
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs import rewards, running_start
@@ -16,6 +19,7 @@ from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.runs.playing import play
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")
 RATED = TURBINE.drivetrain.rated_rotor_speed
@@ -221,6 +225,25 @@ def test_runs_have_the_demanded_and_the_available_power():
     np.testing.assert_allclose(run["demanded_power"].values[[0, 5, 20]], [4e6, 4.25e6, 4.5e6])
     assert (run["available_power"].values == P).all()
     assert run["demanded_power"].attrs["units"] == "W"
+
+
+def test_no_yawing_makes_the_available_power_less():
+    """At 40 degrees to the wind a rotor gets less than half of it; errors in such a wind are errors all the same."""
+    env = WindTurbineEnv(**TRACKED, power_reference=[[0.0, 2e6]])
+    askew = {"inflow": SteadyInflow(10.0, 90.0), "yaw": math.radians(40.0)}
+    run = play(env, ConstantAgent(env.layout), seed=0, options=askew, duration=1.0).data
+    np.testing.assert_allclose(run["yaw"].values, math.radians(40.0), atol=1e-3)
+    np.testing.assert_allclose(run["available_power"].values, rewards.available_power(TURBINE, 10.0), rtol=1e-6)
+
+
+def test_a_flight_with_a_power_reference_is_refused(tmp_path):
+    """OpenFAST tells a library no demanded power."""
+    env = WindTurbineEnv(**TRACKED, power_reference="steps")
+    for given in ({"power_reference": "steps"}, {"grid": {"reference": [[0.0, 4e6]]}}):
+        scene = Scene(TRACKED | given, TURBINE, SteadyInflow(15.0, 90.0), env.operation.step)
+        with pytest.raises(ValueError, match="power_reference must be left out of a flight, got"):
+            fly("discon+derate_torque", tmp_path, scene, duration=1.0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_task_asks_for_every_kind():
