@@ -37,13 +37,25 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
     env_id : str
     env_kwargs : mapping
         What is given.
+
+    Raises
+    ------
+    ValueError
+        If the id has a base controller of its own, which no argument replaces.
     """
     import gymnasium as gym  # the configuration of a training is read without it
 
     from wt_gym.control.optimal.offsets import default_limits
+    from wt_gym.envs.options import flat_arguments
     from wt_gym.turbines import load_turbine
 
-    turbine = {**gym.spec(env_id).kwargs, **env_kwargs}.get("turbine", "nrel_5mw")
+    registered, env_kwargs = gym.spec(env_id).kwargs, flat_arguments(env_kwargs)
+    if "controller" in registered and "controller" not in env_kwargs:
+        raise ValueError(
+            f"pretraining needs a base controller with linear_pitch, and {env_id} has {registered['controller']!r}; "
+            "give env_kwargs a controller such as 'linear_optimal', or leave pretraining out"
+        )
+    turbine = {**registered, **env_kwargs}.get("turbine", "nrel_5mw")
     limit, rate = default_limits(load_turbine(turbine) if isinstance(turbine, str) else turbine)
     spans = {"pitch": _SPAN * limit, "pitch_mean": _SPAN * limit, "pitch_rate": _RATE * rate}
     return {**_ENVIRONMENT, "action_spans": spans, **env_kwargs}

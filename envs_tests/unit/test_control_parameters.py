@@ -189,7 +189,8 @@ def test_nothing_that_a_controller_takes_is_left_out(name):
         for key, parameter in inspect.signature(maker).parameters.items()
         if parameter.kind is not inspect.Parameter.VAR_KEYWORD
     }
-    assert taken - {"turbine", "base", "rate"} == set(controller_parameters(name))
+    from_turbine_or_name = {"turbine", "base", "rate", "way", "parameters", "pitch", "shares"}
+    assert taken - from_turbine_or_name == set(controller_parameters(name))
 
 
 @pytest.mark.parametrize(

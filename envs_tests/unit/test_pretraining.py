@@ -275,3 +275,11 @@ def test_given_arguments_come_before_those_of_pretraining():
     assert config.env_kwargs["observation"] == ["disturbances"]
     assert TrainingConfig.from_json(config.to_json()) == config
     assert TrainingConfig().env_kwargs == {}
+
+
+def test_groups_of_arguments_and_ids_with_a_controller_of_their_own():
+    spans = {"pitch": 0.01, "pitch_mean": 0.01, "pitch_rate": 0.02}
+    config = TrainingConfig(pretraining={}, total_steps=0, env_kwargs={"actions": {"spans": spans}})
+    assert config.env_kwargs["action_spans"] == spans
+    with pytest.raises(ValueError, match="wt_gym/Yaw-v3 has 'discon\\+yaw'"):
+        TrainingConfig(env_id="wt_gym/Yaw-v3", pretraining={}, total_steps=0)

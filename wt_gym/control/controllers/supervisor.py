@@ -6,7 +6,7 @@ The states are those of a turbine's operation: *parked* (blades feathered, the r
 *shut-down* (blades to feather, the torque falls with the square of the speed). Stages and their numbers follow the
 start-up and shut-down of ROSCO 2.10 (inputs SU_*, SD_*, PRC_WindSpeeds and PRC_GenSpeeds of the package ``rosco``;
 Abbas et al., Wind Energ. Sci. 7 (2022) 53); a set point that falls above the wind of the classical cut-out is that of
-storm control (Markou and Larsen, EWEC 2009; Bossanyi and King, EWEA 2012; Petrovic and Bottasso, J. Phys. Conf. Ser.
+storm control (Markou and Larsen, EWEC 2009; Bossanyi and King, EWEA 2012; Petrović and Bottasso, J. Phys. Conf. Ser.
 524 (2014) 012052).
 """
 
