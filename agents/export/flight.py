@@ -17,6 +17,7 @@ from wt_gym.bridges.openfast import PointLidar, find_driver, find_library, read_
 from wt_gym.control import Lidar
 from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import parse_name
+from wt_gym.envs.arguments import shown
 from wt_gym.envs.options.environment import flat_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
@@ -137,10 +138,16 @@ def fly(
     Raises
     ------
     ValueError, CompilerError
-        As of `wt_gym.agents.export.discon.export_discon`.
+        As of `wt_gym.agents.export.discon.export_discon`; a ValueError where a power is demanded, which OpenFAST does
+        not tell a library.
     SimulationError
         If a run fails.
     """
+    if (reference := flat_arguments(scene.arguments).get("power_reference")) is not None:
+        raise ValueError(
+            f"power_reference must be left out of a flight, got {shown(reference)}: OpenFAST writes no demanded power "
+            "into record 13, so that the library would make full power there while Python follows the reference"
+        )
     folder, name = Path(folder), parse_name(choice)
     own = name.kind == "trained"
     where: dict[str, Any] = {} if own else {"turbine": scene.turbine, "interval": scene.step}

@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, scripted_signals, use
 
+from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.export.flight import fly
+from wt_gym.agents.export.openfast_folder import Scene
+from wt_gym.control.controllers.power_tracking import power_tracking_of
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.envs import rewards
+from wt_gym.envs import rewards, running_start
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.runs.playing import play
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")
 RATED = TURBINE.drivetrain.rated_rotor_speed
@@ -60,6 +65,10 @@ def test_errors_cost_alike_above_and_below_and_grow_evenly_beyond_the_scale():
     assert rates[3] - rates[2] == pytest.approx(0.1 / 0.05, rel=0.01)
     term = rewards.PowerTracking(1.0)
     assert -rates[3] > term.worst_rate
+    emptied = [1.0, speed_with(-2.0 * P * DT)]  # the rotor pays for twice the rated power
+    assert paid([2.0 * P] * 2, 0.2 * P) / DT == pytest.approx(1.0 - math.hypot(1.0, 36.0))
+    assert term.worst_rate < paid([2.0 * P] * 2, 0.2 * P, emptied) / DT < -70.0
+    assert term.worst_rate == pytest.approx(paid([2.0 * P] * 2, 0.0, emptied) / DT)
     still = scripted_signals({"generator_power": P})
     with pytest.raises(ValueError, match="needs a power_reference"):
         term(rewards.Transition(TURBINE, still, still, DT))
@@ -101,6 +110,10 @@ def test_a_rotor_that_is_run_up_before_the_end_earns_nothing():
     assert paid([4.5e6] * 101, 4.5e6, faster) == 0.0
     below = [0.9 * speed for speed in faster]  # the store counts up to where the episode began
     assert paid([4.5e6] * 101, 4.5e6, below) == 0.0
+    above = [1.05, 1.02, 1.0, 1.0]  # of a controller that holds the rotor above rated speed, as a store
+    sold = HALF * RATED**2 * (1.05**2 - 1.0)
+    assert sold > 3e6
+    assert paid([4.5e6] * 4, 4.5e6, above) == pytest.approx(-1.1 * sold / (0.05 * P))
     up_and_down = [0.9, 1.0, 0.9, 0.8]
     lost = HALF * RATED**2 * (0.9**2 - 0.8**2)
     assert paid([4.5e6] * 4, 4.5e6, up_and_down) == pytest.approx(-1.1 * lost / (0.05 * P))
@@ -162,6 +175,27 @@ def test_seeds_repeat_the_reference_and_the_twin_has_it(monkeypatch):
     assert courses[0] == courses[2] != courses[1]
 
 
+@pytest.mark.parametrize(
+    "name", ["discon+derate_torque", "discon+derate_torque+lidar", "discon+derate_kinetic+supervisor"]
+)
+@pytest.mark.parametrize(("wind", "allowed"), [(8.0, rewards.available_power(TURBINE, 8.0)), (14.0, P)])
+def test_running_starts_are_recorded_at_what_is_asked_for_in_the_wind(name, wind, allowed, monkeypatch):
+    monkeypatch.setattr(WindTurbineEnv, "make_simulator", staticmethod(ScriptedSimulator))
+    asked = []
+
+    def recorded(recorder, identity, winds, speed):
+        asked.append((power_tracking_of(recorder.controller).level, identity))
+
+    monkeypatch.setattr(running_start, "kept_record", recorded)
+    given = {"inflow": "turbulent", "wind_speed": wind, "controller": name, "power_reference_level": (0.6, 0.8)}
+    env = WindTurbineEnv(**TRACKED | given, power_reference="reserve")
+    env.reset(seed=0)
+    env.reset(seed=1, options={"wind_speed": wind + 2.0})
+    assert asked[0][0] == pytest.approx(0.7 * allowed / P)
+    assert (asked[0] == asked[1]) == (allowed == P)
+    assert power_tracking_of(env.operation.controller).level == 1.0  # that of episodes is what was chosen
+
+
 def test_snapshots_and_vectors_go_on_alike():
     given = TRACKED | {"power_reference": ("steps", "regulation"), "observation": ("power", "power_reference")}
     env = WindTurbineEnv(**given)
@@ -191,6 +225,25 @@ def test_runs_have_the_demanded_and_the_available_power():
     np.testing.assert_allclose(run["demanded_power"].values[[0, 5, 20]], [4e6, 4.25e6, 4.5e6])
     assert (run["available_power"].values == P).all()
     assert run["demanded_power"].attrs["units"] == "W"
+
+
+def test_no_yawing_makes_the_available_power_less():
+    """At 40 degrees to the wind a rotor gets less than half of it; errors in such a wind are errors all the same."""
+    env = WindTurbineEnv(**TRACKED, power_reference=[[0.0, 2e6]])
+    askew = {"inflow": SteadyInflow(10.0, 90.0), "yaw": math.radians(40.0)}
+    run = play(env, ConstantAgent(env.layout), seed=0, options=askew, duration=1.0).data
+    np.testing.assert_allclose(run["yaw"].values, math.radians(40.0), atol=1e-3)
+    np.testing.assert_allclose(run["available_power"].values, rewards.available_power(TURBINE, 10.0), rtol=1e-6)
+
+
+def test_a_flight_with_a_power_reference_is_refused(tmp_path):
+    """OpenFAST tells a library no demanded power."""
+    env = WindTurbineEnv(**TRACKED, power_reference="steps")
+    for given in ({"power_reference": "steps"}, {"grid": {"reference": [[0.0, 4e6]]}}):
+        scene = Scene(TRACKED | given, TURBINE, SteadyInflow(15.0, 90.0), env.operation.step)
+        with pytest.raises(ValueError, match="power_reference must be left out of a flight, got"):
+            fly("discon+derate_torque", tmp_path, scene, duration=1.0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_task_asks_for_every_kind():

@@ -438,7 +438,7 @@ def noisy_course(terms, seed, steps=30):
             tower_base_side_side_moment=rng.uniform(-1e7, 1e7), root_flap_moment_2=rng.uniform(0, 1e7),
             rotor_speed=RATED * rng.uniform(0.7, 1.1), azimuth=rng.uniform(0, 6.28),
         )  # fmt: skip
-        values.append(rewards.total(terms, rewards.Transition(TURBINE, before, after, DT))[0])
+        values.append(rewards.total(terms, rewards.Transition(TURBINE, before, after, DT, demanded_power=4e6))[0])
         before = after
     return values
 

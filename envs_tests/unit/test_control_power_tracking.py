@@ -157,6 +157,13 @@ def test_demanded_power_is_a_reading_and_record_13():
     assert swap[12] == 0.0
 
 
+def test_rosco_takes_a_demand_as_it_is():
+    plain = Signals(np.zeros(len(channel_table(3))), 3)
+    rows = {power: _course(WithDemandedPower(plain, power), 5e6).splitlines()[2].split()[1] for power in (0.0, 2e6)}
+    assert rows == {0.0: "0.000000", 2e6: "0.400000"}
+    assert _course(plain, 5e6).splitlines()[2].split()[1] == "1.000000"
+
+
 def test_roscos_files_hold_the_course_from_the_start_on():
     course = PowerReference("steps", (0.0, 10.0, 10.0, 30.0), (4e6, 4e6, 4.5e6, 4e6))
     signals = Signals(np.zeros(len(channel_table(3))), 3)

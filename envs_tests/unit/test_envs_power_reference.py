@@ -65,9 +65,53 @@ def test_steps_step_and_ramps_ramp():
     assert np.diff(times)[::2].max() <= 15.0
     at = steps.times[2]
     assert steps.at(at) == steps.powers[2] != steps.at(at - 1e-6) == steps.powers[1]
-    slopes = np.diff(ramps.powers) / np.diff(ramps.times)
-    np.testing.assert_allclose(np.abs(slopes[1::2]), RAMP_RATE * 5e6)
-    np.testing.assert_allclose(slopes[::2], 0.0)
+    slopes = np.diff(ramps.powers) / np.diff(ramps.times) / (RAMP_RATE * 5e6)
+    np.testing.assert_allclose(np.abs(slopes), np.abs(slopes).round(), atol=1e-9)
+    assert set(np.abs(slopes).round()) == {0.0, 1.0}
+
+
+@pytest.mark.parametrize("kind", ["steps", "ramps"])
+def test_beginnings_are_an_interval_apart(kind):
+    """Also of ramps that take longer than that: at most 20 s for 20 % of rated power."""
+    course = drawn(kind, interval=8.0)
+    times, powers = np.array(course.times), np.array(course.powers)
+    moving = np.flatnonzero(np.diff(powers) != 0.0)
+    begins = times[moving]
+    assert np.diff(begins).min() >= 4.0 - 1e-9
+    assert np.diff(begins).max() <= 12.0 + 1e-9
+    assert np.diff(begins).mean() == pytest.approx(8.0, rel=0.04)
+    assert (np.diff(times) >= 0.0).all()
+
+
+def test_a_calm_is_asked_for_little_and_not_for_nothing():
+    assert 0.0 < drawn("reserve", speed=0.0).powers[0] < 0.02 * 5e6
+
+
+def test_a_span_counts_for_courses_that_have_one():
+    assert drawn("reserve", level=0.95).powers[0] == pytest.approx(0.95 * 5e6)
+    assert GridOptions(reference=[[0.0, 1.5e6]], level=0.25).level == (0.25, 0.25)
+    assert GridOptions(reference="steps", level=0.6, span=0.4).span == 0.4  # 0.6 - 0.4 is below 0.2 as a number
+    draws = PowerReferenceDraws(TURBINE, GridOptions(reference=[[0.0, 1.5e6]], level=0.25))
+    wind = EpisodeWind(SteadyInflow(14.0, 90.0), 14.0, 3, 0.0)
+    with pytest.raises(ValueError, match=r"power_reference_span must keep the course within 0\.2 and 1, got 0\.1"):
+        draws.draw(np.random.default_rng(0), wind, "steps")
+
+
+@pytest.mark.parametrize("name", ["level", "span", "interval"])
+def test_what_has_no_effect_without_a_reference_is_refused(name):
+    value = {"level": 0.8, "span": 0.05, "interval": 30.0}[name]
+    with pytest.raises(ValueError, match=f"power_reference_{name} must be left out, or given with a power_reference"):
+        EnvOptions(grid=GridOptions(**{name: value}))
+    assert EnvOptions(grid=GridOptions(reference="steps", **{name: value})).grid.reference == ("steps",)
+
+
+def test_the_mean_share_is_that_of_the_courses():
+    for speed in (8.0, 14.0):
+        draws = PowerReferenceDraws(TURBINE, GridOptions(reference="reserve", level=(0.6, 0.8)))
+        courses = [drawn("reserve", seed, speed, level=(0.6, 0.8)).powers[0] for seed in range(200)]
+        assert draws.mean_share(speed) == pytest.approx(np.mean(courses) / 5e6, rel=0.02)
+    draws = PowerReferenceDraws(TURBINE, GridOptions(reference=[[0.0, 2e6], [9.0, 4e6]]))
+    assert draws.mean_share(8.0) == draws.mean_share(14.0) == pytest.approx(0.6)
 
 
 def test_regulation_has_its_power_between_its_corners_and_asks_for_no_energy():
@@ -108,14 +152,16 @@ def test_courses_of_the_user(tmp_path):
         ({"reference": "step"}, "did you mean 'steps'"),
         ({"reference": []}, "power_reference must be among reserve, steps, ramps, regulation, a .csv file"),
         ({"reference": [[0.0, 1.0], [-1.0, 2.0]]}, "times that do not fall"),
-        ({"reference": [[0.0, -1.0]]}, "powers that are not negative"),
+        ({"reference": [[0.0, -1.0]]}, "powers above 0 W, got -1 W"),
+        ({"reference": [[0.0, 4e6], [1.0, 0.0]]}, "powers above 0 W, got 0 W"),
         ({"reference": 4e6}, "got 4000000.0"),
         ({"reference": [[0.0, math.nan]]}, "finite rows"),
         ({"level": 1.2}, "power_reference_level must be a number or a range"),
         ({"level": (0.9, 0.8)}, "power_reference_level"),
         ({"level": "high"}, "power_reference_level"),
-        ({"level": (0.8, 0.9), "span": 0.2}, "power_reference_span must be at least 0 and keep"),
-        ({"span": -0.1}, "power_reference_span"),
+        ({"reference": ("reserve", "ramps"), "level": (0.8, 0.9), "span": 0.2}, "power_reference_span must keep"),
+        ({"reference": "steps", "level": 0.3, "span": 0.11}, "power_reference_span must keep"),
+        ({"span": -0.1}, "power_reference_span must be at least 0, got -0.1"),
         ({"interval": 0.5}, "power_reference_interval must be at least 1 s"),
     ],
 )

@@ -5,7 +5,8 @@ about it by no more than a span:
 
 - ``reserve``: nothing does;
 - ``steps``: another power, drawn evenly, after times drawn evenly between a half and one and a half of the interval;
-- ``ramps``: the same powers, to which the course ramps with `RAMP_RATE` of rated power a second;
+- ``ramps``: the same powers, to which the course ramps with `RAMP_RATE` of rated power a second; the times are those
+  between beginnings, and a ramp that has not ended when the next one begins is broken off;
 - ``regulation``: the signal of an automatic generation control as fast units get it (PJM's RegD is one): noise between
   two corner frequencies, so that it moves within seconds, and over minutes asks for no energy; a value every two
   seconds, linear between them, cut off at the span where it saturates.
@@ -40,6 +41,8 @@ AHEAD = (2.0, 5.0, 10.0)
 """Times for which the reference is known in advance [s]: a schedule, not a regulation signal, is."""
 DRAWN = 3600.0
 """Length of a drawn course [s]; its last value is held."""
+LEAST_WIND = 1.0
+"""Mean wind for whose power is asked in a weaker one [m/s]."""
 RAMP_RATE = 0.01
 """Of ramps, over rated power [1/s]."""
 REGULATION_STEP = 2.0
@@ -135,22 +138,30 @@ class PowerReferenceDraws:
         self._turbine, self._options = turbine, options
         self._given = self._choice(options.reference)
 
-    @staticmethod
-    def _choice(reference: Any) -> PowerReference | tuple[str, ...]:
+    def _choice(self, reference: Any) -> PowerReference | tuple[str, ...]:
         checked = checked_reference(reference)
+        self._options.check_span(checked)
         if isinstance(checked, str):
             checked = _rows_of_file(checked)
         if isinstance(checked[0], str):
             return checked  # type: ignore[no-any-return]  # names
         return PowerReference.of_rows(checked)
 
-    @property
-    def mean_level(self) -> float:
-        """Middle of the levels, or of the powers of a course of the user over rated power [-]."""
+    def mean_share(self, wind_speed: float) -> float:
+        """Mean power that is asked for in a wind [m/s], over rated power [-].
+
+        Of drawn courses that is the middle of the levels times what the wind allows, of a course of the user the mean
+        of its powers, whatever the wind.
+        """
         if isinstance(self._given, PowerReference):
-            mean = float(np.mean(self._given.powers)) / self._turbine.drivetrain.rated_power
-            return min(max(mean, 0.2), 1.0)
-        return float(np.mean(self._options.level))
+            mean = float(np.mean(self._given.powers))
+        else:
+            mean = float(np.mean(self._options.level)) * self._full(wind_speed)
+        return mean / self._turbine.drivetrain.rated_power
+
+    def _full(self, wind_speed: float) -> float:
+        """What a mean wind [m/s] allows, never nothing: a demand of 0 W is none in the Bladed interface [W]."""
+        return available_power(self._turbine, max(wind_speed, LEAST_WIND))
 
     def draw(self, rng: np.random.Generator, wind: EpisodeWind, chosen: Any = None) -> PowerReference:
         """Draw the reference of an episode.
@@ -175,7 +186,7 @@ class PowerReferenceDraws:
             return given
         own = np.random.default_rng((seed, max(wind.wind_seed, -1) + 1, round(1e3 * float(wind.wind_speed))))
         kind = given[int(own.integers(len(given)))]
-        full = available_power(self._turbine, max(float(wind.wind_speed), 0.0))
+        full = self._full(float(wind.wind_speed))
         low, high = cast("tuple[float, float]", self._options.level)
         level, span = full * own.uniform(low, high), full * self._options.span
         times, shares = self._course(kind, own, span)
@@ -188,14 +199,20 @@ class PowerReferenceDraws:
         if kind == "regulation":
             return regulation_signal(rng)
         rate = RAMP_RATE * self._turbine.drivetrain.rated_power
-        times, shares, time = [0.0], [rng.uniform(-1.0, 1.0)], 0.0
-        while time < DRAWN:
-            begin = time + self._options.interval * rng.uniform(0.5, 1.5)
+        times, shares, begin = [0.0], [rng.uniform(-1.0, 1.0)], 0.0
+        while begin < DRAWN:
+            begin += self._options.interval * rng.uniform(0.5, 1.5)
+            if begin < times[-1]:  # in the midst of a ramp, which ends where it has come to
+                part = (begin - times[-2]) / (times[-1] - times[-2])
+                shares[-1] = shares[-2] + part * (shares[-1] - shares[-2])
+                times[-1] = begin
+            else:
+                times.append(begin)
+                shares.append(shares[-1])
             wanted = rng.uniform(-1.0, 1.0)
             takes = 0.0 if kind == "steps" else abs(wanted - shares[-1]) * span / rate
-            times += [begin, begin + takes]
-            shares += [shares[-1], wanted]
-            time = begin + takes
+            times.append(begin + takes)
+            shares.append(wanted)
         return times, shares
 
 

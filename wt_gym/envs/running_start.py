@@ -14,18 +14,22 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from wt_gym.control.controllers import make_controller, parts_of
+from wt_gym.control.controllers.power_tracking import power_tracking_of
 from wt_gym.envs.record_store import digest_of_controller, kept_record
 from wt_gym.envs.running_record import WINDOWS, StartRecorder, rotor_wind
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind.protocol import PointInflow
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from wt_gym.control.controllers import Controller
+    from wt_gym.control.controllers.power_tracking import PowerTracking
     from wt_gym.envs.start import Start
     from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
     from wt_gym.simulation import Fidelity
@@ -59,6 +63,9 @@ class RunningStart:
     winds : WindSampler
     overspeed_limit : float
         Rotor speed over rated at which an episode ends.
+    power_share : callable, optional
+        Mean power that is asked for in a wind [m/s], over rated power: nothing is asked for in a record, and a
+        controller that follows a demanded power follows this one there.
     """
 
     def __init__(
@@ -68,6 +75,7 @@ class RunningStart:
         controller: Controller,
         winds: WindSampler,
         overspeed_limit: float,
+        power_share: Callable[[float], float] | None = None,
     ):
         self._turbine, self._winds = turbine, winds
         twists = isinstance(fidelity, str) and fidelity.endswith("-torsion")
@@ -76,7 +84,9 @@ class RunningStart:
         self._recorder = StartRecorder(turbine, "training-torsion" if twists else "training", recorded_controller)
         recorded = fidelity_of(self._recorder.fidelity)
         self._same_model = fidelity_of(fidelity) == recorded and recorded.takes_motion
-        self._identity = digest_of_controller(self._recorder.controller)
+        tracking = power_tracking_of(recorded_controller)
+        self._power_share = None if tracking is None else power_share
+        self._recorders: dict[float, tuple[StartRecorder, str]] = {}
         self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
 
     def draw(self, wind: EpisodeWind, yaw: float, rng: np.random.Generator, azimuth: float | None) -> Start | None:
@@ -106,13 +116,25 @@ class RunningStart:
         # Of the speeds with records on both sides one is drawn, the nearer one as much more often as it is nearer: the
         # distribution is then interpolated linearly.
         speed = min(max(BIN * math.floor(speed / BIN + which), low), high)
-        record = kept_record(self._recorder, self._identity, self._winds, speed)
+        record = kept_record(*self._recorder_at(speed), self._winds, speed)
         start = None if record is None else record.start(wind.inflow, yaw, among, azimuth, self._fastest)
         if start is None:
             return None
         if self._is_own:
             start = replace(start, before=None)
         return start if self._same_model else replace(start, motion=None)
+
+    def _recorder_at(self, speed: float) -> tuple[StartRecorder, str]:
+        """Recorder for a wind speed [m/s], with the identity of its controller."""
+        place = 0.0 if self._power_share is None else speed
+        if place not in self._recorders:
+            recorder = self._recorder
+            if self._power_share is not None:
+                controller = copy.deepcopy(recorder.controller)
+                cast("PowerTracking", power_tracking_of(controller)).level = self._power_share(speed)
+                recorder = StartRecorder(recorder.turbine, recorder.fidelity, controller)
+            self._recorders[place] = recorder, digest_of_controller(recorder.controller)
+        return self._recorders[place]
 
     def _speed(self, wind: EpisodeWind, yaw: float) -> float | None:
         """Mean speed of the turbulence before the start [m/s]; None where the wind does not change, or has no past.

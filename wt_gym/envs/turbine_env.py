@@ -12,10 +12,9 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from wt_gym.control import ActionMap, Lidar
-from wt_gym.control.controllers import AboveRated, lidar_of, make_controller, parts_of
+from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
-from wt_gym.control.controllers.power_tracking import PowerTracking
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.control.controllers.yaw import yaw_drive_of
 from wt_gym.control.residual import ResidualPitch
@@ -157,7 +156,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             raise ValueError(
                 "action_components 'set_point' needs a base controller with a supervisor: 'discon+supervisor'"
             )
-        running = self._running_start(_at_level(controller, references))
+        running = self._running_start(controller, references)
         self._starts = EpisodeStarts(self.turbine, self.wind, running, options.starts, supervisor, references)
         self._renderer = self._make_renderer()
         self._running = self._failed = self._seeded = False
@@ -218,13 +217,16 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         has_pitch = action.mode == "residual" and "pitch" in action.components
         return residual if has_pitch and (residual.fades or residual.washes) else None
 
-    def _running_start(self, controller: Controller | None) -> RunningStart | None:
+    def _running_start(
+        self, controller: Controller | None, references: PowerReferenceDraws | None
+    ) -> RunningStart | None:
         """Where episodes get their starts from, None where they are steady."""
         if self.options.start == "steady" or self.wind.parks:
             return None
         if controller is None:
             controller = make_controller(BASELINE, self.turbine)
-        return RunningStart(self.turbine, self.fidelity, controller, self.wind, self.limits.overspeed)
+        share = None if references is None else references.mean_share
+        return RunningStart(self.turbine, self.fidelity, controller, self.wind, self.limits.overspeed, share)
 
     def _make_twin(self) -> WindTurbineEnv:
         """Make the turbine under the base controller alone: it gets the winds that are drawn here, and has none itself.
@@ -612,17 +614,6 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._twin is not None:
             self._twin.close()
         self._renderer, self._running = None, False
-
-
-def _at_level(controller: Controller | None, references: PowerReferenceDraws | None) -> Controller | None:
-    """Base controller as starts are recorded of it: nothing is asked for then, and it follows the middle level."""
-    if references is None or controller is None:
-        return controller
-    controller = copy.deepcopy(controller)
-    for part in parts_of(controller):
-        if isinstance(part, PowerTracking):
-            part.level = references.mean_level
-    return controller
 
 
 def _lidar(given: Lidar | None, controller: Controller | None) -> Lidar | None:

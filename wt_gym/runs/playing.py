@@ -14,7 +14,7 @@ from wt_gym.control.controllers.discon import BaselineParameters, DisconControll
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.rewards import available_power
-from wt_gym.envs.running_record import rotor_wind
+from wt_gym.envs.rewards.power import DiscWind
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.simulation import Recorder
 
@@ -108,7 +108,8 @@ def play(
     plain = turbine_env_of(env)
     recorder, shapes = Recorder(plain.simulator), ReplayRecorder(round(replay / plain.control_dt))
     recorder.append(plain.signals)
-    asked = [_demanded_and_available(plain)]
+    disc = DiscWind(plain.turbine)
+    asked = [_demanded_and_available(plain, disc)]
     most = None if duration is None else round(duration / plain.control_dt)
     total, cost, terms = 0.0, 0.0, dict[str, float]()
     for count, step in enumerate(episode_steps(env, agent, observation), start=1):
@@ -118,7 +119,7 @@ def play(
             terms[name] = terms.get(name, 0.0) + value
         if not step.failed:
             recorder.append(plain.signals)
-            asked.append(_demanded_and_available(plain))
+            asked.append(_demanded_and_available(plain, disc, plain.control_dt))
             if replay:
                 shapes.append(info["time"], plain.simulator.geometry())
         if on_step is not None:
@@ -131,13 +132,17 @@ def play(
     )  # fmt: skip
 
 
-def _demanded_and_available(env: WindTurbineEnv) -> tuple[float, float] | None:
-    """Power that is asked for, and that the wind over the rotor allows [W]; None where nothing is asked for."""
+def _demanded_and_available(env: WindTurbineEnv, disc: DiscWind, dt: float | None = None) -> tuple[float, float] | None:
+    """Power that is asked for, and that the wind allows a rotor across it [W]; None where nothing is asked for.
+
+    At the start, or at the end of a step [s]. As in the reward term ``power`` no yawing changes what is allowed.
+    """
     reference, signals = env.operation.reference, env.signals
     if reference is None:
         return None
-    wind = rotor_wind(env.operation.wind.inflow, env.turbine, signals["yaw"], signals["time"])[0]
-    return reference.at(signals["time"]), available_power(env.turbine, max(float(wind), 0.0))
+    inflow = env.operation.wind.inflow
+    wind = disc.begin(inflow, signals) if dt is None else disc.advance(inflow, signals, dt)
+    return reference.at(signals["time"]), available_power(env.turbine, wind)
 
 
 def _with_demanded(data: xr.Dataset, asked: list[tuple[float, float] | None]) -> xr.Dataset:

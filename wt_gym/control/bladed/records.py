@@ -195,7 +195,8 @@ def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:
     """
     for number, name in _SINGLE:
         swap[number - 1] = signals[name]
-    swap[13 - 1] = demanded_power_of(signals) or 0.0
+    demanded = demanded_power_of(signals)
+    swap[13 - 1] = 0.0 if demanded is None else demanded
     swap[14 - 1] = signals["shaft_torque"] * signals["rotor_speed"]
     yaw, fore_aft, side_side = (signals[name] for name in ("yaw", *_ACCELERATIONS))
     swap[53 - 1] = fore_aft * math.cos(yaw) - side_side * math.sin(yaw)

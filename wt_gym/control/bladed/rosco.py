@@ -207,7 +207,8 @@ def _course(signals: Readings, rated_power: float, columns: int = 1) -> str:
     """Rows of time since the start [s] and, in so many columns, power over rated [-]."""
     reference = getattr(signals, "reference", None)
     if reference is None:
-        share = (demanded_power_of(signals) or rated_power) / rated_power
+        demanded = demanded_power_of(signals)
+        share = 1.0 if demanded is None else demanded / rated_power
         rows = [(0.0, share), (_LONGEST, share)]
     else:
         begin = signals["time"]

@@ -47,7 +47,15 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.discon import BaselineState
     from wt_gym.turbines import Turbine
 
-__all__ = ["KINETIC_PARAMETERS", "PARAMETERS", "WAYS", "PowerTracking", "PowerTrackingLaw", "pitch_over_share"]
+__all__ = [
+    "KINETIC_PARAMETERS",
+    "PARAMETERS",
+    "WAYS",
+    "PowerTracking",
+    "PowerTrackingLaw",
+    "pitch_over_share",
+    "power_tracking_of",
+]
 
 WAYS = ("speed", "torque", "pitch", "kinetic")
 """How a rotor is held back."""
@@ -297,3 +305,11 @@ class PowerTracking(DisconController):
         """Demand for the next ``dt`` [s]."""
         self._ask(signals)
         return super().step(signals, dt)
+
+
+def power_tracking_of(controller: Controller | None) -> PowerTracking | None:
+    """What follows a demanded power in a controller, however it is wrapped; None without any."""
+    inner: Any = controller
+    while inner is not None and not isinstance(inner, PowerTracking):
+        inner = getattr(inner, "base", None)
+    return inner

@@ -163,6 +163,9 @@ class EnvOptions(OptionGroup):
                 f"{did_you_mean(self.generator, GENERATORS)}"
             )
         fidelity_of(self.fidelity)
+        if self.grid.reference is None and (alone := [name for name in self.grid.given if name != "reference"]):
+            names = ", ".join(f"power_reference_{name}" for name in alone)
+            raise ValueError(f"{names} must be left out, or given with a power_reference: nothing is asked for")
 
     @property
     def given(self) -> dict[str, Any]:

@@ -12,12 +12,15 @@ from wt_gym.envs.arguments import check_number, real_number, real_numbers, shown
 from wt_gym.envs.options.group import OptionGroup, option, option_group
 from wt_gym.errors import did_you_mean
 
-__all__ = ["LEAST_LEVEL", "REFERENCE_KINDS", "GridOptions", "checked_reference"]
+__all__ = ["LEAST_LEVEL", "MOVING_KINDS", "REFERENCE_KINDS", "GridOptions", "checked_reference"]
 
 REFERENCE_KINDS = ("reserve", "steps", "ramps", "regulation")
 """Courses of the power reference that are drawn for each episode."""
+MOVING_KINDS = ("steps", "ramps", "regulation")
+"""Those of them that have a span."""
 LEAST_LEVEL = 0.2
 """Least power that is asked for, over what the mean wind allows [-]."""
+_ROUNDING = 1e-9
 
 
 @option_group
@@ -30,8 +33,8 @@ class GridOptions(OptionGroup):
         "str, path, sequence or array, optional",
         'Power that is asked for. ``"reserve"``, a constant one; ``"steps"``, ``"ramps"``; ``"regulation"``, a '
         "band-limited signal of an automatic generation control; several of them: each episode draws one; or "
-        "your own course: rows of time [s] and power [W] with linear interpolation and the ends held, as an array or "
-        "as a CSV file (``.csv``). None: nothing is asked for",
+        "your own course: rows of time [s] and positive power [W] with linear interpolation and the ends held, as an "
+        "array or as a CSV file (``.csv``). None: nothing is asked for",
         default=None,
         flat="power_reference",
     )
@@ -63,8 +66,8 @@ class GridOptions(OptionGroup):
 
     def check(self) -> None:
         """Refuse courses and numbers without meaning."""
-        if self.reference is not None:
-            self._set("reference", checked_reference(self.reference))
+        reference = None if self.reference is None else checked_reference(self.reference)
+        self._set("reference", reference)
         level = real_numbers(self.level)
         single = real_number(self.level)
         low, high = (single, single) if single is not None else level if len(level) == 2 else (np.nan, np.nan)
@@ -75,13 +78,33 @@ class GridOptions(OptionGroup):
             )
         self._set("level", (float(low), float(high)))
         self._set_all(check_number, "span", "interval")
-        if not (self.span >= 0.0 and low - self.span >= LEAST_LEVEL and high + self.span <= 1.0 + 1e-9):
-            raise ValueError(
-                f"power_reference_span must be at least 0 and keep the course within {LEAST_LEVEL:g} and 1, got "
-                f"{self.span!r} about levels of {low:g} to {high:g}"
-            )
+        if not self.span >= 0.0:
+            raise ValueError(f"power_reference_span must be at least 0, got {self.span!r}")
+        self.check_span(reference)
         if not self.interval >= 1.0:
             raise ValueError(f"power_reference_interval must be at least 1 s, got {self.interval!r} s")
+
+    def check_span(self, reference: Any) -> None:
+        """Refuse a span with which a course that is drawn would leave its limits.
+
+        Parameters
+        ----------
+        reference : object
+            As `checked_reference` returns it, or None.
+
+        Raises
+        ------
+        ValueError
+            If one of the kinds moves about its level, and the span is too large for that.
+        """
+        if not isinstance(reference, tuple) or not set(reference) & set(MOVING_KINDS):
+            return
+        low, high = self.level  # type: ignore[misc]  # checked
+        if low - self.span < LEAST_LEVEL - _ROUNDING or high + self.span > 1.0 + _ROUNDING:
+            raise ValueError(
+                f"power_reference_span must keep the course within {LEAST_LEVEL:g} and 1, got {self.span!r} about "
+                f"levels of {low:g} to {high:g}"
+            )
 
 
 def checked_reference(given: Any) -> Any:
@@ -117,6 +140,11 @@ def checked_reference(given: Any) -> Any:
             f"power_reference must be among {', '.join(REFERENCE_KINDS)}, a .csv file, or finite rows of time [s] and "
             f"power [W], got {shown(given)}"
         )
-    if (np.diff(rows[:, 0]) < 0.0).any() or (rows[:, 1] < 0.0).any():
-        raise ValueError("power_reference must have times that do not fall and powers that are not negative")
+    if (np.diff(rows[:, 0]) < 0.0).any():
+        raise ValueError(f"power_reference must have times that do not fall, got {shown(given)}")
+    if (least := float(rows[:, 1].min())) <= 0.0:
+        raise ValueError(
+            f"power_reference must have powers above 0 W, got {least:g} W: controllers follow a demand no lower than "
+            "20 % of rated power, and 0 in record 13 of the Bladed interface means that nothing is demanded"
+        )
     return tuple(map(tuple, rows.tolist()))

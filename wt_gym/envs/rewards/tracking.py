@@ -26,10 +26,11 @@ class PowerTracking:
       it could loses as much for every joule then as in any lull. Being even, the penalty gives nothing for shifting
       energy from one deficit to another, and torque that swings about the reference costs.
     - F is how much kinetic energy of rotor and generator, times the efficiency of the drivetrain, is missing to that
-      of the start of the episode, or to that at rated speed where the rotor starts faster; never negative. Being a
-      function of the state, ``F`` sums to what is missing at the end: taking energy out of the rotor in a lull costs
-      nothing if it comes back, an episode that ends with a slower rotor pays f > 1 times what the deficit would have
-      cost, and one that ends with a faster rotor gets nothing for it.
+      of the start of the episode; never negative. That start may be above rated speed, where controllers hold a rotor
+      as a store: what they hold there is not to be sold either. Being a function of the state, ``F`` sums to what is
+      missing at the end: taking energy out of the rotor in a lull costs nothing if it comes back, an episode that ends
+      with a slower rotor pays f > 1 times what the deficit would have cost, and one that ends with a faster rotor gets
+      nothing for it.
 
     Parameters
     ----------
@@ -49,8 +50,13 @@ class PowerTracking:
 
     @property
     def worst_rate(self) -> float:
-        """Lower bound of the rate of a turbine that makes between nothing and twice its rated power [1/s]."""
-        return -self.weight * (math.hypot(1.0, 1.0 / self.scale) - 1.0)
+        """Lower bound of the rate [1/s].
+
+        It holds for a turbine that makes, and of which is demanded, between nothing and twice its rated power, and
+        whose rotor loses no more than that.
+        """
+        most = 2.0 / self.scale
+        return -self.weight * (math.hypot(1.0, most) - 1.0 + self.missing * most)
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode."""
@@ -58,7 +64,7 @@ class PowerTracking:
         self._started = True
         self._unit = self.scale * drivetrain.rated_power
         self._half_inertia = 0.5 * rotor_inertia(turbine) * efficiency(turbine)
-        self._full = self._half_inertia * min(max(signals["rotor_speed"], 0.0), drivetrain.rated_rotor_speed) ** 2
+        self._full = self._half_inertia * max(signals["rotor_speed"], 0.0) ** 2
 
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s].
