@@ -119,7 +119,8 @@ def configuration(arguments: argparse.Namespace) -> TrainingConfig:
         from wt_gym.agents.training.hyperparameters import parse_override
 
         fields |= {"pretraining": dict(parse_override(text) for text in given["pretrain"]), "total_steps": 0}
-    return config_from(arguments, **fields, **{field: given[name] for name, field in names.items() if name in given})
+    fields |= {field: given[name] for name, field in names.items() if name in given}
+    return config_from(arguments, **fields)
 
 
 def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
