@@ -52,7 +52,7 @@ class PowerTracking:
     def worst_rate(self) -> float:
         """Lower bound of the rate [1/s].
 
-        It holds for a turbine that makes, and of which is demanded, between nothing and twice its rated power, and
+        It holds where power and demanded power lie between nothing and twice the rated power, and
         whose rotor loses no more than that.
         """
         most = 2.0 / self.scale
