@@ -78,6 +78,9 @@ def readings(**changes):
         "lidar_1": 15.0,
         "lidar_2": 15.0,
         "lidar_3": 15.0,
+        "time": 0.0,
+        "wind_x": 15.0,
+        "wind_y": 0.0,
     }
     for blade, moment in enumerate((8e6, 6e6, 5e6), start=1):
         values |= {f"root_flap_moment_{blade}": moment, f"pitch_{blade}": 0.2}
