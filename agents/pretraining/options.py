@@ -22,8 +22,8 @@ _ENVIRONMENT: dict[str, Any] = {
     "residual_washout": None,
     "sensor_washout": None,
 }
-_SPAN, _RATE = 0.5, 1.0
-"""Of the agent's offsets and their rates over those that a design of the turbine has by default [-]."""
+_SPAN = 0.5
+"""Of the agent's offsets over the limit that a design of the turbine has by default [-]."""
 
 
 def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
@@ -43,21 +43,22 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
     ValueError
         If the id has a base controller of its own, which no argument replaces.
     """
-    import gymnasium as gym  # the configuration of a training is read without it
-
+    # the configuration of a training is read without them
     from wt_gym.control.optimal.offsets import default_limits
-    from wt_gym.envs.options import flat_arguments
+    from wt_gym.envs.options import flat_arguments, registered_arguments
+    from wt_gym.envs.options.environment import argument_default
     from wt_gym.turbines import load_turbine
 
-    registered, env_kwargs = gym.spec(env_id).kwargs, flat_arguments(env_kwargs)
-    if "controller" in registered and "controller" not in env_kwargs:
+    env_kwargs = flat_arguments(env_kwargs)
+    whole = registered_arguments(env_id, env_kwargs)
+    if "controller" in whole and "controller" not in env_kwargs:
         raise ValueError(
-            f"pretraining needs a base controller with linear_pitch, and {env_id} has {registered['controller']!r}; "
+            f"pretraining needs a base controller with linear_pitch, and {env_id} has {whole['controller']!r}; "
             "give env_kwargs a controller such as 'linear_optimal', or leave pretraining out"
         )
-    turbine = {**registered, **env_kwargs}.get("turbine", "nrel_5mw")
+    turbine = whole.get("turbine", argument_default("turbine"))
     limit, rate = default_limits(load_turbine(turbine) if isinstance(turbine, str) else turbine)
-    spans = {"pitch": _SPAN * limit, "pitch_mean": _SPAN * limit, "pitch_rate": _RATE * rate}
+    spans = {"pitch": _SPAN * limit, "pitch_mean": _SPAN * limit, "pitch_rate": rate}
     return {**_ENVIRONMENT, "action_spans": spans, **env_kwargs}
 
 

@@ -82,6 +82,21 @@ def start_demand(readings, turbine):
     )
 
 
+def side_by_side(controller, library, parameters, turbine, readings):
+    """Demands of a controller and of its library for the same readings, after their pitch has been compared."""
+    for k, signals in enumerate(readings):
+        if k == 0:
+            held = start_demand(signals, turbine)
+            ours = Exported(library, turbine, parameters, held, lidar=lidar_of(controller))
+        read = ours.read(signals)
+        if k == 0:
+            controller.start(read, held)
+        expected, found = controller.step(read, DT), ours.call(k * DT, DT)
+        assert ours.flag == 0, ours.message
+        assert found.pitch == pytest.approx(expected.pitch, abs=2e-7)
+        yield expected, found
+
+
 @pytest.mark.parametrize(("choice", "name"), CONTROLLERS)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_random_readings_give_the_demands_of_the_controller(choice, name, seed, exported):
@@ -89,17 +104,8 @@ def test_random_readings_give_the_demands_of_the_controller(choice, name, seed, 
     turbine = load_turbine(name)
     _, library, parameters, _ = exported(choice, name)
     controller = make_controller(choice, turbine)
-    lidar, moved = lidar_of(controller), 0.0
-    for k, signals in enumerate(random_readings(turbine, 1000, seed, DT, 3 if lidar else 0)):
-        if k == 0:
-            held = start_demand(signals, turbine)
-            ours = Exported(library, turbine, parameters, held, lidar=lidar)
-        read = ours.read(signals)
-        if k == 0:
-            controller.start(read, held)
-        expected, found = controller.step(read, DT), ours.call(k * DT, DT)
-        assert ours.flag == 0, ours.message
-        assert found.pitch == pytest.approx(expected.pitch, abs=2e-7)
+    moved, readings = 0.0, random_readings(turbine, 1000, seed, DT, 3 if lidar_of(controller) else 0)
+    for expected, found in side_by_side(controller, library, parameters, turbine, readings):
         assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-6, abs=1e-3)
         assert found.yaw_rate == pytest.approx(expected.yaw_rate, abs=1e-8)
         moved = max(moved, float(np.ptp(expected.pitch)) if "ipc" in choice else abs(expected.pitch[0]))
@@ -121,22 +127,16 @@ def test_a_demanded_power_is_followed_as_by_the_controller(choice, name, exporte
     turbine = load_turbine(name)
     _, library, parameters, page = exported(choice, name)
     assert "| 13 | demanded power |" in Path(page).read_text(encoding="utf-8")
-    controller, rated = make_controller(choice, turbine), turbine.drivetrain.rated_power
     rng = np.random.default_rng(4)
+
+    def asked():
+        for k, signals in enumerate(random_readings(turbine, 1500, 7, DT)):
+            if k % 50 == 0:
+                share = rng.choice([0.0, 0.1, 1.2, *rng.uniform(0.3, 1.0, 4)])
+            yield signals | {"demanded_power": turbine.drivetrain.rated_power * share}
+
     torques = []
-    for k, signals in enumerate(random_readings(turbine, 1500, 7, DT)):
-        if k % 50 == 0:
-            share = rng.choice([0.0, 0.1, 1.2, *rng.uniform(0.3, 1.0, 4)])
-        asked = signals | {"demanded_power": rated * share}
-        if k == 0:
-            held = start_demand(asked, turbine)
-            ours = Exported(library, turbine, parameters, held)
-        read = ours.read(asked)
-        if k == 0:
-            controller.start(read, held)
-        expected, found = controller.step(read, DT), ours.call(k * DT, DT)
-        assert ours.flag == 0, ours.message
-        assert found.pitch == pytest.approx(expected.pitch, abs=2e-7)
+    for expected, found in side_by_side(make_controller(choice, turbine), library, parameters, turbine, asked()):
         assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-6, abs=1e-3)
         torques.append(found.generator_torque)
     assert np.ptp(torques) > 0.5 * max(torques)
@@ -255,17 +255,8 @@ def test_linear_pitch_of_any_design_is_that_of_the_controller(knots, interval, n
     turbine = load_turbine(name)
     choice = f"linear_optimal:file={drawn_design(tmp_path / 'drawn.npz', knots, interval)}"
     _, library, parameters, _ = exported(choice, name)
-    controller, moved = make_controller(choice, turbine), 0.0
-    for k, signals in enumerate(random_readings(turbine, 600, 7, DT)):
-        if k == 0:
-            held = start_demand(signals, turbine)
-            ours = Exported(library, turbine, parameters, held)
-        read = ours.read(signals)
-        if k == 0:
-            controller.start(read, held)
-        expected, found = controller.step(read, DT), ours.call(k * DT, DT)
-        assert ours.flag == 0, ours.message
-        assert found.pitch == pytest.approx(expected.pitch, abs=2e-7)
+    moved, readings = 0.0, random_readings(turbine, 600, 7, DT)
+    for expected, _ in side_by_side(make_controller(choice, turbine), library, parameters, turbine, readings):
         moved = max(moved, float(np.ptp(expected.pitch)))
     assert moved > 0.01
 

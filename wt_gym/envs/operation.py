@@ -19,6 +19,7 @@ from wt_gym.simulation.drivetrain.faults import SensorBias
 if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Lidar
     from wt_gym.control.controllers import Controller, Readings
+    from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.envs.episode_start import Beginning
     from wt_gym.envs.instruments import Instruments
@@ -99,8 +100,6 @@ class Operation:
         Of the simulator [s].
     count : int
         Such steps in a control step.
-    supervised : bool
-        Whether the base controller has a supervisor.
     """
 
     wind: EpisodeWind
@@ -124,7 +123,7 @@ class Operation:
         self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
         self.lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
         self.step, self.count = step, count
-        self.supervised = supervisor_of(controller) is not None
+        self._supervised = supervisor_of(controller) is not None
         self._draws, self._simulators = draws, dict[int, "TurbineSimulator"]()
         self.simulator: TurbineSimulator | None = None
         self.drawn: DrawnVariation | None = None
@@ -213,7 +212,7 @@ class Operation:
         if simulator is None:
             raise SimulationError("the turbine does not run: it must be started first")
         bound = None
-        if self.supervised and (supervisor := supervisor_of(controller)) is not None:
+        if (supervisor := self.supervisor) is not None:
             # an integral of the agent that went on where it does not act would have to come back first
             supervisor.asked = supervisor.acting_offset(setpoint.set_point)
             setpoint = replace(setpoint, set_point=supervisor.asked)
@@ -258,6 +257,11 @@ class Operation:
             raise SimulationError(f"the simulator returned values that are not finite at {signals['time']!r} s")
         self.signals, self.setpoint = signals, setpoint
         return signals
+
+    @property
+    def supervisor(self) -> Supervisor | None:
+        """Supervisor of the base controller, None without any; a snapshot replaces the controller, so none is kept."""
+        return supervisor_of(self.controller) if self._supervised else None
 
     # ---- what is measured ----
 

@@ -209,10 +209,10 @@ class PowerReferenceDraws:
             else:
                 times.append(begin)
                 shares.append(shares[-1])
-            wanted = rng.uniform(-1.0, 1.0)
-            takes = 0.0 if kind == "steps" else abs(wanted - shares[-1]) * span / rate
+            level = rng.uniform(-1.0, 1.0)
+            takes = 0.0 if kind == "steps" else abs(level - shares[-1]) * span / rate
             times.append(begin + takes)
-            shares.append(wanted)
+            shares.append(level)
         return times, shares
 
 

@@ -513,7 +513,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             demanded = tuple(o.reference.at(o.signals["time"] + ahead) for ahead in (0.0, *AHEAD))
         return ObservationContext(
             signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known,
-            supervisor=supervisor_of(o.controller) if o.supervised else None, demanded_power=demanded,
+            supervisor=o.supervisor, demanded_power=demanded,
         )  # fmt: skip
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -522,7 +522,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def _info(self, saturated: tuple[str, ...], clearance: float) -> dict[str, Any]:
         signals, wind = self.operation.signals, self.operation.wind
-        supervisor = supervisor_of(self.operation.controller) if self.operation.supervised else None
+        supervisor = self.operation.supervisor
         info = ({} if supervisor is None else {"state": supervisor.state}) | {
             "time": signals["time"],
             "wind_speed": float(wind.wind_speed),

@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.errors import InflowError
-from wt_gym.wind.evolution import evolved_boxes
+from wt_gym.wind.carried import CarriedInflow
 from wt_gym.wind.inflow_kernels import add_tower_points, mean_velocity, turbulent_velocity
-from wt_gym.wind.protocol import PointInflow, require_number
+from wt_gym.wind.protocol import require_number
 from wt_gym.wind.steady import SteadyInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from numpy.random import Generator
     from numpy.typing import NDArray
 
@@ -36,7 +34,7 @@ _BRIEFEST = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class PathInflow(PointInflow):
+class PathInflow(CarriedInflow):
     """Frozen turbulence carried along by a mean wind whose speed changes with time.
 
     The mean speed V(t) at the hub follows straight lines between the knots of the path and is the same at all places at
@@ -160,36 +158,10 @@ class PathInflow(PointInflow):
         if self.box is not None:
             self.box.require_cover(hub_height, rotor_diameter, hold=False)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """What a copy or a pickle takes along: the field ahead is remade."""
-        return {**self.__dict__, "_evolved": {}}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            object.__setattr__(self, name, value)
-
     @cached_property
     def _rest(self) -> tuple[tuple[float, ...], float, float]:
         """Profile without its speed, and the directions, as the kernels take them."""
         return self.profile.kernel_profile[1:], self.profile.yaw_misalignment, self.profile.inclination
-
-    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
-        return self._fill_from(self.box, rows, time, out)
-
-    def _fill_ahead(
-        self, gates: NDArray[np.float64], time: float, distances: tuple[float, ...], out: NDArray[np.float64]
-    ) -> int:
-        if self.box is None:
-            return super()._fill_ahead(gates, time, distances, out)
-        if distances not in self._evolved:
-            self._evolved[distances] = evolved_boxes(self.box, distances)
-        before = 0
-        for rows, box, seen in zip(gates, self._evolved[distances], out, strict=True):
-            bad = self._fill_from(box, rows, time, seen)
-            if bad >= 0:
-                return before + bad
-            before += len(rows)
-        return -1
 
     def _fill_from(
         self, box: TurbulenceBox | None, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]

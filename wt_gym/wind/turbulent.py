@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from wt_gym.errors import InflowError
-from wt_gym.wind.evolution import evolved_boxes
+from wt_gym.wind.carried import CarriedInflow
 from wt_gym.wind.inflow_kernels import add_tower_points, turbulent_velocity
-from wt_gym.wind.protocol import PointInflow, require_number
+from wt_gym.wind.protocol import require_number
 from wt_gym.wind.steady import SteadyInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from numpy.typing import NDArray
 
 __all__ = ["BEYOND_GRID", "TurbulentInflow"]
@@ -26,7 +24,7 @@ BEYOND_GRID = ("refuse", "hold")
 
 
 @dataclass(frozen=True)
-class TurbulentInflow(PointInflow):
+class TurbulentInflow(CarriedInflow):
     """Frozen turbulence on a mean profile (Taylor's hypothesis).
 
     In the frame of the mean wind, u(x, y, z, t) = mean(z) + box(y, z, t + time_offset − x/U), U the hub speed. Between
@@ -129,30 +127,6 @@ class TurbulentInflow(PointInflow):
             See `TurbulenceBox.require_cover`.
         """
         self.box.require_cover(hub_height, rotor_diameter, hold=self.beyond_grid == "hold")
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What a copy or a pickle takes along: the field ahead is remade."""
-        return {**self.__dict__, "_evolved": {}}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            object.__setattr__(self, name, value)
-
-    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
-        return self._fill_from(self.box, rows, time, out)
-
-    def _fill_ahead(
-        self, gates: NDArray[np.float64], time: float, distances: tuple[float, ...], out: NDArray[np.float64]
-    ) -> int:
-        if distances not in self._evolved:
-            self._evolved[distances] = evolved_boxes(self.box, distances)
-        before = 0
-        for rows, box, seen in zip(gates, self._evolved[distances], out, strict=True):
-            bad = self._fill_from(box, rows, time, seen)
-            if bad >= 0:
-                return before + bad
-            before += len(rows)
-        return -1
 
     def _fill_from(self, box: TurbulenceBox, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         place = box.time_step, box.spacing_y, box.spacing_z, box.y_center, box.z_bottom

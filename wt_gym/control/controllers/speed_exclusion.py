@@ -89,21 +89,21 @@ class SpeedExclusion:
         """Forget the set point."""
         self.value, self._above, self._crossing = math.nan, 0.0, False
 
-    def moved(self, wanted: float, dt: float) -> float:
+    def moved(self, requested: float, dt: float) -> float:
         """Set point for a requested one [rad/s] after another ``dt`` [s]."""
         if math.isnan(self.value):
-            self._above = float(wanted > 0.5 * (self.low + self.high))
-        if wanted >= self.high:
+            self._above = float(requested > 0.5 * (self.low + self.high))
+        if requested >= self.high:
             self._above = 1.0
-        elif wanted <= self.low:
+        elif requested <= self.low:
             self._above = 0.0
-        if self.low < wanted < self.high or self._always_above:
-            wanted = max(wanted, self.high) if self._above or self._always_above else self.low
+        if self.low < requested < self.high or self._always_above:
+            requested = max(requested, self.high) if self._above or self._always_above else self.low
         if math.isnan(self.value):
-            self.value = wanted
-        elif self._crossing or (min(self.value, wanted) < self.high and max(self.value, wanted) > self.low):
-            self.value += min(max(wanted - self.value, -self.rate * dt), self.rate * dt)
-            self._crossing = self.value != wanted  # beyond the band too: what is wanted may lie far behind it
+            self.value = requested
+        elif self._crossing or (min(self.value, requested) < self.high and max(self.value, requested) > self.low):
+            self.value += min(max(requested - self.value, -self.rate * dt), self.rate * dt)
+            self._crossing = self.value != requested  # beyond the band too: the requested one may lie far behind it
         else:
-            self.value = wanted
+            self.value = requested
         return self.value

@@ -301,8 +301,8 @@ class Supervisor:
     def acting_offset(self, asked: float) -> float:
         """Offset of the set point of the speed [-] within what acts in the present mean wind."""
         p = self.parameters
-        wanted, _ = p.set_points(self._mean.value)
-        return min(max(asked, p.cut_in_speed - wanted), 1.0 - wanted)
+        target, _ = p.set_points(self._mean.value)
+        return min(max(asked, p.cut_in_speed - target), 1.0 - target)
 
     def runs_in(self, wind: float) -> bool:
         """Whether a turbine runs in a mean wind [m/s] at a start: up to the middle between restart and stop."""
@@ -396,10 +396,10 @@ class Supervisor:
         proportional, integral = self.pitch_law.gains(self._pitch)
         to_generator = p.rated_speed * p.gear_ratio
         rise = smooth - before - (dt / p.run_up if self._ramp < _BEYOND_CUT_IN * p.cut_in_speed else 0.0)
-        wanted = self._pitch + to_generator * (proportional * rise + integral * (smooth - self._ramp) * dt)
+        target = self._pitch + to_generator * (proportional * rise + integral * (smooth - self._ramp) * dt)
         inflow = math.atan2(max(wind, 0.0), max(speed, 0.0) * p.rated_speed * p.radius)
         least = min(max(inflow - _BEST_ANGLE, p.fine_pitch), p.feather)
-        self._move(min(max(wanted, least), p.feather), p.start_rate * dt)
+        self._move(min(max(target, least), p.feather), p.start_rate * dt)
         self._torque = 0.0
 
     def _begin_production(self, signals: Readings, speed: float) -> None:
@@ -413,16 +413,16 @@ class Supervisor:
 
     def _produce(self, signals: Readings, mean: float, dt: float) -> Demand:
         p = self.parameters
-        wanted, power = p.set_points(mean)
-        self.state_index = _SOFT if wanted < 1.0 or power < 1.0 else _PRODUCTION
+        target, power = p.set_points(mean)
+        self.state_index = _SOFT if target < 1.0 or power < 1.0 else _PRODUCTION
         if self.asked != 0.0:
-            moved = min(max(wanted + self.asked, p.cut_in_speed), 1.0)
-            power, wanted = power * moved / wanted, moved
+            moved = min(max(target + self.asked, p.cut_in_speed), 1.0)
+            power, target = power * moved / target, moved
         pitched = self._pitch > p.fine_pitch + _PITCHED
         reach = dt / (p.run_up if pitched else 0.1 * p.run_up)
-        self.set_point += min(max(wanted - self.set_point, -reach), reach)
+        self.set_point += min(max(target - self.set_point, -reach), reach)
         self.load = min(self.load + 3.0 * dt / p.run_up, 1.0)
-        share, cut = self.set_point, min(power / wanted, 1.0)
+        share, cut = self.set_point, min(power / target, 1.0)
         factor, kept = self.load * cut, share * cut
         as_is = share == 1.0 and (kept == 1.0 or demanded_power_of(signals) is None)
         demand = self.base.step(signals if as_is else AtSetPoint(signals, share, kept), dt)
