@@ -1,6 +1,7 @@
 """Agents on turbines, with sensors and in winds that they were not made for: what is left of their gain.
 
-Every condition is a variation of the environment (`wt_gym.envs.variation`) in which all agents meet the same winds. The
+Every condition is a variation of the environment (`wt_gym.envs.variation`), or a fault in it
+(`wt_gym.envs.fault_draws`), in which all agents meet the same winds. The
 gain of an agent is that of the load-reduction tasks of the benchmark, wind by wind against a reference in the same
 condition: the baseline controller, and the controller that the agent acts on top of.
 """
@@ -36,7 +37,8 @@ if TYPE_CHECKING:
     from wt_gym.runs.executors import Executor
 
 __all__ = [
-    "CONDITIONS", "COST_TASK", "NOMINAL", "RESULTS_FILE", "Condition", "Gain", "Robustness", "base_of", "chosen",
+    "CONDITIONS", "COST_TASK", "FAULTS", "FAULT_CONDITIONS", "NOMINAL", "RESULTS_FILE", "Condition", "Gain",
+    "Robustness", "base_of", "chosen",
     "run_robustness",
 ]  # fmt: skip
 
@@ -45,6 +47,8 @@ RESULTS_FILE, TABLE_FILE = "robustness.json", "robustness.md"
 COST_TASK = "load-reduction-15"
 """Task of the benchmark whose terms are the gain."""
 _DEGREE = math.pi / 180.0
+FAULT_TIME = 25.0
+"""At which the faults of conditions begin [s]."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +60,21 @@ class Condition:
     name : str
     text : str
     variation : Variation
+    fault : str
+        Kind of `wt_gym.envs.options.faults.FAULT_KINDS` that breaks; "" for none.
     """
 
     name: str
     text: str
     variation: Variation = field(default_factory=Variation)
+    fault: str = ""
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of the environment."""
+        if self.fault:
+            return {"faults": {"kinds": [self.fault], "time": FAULT_TIME}}
+        return {} if self.name == NOMINAL else {"variation": self.variation.as_dict()}
 
 
 CONDITIONS = {
@@ -88,23 +102,52 @@ CONDITIONS = {
     )
 }  # fmt: skip
 """Conditions by name."""
+FAULT_CONDITIONS = {
+    one.name: one
+    for one in (
+        Condition(f"fault-{kind.replace('_', '-')}", text, fault=kind)
+        for kind, text in (
+            ("stuck_blade", "one blade stuck"),
+            ("slow_drive", "one pitch drive at 10 to 30 % of its rate"),
+            ("misaligned_blade", "one blade misaligned by 1 to 3°"),
+            ("iced_blade", "ice on one blade"),
+            ("biased_rotor_speed", "rotor speed reads 4 to 10 % wrong"),
+            ("dead_rotor_speed", "rotor speed reads zero"),
+            ("biased_generator_speed", "generator speed reads 2 to 5 % wrong"),
+            ("biased_moment", "flapwise moment of one blade shifted by 0.2 to 0.5 of the reference"),
+            ("dead_moment", "flapwise moment of one blade reads zero"),
+            ("biased_pitch", "pitch of one blade reads 2 to 5° wrong"),
+            ("dead_pitch", "pitch of one blade reads zero"),
+            ("biased_vane", "wind vane reads 15 to 30° wrong"),
+            ("dead_vane", "wind vane reads zero"),
+        )
+    )
+}
+"""Conditions with a fault that begins at `FAULT_TIME` and lasts, by name."""
+FAULTS = "faults"
+"""Stands for all of `FAULT_CONDITIONS`."""
 
 
 def chosen(names: Iterable[str] | None = None) -> tuple[Condition, ...]:
-    """Conditions by their names, the nominal one first; all by default.
+    """Conditions by their names, the nominal one first; by default those without faults.
+
+    "faults" stands for all with one.
 
     Raises
     ------
     ValueError
         If there is no such condition.
     """
+    known = CONDITIONS | FAULT_CONDITIONS
     given = list(CONDITIONS if names is None else names)
+    given = [one for name in given for one in (FAULT_CONDITIONS if name == FAULTS else (name,))]
     for name in given:
-        if name not in CONDITIONS:
+        if name not in known:
             raise ValueError(
-                f"a condition must be one of {', '.join(CONDITIONS)}, got {name!r}{did_you_mean(name, CONDITIONS)}"
+                f"a condition must be {FAULTS} or one of {', '.join(known)}, got {name!r}"
+                f"{did_you_mean(name, (FAULTS, *known))}"
             )
-    return tuple(CONDITIONS[name] for name in dict.fromkeys((NOMINAL, *given)))
+    return tuple(known[name] for name in dict.fromkeys((NOMINAL, *given)))
 
 
 @dataclass(frozen=True)
@@ -164,7 +207,7 @@ class Robustness:
             "settings": self.settings,
             "reference": self.reference,
             "bases": self.bases,
-            "conditions": {one.name: one.variation.as_dict() for one in self.conditions},
+            "conditions": {one.name: one.arguments.get("variation", one.arguments) for one in self.conditions},
             "over_reference": {c: {a: asdict(g) for a, g in of.items()} for c, of in self.over_reference.items()},
             "over_base": {c: {a: asdict(g) for a, g in of.items()} for c, of in self.over_base.items()},
             "kept": {
@@ -287,9 +330,8 @@ def run_robustness(
     for one in conditions:
         if told is not None:
             told(one)
-        varied = {} if one.name == NOMINAL else {"variation": one.variation.as_dict()}
         found = evaluate(
-            everyone, replace(config, env_kwargs={**config.env_kwargs, **varied}, replay=0.0),
+            everyone, replace(config, env_kwargs={**config.env_kwargs, **one.arguments}, replay=0.0),
             folder=folder / one.name, overwrite=overwrite, allow_other_environment=allow_other_environment,
             executor=executor, progress=progress,
         )  # fmt: skip

@@ -260,6 +260,22 @@ TASKS = {
                 "termination_penalty": 1000.0,
             },
         ),
+        Task(
+            "Faults",
+            "Less blade fatigue while drives, sensors and blades fail: detect what is broken, keep what can be kept, "
+            "and fall back.",
+            "flap DEL, energy and early ends in each fault; share of the gain that is kept in it",
+            60.0,
+            {
+                **_LOAD_REDUCTION,
+                **_ABOVE_RATED,
+                "wind_speed": (12.0, 20.0),
+                "controller": "discon+yaw",
+                "fault_kinds": "all",
+                # a turbine that is stopped stands, and makes no power
+                "standstill_limit": -0.5,
+            },
+        ),
     )
 }
 """Tasks by name."""

@@ -11,6 +11,7 @@ import numpy as np
 from wt_gym.control.bladed.records import MOST_LIDAR_POINTS
 from wt_gym.control.controllers import (
     DisconController,
+    FaultSupervisor,
     ForeAftDamper,
     IndividualPitch,
     LidarFeedforward,
@@ -49,7 +50,7 @@ __all__ = [
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
              "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
              "side_side_damper", "tower_dampers", "tuned", "tuned_lidar", "yaw",
-             "linear_pitch", "linear_optimal")  # fmt: skip
+             "linear_pitch", "linear_optimal", "fault_supervisor")  # fmt: skip
 """Names of controllers that can be exported."""
 ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
 """Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
@@ -99,7 +100,7 @@ class Parts:
     tables : dict
         Rotor tables by the name in the C source.
     reads : dict
-        Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR".
+        Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD".
     linear : LinearPitch or None
         Arrays of linear optimal pitch.
     lidar : Lidar or None
@@ -196,6 +197,8 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
             _yaw(parts, addition)
         else:
             raise _refused(addition)
+    if type(controller) is FaultSupervisor:
+        _guard(parts, controller)
     if len(set(parts.additions)) < len(parts.additions):
         raise ValueError("each kind of addition must be there once to be exported, individual pitch is there twice")
     return parts
@@ -428,6 +431,20 @@ def _side_side(parts: Parts, addition: SideSideDamper) -> None:
     }
     parts.groups.add("acceleration")
     parts.reads.setdefault("DAMPER", set()).update(ACCELERATION)
+
+
+def _guard(parts: Parts, guard: FaultSupervisor) -> None:
+    """A supervisor of faults around the controller."""
+    p = guard.parameters
+    parts.groups.add("guard")
+    parts.constants["INDIVIDUAL_BLADES"] = 1
+    names = ("speed_tolerance", "moment_jump", "frozen_time", "vane_jump", "pitch_tolerance", "pitch_time", "fade_time",
+             "efficiency", "least_torque")  # fmt: skip
+    parts.values |= {f"guard_{name}": getattr(p, name) for name in names}
+    parts.reads["GUARD"] = {
+        "pitch", "out_of_plane", "in_plane", "rotor_speed", "generator_speed", "generator_torque", "power", "yaw_error",
+        "wind",
+    }  # fmt: skip
 
 
 def _yaw(parts: Parts, addition: YawByDeadBand) -> None:

@@ -151,6 +151,7 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
         "AGENT": "agent",
         "LINEAR": "linear optimal pitch",
         "LIDAR": "lidar preview",
+        "GUARD": "fault supervisor",
     }
     for kind, record, name, low, high, users in readings(parts):
         needed = sorted(words[user] for user in users) + ["in place of record 20"] * (kind == "rotor_speed")

@@ -38,6 +38,15 @@ struct ahead {
 };
 #endif
 
+#if WITH_GUARD
+/* Supervisor of faults: models of the drives, last readings, and what was found to fail. */
+struct guard {
+    double share, command[N_BLADES], model[N_BLADES], pitch[N_BLADES], off_for[N_BLADES];
+    double moment[N_BLADES], same_for[N_BLADES], shift[N_BLADES], vane, wind, vane_same_for;
+    int drive[N_BLADES], encoder[N_BLADES], gauge[N_BLADES], shifted[N_BLADES], vane_bad;
+};
+#endif
+
 /* Measured values: the last good one of each reading, and those of the pitched blade that follow. */
 struct readings {
     double pitch[N_BLADES], generator_speed, rotor_speed, generator_power, generator_torque, yaw_error, wind_speed;
@@ -70,6 +79,9 @@ struct state {
 #endif
 #if WITH_FEEDFORWARD
     struct ahead ahead;
+#endif
+#if WITH_GUARD
+    struct guard guard;
 #endif
     double yaw_slow, yaw_fast;
     int turning;
@@ -782,15 +794,17 @@ static void linear_pitch(const struct parameters *p, struct state *s, struct dem
     for (int j = 0; j < 3; j++) l->sum[j] += dt * l->acting[j];
 }
 
-#if WITH_AGENT
-/* What an agent added to a demand, taken for an offset of its own: so the disturbances stay what no offset changes. */
+#if WITH_AGENT || WITH_GUARD
+/* What was added to a demand behind it, taken for an offset of its own: so the disturbances stay what no offset changes. */
 static void linear_sees(const struct parameters *p, struct state *s, const double *base, const double *demand, double dt) {
     double added[N_BLADES], turned[3];
     for (int b = 0; b < N_BLADES; b++) added[b] = demand[b] - base[b];
     to_fixed_frame(added, s->now.azimuth + s->now.rotor_speed * p->linear_lead, turned);
     for (int j = 0; j < 3; j++) s->linear.sum[j] += dt * turned[j];
 }
+#endif
 
+#if WITH_AGENT
 /* What is known of the disturbances at an instant, before it acts: means over bins of delays, output by output, mean, tilt
  * and yaw that they ask for, share, slow pitch. */
 static void linear_known(const struct parameters *p, const struct state *s, double *known) {
@@ -831,6 +845,103 @@ static void yaw_by_dead_band(const struct parameters *p, struct state *s, struct
     d->yaw_rate = s->turning * p->yaw_rate;
 }
 
+#if WITH_GUARD
+/* ---- supervisor of faults: repaired readings before the controller, collective pitch behind it ------------------- */
+
+static void guard_start(struct state *s, const struct demand *present) {
+    struct guard *g = &s->guard;
+    memset(g, 0, sizeof *g);
+    g->share = 1.0;
+    memcpy(g->command, present->pitch, sizeof g->command);
+    memcpy(g->model, present->pitch, sizeof g->model);
+    memcpy(g->pitch, s->now.pitch, sizeof g->pitch);
+    memcpy(g->moment, s->now.flap, sizeof g->moment);
+    g->vane = s->now.yaw_error;
+    g->wind = NAN;
+}
+
+/* What the sensors show of drives, gauges and vane in a step. */
+static void guard_watch(const struct parameters *p, struct state *s, double dt) {
+    struct guard *g = &s->guard;
+    const struct readings *r = &s->now;
+    const double reach = p->drive_pitch_rate * dt, rounding = 1e-9;
+    for (int b = 0; b < N_BLADES; b++) {
+        double change = r->flap[b] - g->moment[b], jump = fabs(r->pitch[b] - g->pitch[b]);
+        int off;
+        g->same_for[b] = change == 0.0 ? g->same_for[b] + dt : 0.0;
+        if (fabs(change) > p->guard_moment_jump) {
+            g->shift[b] += change;
+            g->shifted[b] = 1;
+        }
+        if (g->same_for[b] > p->guard_frozen_time - rounding) g->gauge[b] = 1;
+        g->moment[b] = r->flap[b];
+        if (jump > 1.5 * reach + 0.5 * p->guard_pitch_tolerance) g->encoder[b] = 1;
+        g->pitch[b] = r->pitch[b];
+        off = fabs(r->pitch[b] - g->model[b]) > p->guard_pitch_tolerance && !g->encoder[b];
+        g->off_for[b] = off ? g->off_for[b] + dt : 0.0;
+        if (off && g->off_for[b] > p->guard_pitch_time - rounding) g->drive[b] = 1;
+    }
+    if (r->yaw_error != g->vane) g->vane_same_for = 0.0;
+    else if (r->wind_speed != g->wind) g->vane_same_for += dt;
+    g->wind = r->wind_speed;
+    if (g->vane_same_for > p->guard_frozen_time - rounding) g->vane_bad = 1;
+    if (fabs(wrapped(r->yaw_error - g->vane)) > p->guard_vane_jump) g->vane_bad = 1;
+    g->vane = r->yaw_error;
+}
+
+/* Put what can be believed in the place of the readings. */
+static void guard_read(const struct parameters *p, struct state *s, double dt) {
+    struct guard *g = &s->guard;
+    struct readings *r = &s->now;
+    double speeds[3] = {r->rotor_speed, r->generator_speed / p->gear_ratio, 0.0}, best, sum = 0.0, reach, lag;
+    int good = 0;
+    best = fmax(speeds[0], speeds[1]);
+    if (r->generator_torque > p->guard_least_torque) {
+        speeds[2] = r->generator_power / (p->guard_efficiency * r->generator_torque * p->gear_ratio);
+        best = fmax(fmin(speeds[0], speeds[1]), fmin(best, speeds[2]));
+    }
+    if (fabs(speeds[0] - best) > p->guard_speed_tolerance) r->rotor_speed = best;
+    if (fabs(speeds[1] - best) > p->guard_speed_tolerance) r->generator_speed = best * p->gear_ratio;
+    reach = p->drive_pitch_rate * dt;
+    lag = p->drive_servo_frequency > 0.0 ? 2.0 * p->drive_servo_damping / p->drive_servo_frequency : 0.0;
+    for (int b = 0; b < N_BLADES; b++) {
+        double target = clip(s->demand.pitch[b], p->drive_min_pitch, p->drive_max_pitch);
+        g->command[b] += clip(target - g->command[b], -reach, reach);
+        g->model[b] = low_pass(g->model[b], g->command[b], dt, lag);
+    }
+    if (!(s->bad_users & FOR_GUARD)) guard_watch(p, s, dt);
+    for (int b = 0; b < N_BLADES; b++) {
+        if (g->gauge[b]) continue;
+        sum += r->flap[b] - g->shift[b];
+        good++;
+    }
+    for (int b = 0; b < N_BLADES; b++) {
+        if (g->gauge[b]) r->flap[b] = good > 0 ? sum / good : 0.0;
+        else if (g->shifted[b]) r->flap[b] -= g->shift[b];
+        if (g->encoder[b]) r->pitch[b] = g->model[b];
+    }
+    if (g->vane_bad) r->yaw_error = 0.0;
+}
+
+/* With a drive or a gauge that fails, all blades go over to the mean of the demands. */
+static void guard_act(const struct parameters *p, struct state *s, struct demand *d, double dt) {
+    struct guard *g = &s->guard;
+    double goal = 1.0, reach = dt / p->guard_fade_time, mean = mean_of(d->pitch);
+    for (int b = 0; b < N_BLADES; b++)
+        if (g->drive[b] || g->gauge[b]) goal = 0.0;
+    g->share += clip(goal - g->share, -reach, reach);
+    if (g->vane_bad) d->yaw_rate = 0.0;
+    if (g->share < 1.0) {
+        double before[N_BLADES];
+        memcpy(before, d->pitch, sizeof before);
+        for (int b = 0; b < N_BLADES; b++) d->pitch[b] = mean + g->share * (before[b] - mean);
+#if WITH_LINEAR
+        linear_sees(p, s, before, d->pitch, dt);
+#endif
+    }
+}
+#endif
+
 static void additions_start(const struct parameters *p, struct state *s) {
     memset(s->harmonics, 0, sizeof s->harmonics);
     s->fresh_ipc = s->fresh_fore_aft = 1;
@@ -849,6 +960,10 @@ static void additions_start(const struct parameters *p, struct state *s) {
 
 static void controller_step(const struct parameters *p, struct state *s, double dt) {
     struct demand *d = &s->base;
+#if WITH_GUARD
+    struct readings measured = s->now; /* what an agent sees */
+    guard_read(p, s, dt);
+#endif
 #if WITH_FEEDFORWARD
     ahead_shift(p, s, dt);
 #endif
@@ -871,6 +986,10 @@ static void controller_step(const struct parameters *p, struct state *s, double 
         default: break;
         }
     }
+#if WITH_GUARD
+    guard_act(p, s, d, dt);
+    s->now = measured;
+#endif
 }
 
 #if WITH_AGENT
@@ -1492,6 +1611,9 @@ static void start(const struct parameters *p, struct state *s, double time) {
     s->next_time = time;
     base_start(p, s, &present);
     additions_start(p, s);
+#if WITH_GUARD
+    guard_start(s, &present);
+#endif
     if (isnan(present.torque)) present.torque = TRACKS_TIP_SPEED_RATIO ? s->torque : s->now.generator_torque;
     s->base = s->demand = present;
 #if WITH_AGENT

@@ -31,7 +31,7 @@ __all__ = ["c_source", "readings"]
 _MARK = "/* DATA */"
 _MAKER = "wt_gym "
 """First bytes of every checkpoint, whichever controller it belongs to."""
-_USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR")
+_USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD")
 _ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW", "LINEAR_PITCH_ADDED")
 _DERATED = ("NOT_DERATED", "BY_SPEED", "BY_TORQUE", "BY_PITCH", "BY_ROTOR_ENERGY")
 _FORMS = ("NO_PITCH", "COLLECTIVE", "INDIVIDUAL", "FIXED_FRAME", "CYCLIC")
@@ -231,6 +231,7 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
         "WITH_LINEAR": int(parts.linear is not None),
         "WITH_LIDAR": int(parts.lidar is not None),
         "WITH_FEEDFORWARD": int(parts.feedforward is not None),
+        "WITH_GUARD": int("guard" in parts.groups),
         "N_GAINS": len(values.get("gain_pitch", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_SHARES": len(values.get("power_shares", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_SCHEDULE": len(values.get("schedule_wind", [0.0, 0.0])),  # type: ignore[arg-type]

@@ -8,7 +8,7 @@ from dataclasses import fields
 from site_parts.markdown import attributes_of, first_sentence, table, value
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.control.bladed import RECORDS
-from wt_gym.control.controllers import ADDITIONS, BASES, WRAPPERS, controller_parameters, declared_parameters
+from wt_gym.control.controllers import ADDITIONS, BASES, GUARDS, WRAPPERS, controller_parameters, declared_parameters
 from wt_gym.simulation import FIDELITIES, Fidelity, channel_table
 from wt_gym.simulation.channels import EVEN
 from wt_gym.turbines import catalogue, load_turbine
@@ -59,7 +59,7 @@ def _power(watts):
 def controllers():
     """Names for ``controller=`` and the command line, with their parameters."""
     rows = []
-    kinds = {"base": BASES, "works inside a base": WRAPPERS, "addition": ADDITIONS}
+    kinds = {"base": BASES, "works inside a base": WRAPPERS, "addition": ADDITIONS, "around all parts": GUARDS}
     for kind, makers in kinds.items():
         for name, maker in makers.items():
             parameters = ", ".join(f"`{key}`" for key in controller_parameters(name))
@@ -70,7 +70,7 @@ def controllers():
 def parameters():
     """Parameters of every controller; names that stand for several parts have those of the parts."""
     rows = []
-    for name in (*BASES, *WRAPPERS, *ADDITIONS):
+    for name in (*BASES, *WRAPPERS, *ADDITIONS, *GUARDS):
         for parameter in declared_parameters(name):
             shown = parameter.default_text()
             default = shown if parameter.default is None else f"`{shown}`"

@@ -9,11 +9,23 @@ import pytest
 
 from wt_gym.agents import robustness
 from wt_gym.agents.evaluation_config import EvaluationConfig
-from wt_gym.agents.robustness import CONDITIONS, COST_TASK, NOMINAL, Gain, Robustness, base_of, chosen, run_robustness
+from wt_gym.agents.robustness import (
+    CONDITIONS,
+    COST_TASK,
+    FAULT_CONDITIONS,
+    FAULT_TIME,
+    NOMINAL,
+    Gain,
+    Robustness,
+    base_of,
+    chosen,
+    run_robustness,
+)
 from wt_gym.analysis.results import Wind
 from wt_gym.benchmark import load_task
 from wt_gym.commands.robustness import main
 from wt_gym.envs.options import Variation
+from wt_gym.envs.options.faults import FAULT_KINDS, NO_FAULT
 from wt_gym.runs.store import SWEEP_FILE
 
 TASK = "wt_gym/LoadReduction-v1"
@@ -75,8 +87,16 @@ def test_conditions_are_variations_of_one_environment():
         env = gym.make(TASK, variation=one.variation.as_dict()).unwrapped
         assert env.options.variation == one.variation
         assert (env._draws is None) == (one.name == NOMINAL)
-    with pytest.raises(ValueError, match=r"a condition must be one of nominal, class-a, .*, got 'dely'; did you mean"):
+    with pytest.raises(ValueError, match=r"a condition must be faults or one of nominal, .*, got 'dely'; did you mean"):
         chosen(["dely"])
+
+
+def test_every_fault_is_a_condition():
+    assert [one.name for one in chosen(["faults", "delay"])] == [NOMINAL, *FAULT_CONDITIONS, "delay"]
+    assert {one.fault for one in FAULT_CONDITIONS.values()} == set(FAULT_KINDS) - {NO_FAULT}
+    env = gym.make(TASK, start="steady", **FAULT_CONDITIONS["fault-dead-moment"].arguments).unwrapped
+    told = [env.reset(seed=seed)[1]["fault"] for seed in (1, 2)]
+    assert {(one["kind"], one["time"]) for one in told} == {("dead_moment", FAULT_TIME)}
 
 
 def test_the_base_of_an_agent():
@@ -117,7 +137,7 @@ def test_runs_are_kept_and_the_same_call_resumes(tmp_path):
 
 def test_the_command(tmp_path, capsys):
     main(["--list"])
-    assert capsys.readouterr().out.count("\n") == len(CONDITIONS)
+    assert capsys.readouterr().out.count("\n") == len(CONDITIONS) + len(FAULT_CONDITIONS)
     main([
         "ipc", "--conditions", "gain-high", "--wind-seeds", "1001", "--duration", "4", "--skip", "1", "--json",
         "--env-kwargs", '{"start": "steady"}', "--out", str(tmp_path / "out"),
@@ -125,6 +145,9 @@ def test_the_command(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "| response to pitch × 1.25 |" in out
     assert json.loads(out.splitlines()[-1])["conditions"] == {NOMINAL: {}, "gain-high": {"pitch_gain": 1.25}}
-    for words, message in ((["ipc", "--conditions", "x"], "a condition must be one of"), ([], "agents must be named")):
+    for words, message in (
+        (["ipc", "--conditions", "x"], "a condition must be faults or one of"),
+        ([], "agents must be named"),
+    ):
         with pytest.raises(SystemExit, match=f"error: {message}"):
             main([*words, "--out", str(tmp_path / "no")])

@@ -112,6 +112,7 @@ def test_what_tasks_pay():
         "IEA22MW-LoadReduction": load_reduction,
         "FullOperation": (1.0, 0.5, 0.3, 0.1, 0.02, 1.0, 1.0, 600.0),  # extreme loads behind overspeed
         "PowerTracking": (1.5, 1.0, 1.0, 0.5, 0.5, 1000.0),
+        "Faults": load_reduction,
     }
     plain = gym.make("wt_gym/NREL5MW-Steady-v1").unwrapped
     assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == (

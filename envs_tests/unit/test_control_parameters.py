@@ -17,6 +17,7 @@ from wt_gym.control.controllers import (
     BASES,
     COMPILED,
     CONTROLLERS,
+    GUARDS,
     WRAPPERS,
     FadeParameters,
     controller_parameters,
@@ -25,10 +26,11 @@ from wt_gym.control.controllers import (
     make_controller,
 )
 from wt_gym.control.operating_point import operating_point
+from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.turbines import load_turbine
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-PARTS = (*BASES, *WRAPPERS, *ADDITIONS)
+PARTS = (*BASES, *WRAPPERS, *ADDITIONS, *GUARDS)
 EVERY = [(name, parameter) for name in PARTS if name not in COMPILED for parameter in declared_parameters(name)]
 NUMBERS = [(name, parameter) for name, parameter in EVERY if not (parameter.only_object or parameter.word)]
 SHOWN = [(name, parameter) for name, parameter in NUMBERS if parameter.default is not None or parameter.in_use]
@@ -78,6 +80,29 @@ CHOSEN = {
 """Values other than six tenths of the default."""
 
 
+WITHIN = {"fault_supervisor": "supervisor+ipc+yaw+fault_supervisor"}
+"""Whole names, for what acts on other parts alone."""
+FAILING = (
+    (60, 62, {"rotor_speed": (1.012, 0.0)}),
+    (90, 500, {"root_flap_moment_1": (1.0, 0.12)}),
+    (150, 152, {"root_flap_moment_2": (0.0, 0.5)}),
+    (200, 500, {"yaw_error": (1.0, 0.15)}),
+    (250, 258, {"pitch_1": (1.0, 0.016)}),
+    (300, 302, {"pitch_2": (1.0, 0.03)}),
+    (400, 420, {"pitch_3": (1.0, 0.05)}),
+)
+"""Samples, channels, and factor and offset of their readings, of moments in the reference moment: each between six
+tenths of a limit of the fault supervisor and that limit, but for the last one, which is a fault by default."""
+
+
+def spoiled(signals, k, moment):
+    """Readings of sensors and drives that fail a little."""
+    for first, last, channels in FAILING:
+        for name, (factor, offset) in channels.items() if first <= k < last else ():
+            signals[name] = factor * signals[name] + offset * (moment if "moment" in name else 1.0)
+    return signals
+
+
 def of(name, parameter):
     """Turbine on which a parameter is tried."""
     return load_turbine(ON.get(parameter.name, "nrel_5mw") if name in ("discon", "supervisor") else "nrel_5mw")
@@ -99,7 +124,7 @@ def storm():
 
 def answers(turbine, choice, **parameters):
     """Demands of a controller to a made-up run about rated wind, shape (n, n_blades + 2)."""
-    controller = make_controller(choice, turbine, **parameters)
+    controller = make_controller(WITHIN.get(choice, choice), turbine, **parameters)
     drivetrain, rated = turbine.drivetrain, turbine.drivetrain.rated_rotor_speed
     blows = storm() if choice == "supervisor" else winds()
     point = operating_point(turbine, float(blows[0]))
@@ -129,6 +154,11 @@ def answers(turbine, choice, **parameters):
             signals[f"root_flap_moment_{b + 1}"] = flap * (
                 1.0 + 0.3 * math.cos(place) * (1.0 + math.sin(0.1 * time)) + 0.1 * math.cos(2.0 * place)
             )
+        if choice in WITHIN:
+            signals["generator_power"] = (
+                drivetrain.generator_efficiency * demand.generator_torque * signals["generator_speed"]
+            )
+            signals = spoiled(signals, k, reference_flap_moment(turbine))
         if k == 0:
             controller.start(signals, demand)
         demand = controller.step(signals, DT)
@@ -189,7 +219,7 @@ def test_nothing_that_a_controller_takes_is_left_out(name):
         for key, parameter in inspect.signature(maker).parameters.items()
         if parameter.kind is not inspect.Parameter.VAR_KEYWORD
     }
-    from_turbine_or_name = {"turbine", "base", "rate", "way", "parameters", "pitch", "shares"}
+    from_turbine_or_name = {"turbine", "base", "additions", "rate", "way", "parameters", "pitch", "shares"}
     assert taken - from_turbine_or_name == set(controller_parameters(name))
 
 

@@ -17,7 +17,7 @@ import pytest
 import wt_gym
 from validation.record import read_record, source_commit, update_record
 from wt_gym.commands import COMMANDS
-from wt_gym.control.controllers import ADDITIONS, BASES, WRAPPERS, declared_parameters
+from wt_gym.control.controllers import ADDITIONS, BASES, GUARDS, WRAPPERS, declared_parameters
 from wt_gym.simulation import FIDELITIES, channel_table
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -194,7 +194,7 @@ def test_the_site_shows_commits_where_they_are_known(tmp_path, monkeypatch):
 def test_the_table_of_parameters_is_that_of_the_code(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "docs")
     text = import_module("site_parts.options").parameters()
-    for name in (*BASES, *WRAPPERS, *ADDITIONS):
+    for name in (*BASES, *WRAPPERS, *ADDITIONS, *GUARDS):
         for parameter in declared_parameters(name):
             assert f"| `{name}` | `{parameter.name}` | {parameter.unit} |" in text
             assert parameter.meaning in text

@@ -12,7 +12,15 @@ from wt_gym.errors import ActionError
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.drivetrain.drives import Drives, LinearDamper
-from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch, checked_faults
+from wt_gym.simulation.drivetrain.faults import (
+    GeneratorLoss,
+    PitchMisalignment,
+    SensorBias,
+    ShutDown,
+    SlowPitch,
+    StuckPitch,
+    checked_faults,
+)
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -49,6 +57,31 @@ def test_a_stuck_blade_stays_and_the_others_follow(drives):
     assert np.all(found[10:, 3] == found[9, 3])
     assert found[9, 3] == pytest.approx(0.1 + 10 * DT * RATE)
     np.testing.assert_allclose(found[29, [2, 4]], 0.1 + 30 * DT * RATE)
+
+
+def test_a_slow_drive_turns_at_its_rate_and_arrives(drives):
+    found = commands(drives, [SlowPitch(1.0, 2, 0.25 * RATE)], np.full(3, 0.3), steps=80)
+    np.testing.assert_allclose(found[9, 2:], 0.1 + 10 * DT * RATE)
+    np.testing.assert_allclose(found[14, 3], found[9, 3] + 5 * DT * 0.25 * RATE)
+    np.testing.assert_allclose(found[-1, 2:], 0.3)
+
+
+def test_a_blade_that_slipped_stands_beside_its_drive_also_at_the_end_of_the_range(drives, turbine):
+    """The encoder shows what was demanded, the blade stands two degrees away, below the range of the drive too."""
+    offset, low = -math.radians(2.0), turbine.pitch.min_pitch
+    fault = PitchMisalignment(1.0, 3, offset)
+    found = commands(drives, [fault], np.full(3, low), steps=40)
+    sound = commands(drives, [], np.full(3, low), steps=1)
+    assert sound.shape == (1, 5)
+    np.testing.assert_allclose(found[9, 4], found[9, 2])
+    assert found[12, 4] - found[12, 2] == pytest.approx(-math.radians(4.0) * 3 * DT)  # at the rate at which it slips
+    np.testing.assert_allclose(found[-1, 2:] - low, [0.0, 0.0, offset], atol=1e-12)
+    now = {"time": 4.0, "pitch_3": low + offset, "pitch_2": low}
+    values = np.array([now.get(channel.name, 0.0) for channel in channel_table(3)])
+    read = fault.read(Signals(values, 3))
+    assert read["pitch_3"] == pytest.approx(low)
+    assert read["pitch_2"] == low
+    assert fault.read(Signals(np.zeros_like(values), 3))["pitch_3"] == 0.0  # not yet
 
 
 def test_a_lost_generator_brakes_no_more(drives):
@@ -126,6 +159,11 @@ def test_drives_are_sound_again_without_faults(drives, turbine):
     [
         (lambda: StuckPitch(-1.0), "time of a fault must be a finite number of at least 0 s, got -1"),
         (lambda: GeneratorLoss(math.nan), "time of a fault"),
+        (
+            lambda: SlowPitch(1.0, 1, -0.1),
+            "rate of a slow pitch drive must be a finite number of at least 0 rad/s, got",
+        ),
+        (lambda: PitchMisalignment(1.0, 1, math.nan), "offset of a blade must be a finite number rad, got nan"),
         (lambda: ShutDown(1.0, 0.0), "pitch rate of a shut-down must be a finite number above 0 rad/s, got 0"),
         (lambda: SensorBias(1.0, ()), "channels of a sensor"),
         (lambda: SensorBias(1.0, "pitch_1"), "channels of a sensor"),

@@ -28,14 +28,15 @@ class PlanformArrays(NamedTuple):
 
     chord: NDArray[np.float64]  # (n_span,) of the strips [m]
     edge_chord: NDArray[np.float64]  # (n_span + 1,) at their edges [m]
-    polars: NDArray[np.float64]  # (n_span, n_alpha, 3) cl, cd, cm at angles from -pi on
+    # (n_span or n_strip, n_alpha, 3) cl, cd, cm at angles from -pi on, of a blade or of all of them
+    polars: NDArray[np.float64]
     alpha0: NDArray[np.float64]  # (n_span,) angle of zero lift of the two-dimensional lattice [rad]
     kappa: NDArray[np.float64]  # (n_span,) circulation per normal velocity of that lattice [m]
     # (n_span,) moment coefficient of that lattice at zero lift, of the chord of the polars
     moment0: NDArray[np.float64]
     slope_angle: NDArray[np.float64]  # (n_span,) from the first to the last ring node against the chord line [rad]
     tilt: NDArray[np.float64]  # (n_span, 2) cosine and sine of slope angle - angle of zero lift
-    # (n_span, n_alpha, 4), see separation.separation_tables; no angles without dynamic stall
+    # (n_span or n_strip, n_alpha, 4), see separation.separation_tables; no angles without dynamic stall
     separation: NDArray[np.float64]
     cylinder_table: NDArray[np.float32]  # (2, n_axial, n_radial), see far_wake.cylinder_table
     shed_nodes: NDArray[np.int64]  # (n_edge + 1,) ring nodes on the shedding edge, see edges.SheddingEdge

@@ -258,10 +258,10 @@ def solve(p, o, a, w, nodes, velocities, wind, dt, first):
         let_through(a.source, n_blade, n_chord, n_span, through)
         apply_inverse(a.inverse, through, gamma)
     for k in range(n_strip):
-        b, j = k // n_span, k % n_span
+        b, j, row = k // n_span, k % n_span, k % p.polars.shape[0]
         across = a.gamma[b, n_chord - 1, j] / p.kappa[j] + a.source[k]
-        a.alpha[k], a.speed[k], _, _, _ = section_state(across, along[k], p.tilt[j], p.polars[j], p.alpha0[j],
-                                                     p.chord[j], p.kappa[j], p.separation[j], STATIC)  # fmt: skip
+        a.alpha[k], a.speed[k], _, _, _ = section_state(across, along[k], p.tilt[j], p.polars[row], p.alpha0[j],
+                                                     p.chord[j], p.kappa[j], p.separation[row], STATIC)  # fmt: skip
     if first:
         reset_separation(p, o, a)
     add_ring_velocity(gamma, a.influence, 0 if o.bernoulli else n_ring, flow)

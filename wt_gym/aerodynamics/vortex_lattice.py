@@ -95,6 +95,10 @@ class VortexLattice:
                 f"the planform has {panels[0]} x {panels[1]} panels (chord x span), the options have n_chord x n_span "
                 f"= {chosen[0]} x {chosen[1]}; they must agree"
             )
+        if len(planform.polars) not in (planform.n_span, n_blades * planform.n_span):
+            raise AerodynamicsError(
+                f"the planform has {len(planform.polars)} polars; must be one a strip of one or all blades"
+            )
         if not 0.0 < air_density < np.inf:
             raise AerodynamicsError(f"air_density is {air_density}; it must be positive and finite")
         self.planform, self.n_blades, self.options, self.air_density = planform, n_blades, options, float(air_density)

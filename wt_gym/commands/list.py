@@ -37,13 +37,14 @@ def controllers(turbine: Any = None) -> list[dict[str, Any]]:
         ADDITIONS,
         BASES,
         CONTROLLERS,
+        GUARDS,
         WRAPPERS,
         controller_summary,
         declared_parameters,
     )
 
     kinds = dict.fromkeys(BASES, "base") | dict.fromkeys(WRAPPERS, "works inside a base")
-    kinds |= dict.fromkeys(ADDITIONS, "addition")
+    kinds |= dict.fromkeys(ADDITIONS, "addition") | dict.fromkeys(GUARDS, "around all parts")
     return [
         {
             "name": name,

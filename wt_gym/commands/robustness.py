@@ -34,7 +34,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("agents", nargs="*", help="agents, see wt-gym evaluate")
     parser.add_argument("--list", action="store_true", help="list the conditions")
     parser.add_argument("--reference", default="discon", help="what all are compared with (default: %(default)s)")
-    parser.add_argument("--conditions", nargs="+", metavar="NAME", help="conditions beside the nominal (default: all)")
+    which = "conditions beside the nominal; faults: all with a fault (default: all without)"
+    parser.add_argument("--conditions", nargs="+", metavar="NAME", help=which)
     parser.add_argument("--env", default=DEFAULT_ENV, help="environment id (default: %(default)s)")
     kwargs_help = 'more arguments of the environment, e.g. \'{"turbulence_class": "B"}\''
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
@@ -60,10 +61,11 @@ def main(words: list[str] | None = None) -> None:
     """Run."""
     arguments = parse_arguments(words)
     if arguments.list:
-        from wt_gym.agents.robustness import CONDITIONS
+        from wt_gym.agents.robustness import CONDITIONS, FAULT_CONDITIONS
 
-        width = max(map(len, CONDITIONS))
-        print("\n".join(f"{one.name:{width}}  {one.text}" for one in CONDITIONS.values()))
+        known = CONDITIONS | FAULT_CONDITIONS
+        width = max(map(len, known))
+        print("\n".join(f"{one.name:{width}}  {one.text}" for one in known.values()))
         return
 
     out = Path(arguments.out)

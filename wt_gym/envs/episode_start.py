@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from wt_gym.control.controllers.supervisor import Supervisor
+    from wt_gym.envs.fault_draws import DrawnFault, FaultDraws
     from wt_gym.envs.power_reference import PowerReference, PowerReferenceDraws
     from wt_gym.envs.running_start import RunningStart
     from wt_gym.envs.variation import DrawnVariation
@@ -35,7 +36,7 @@ _NUMBERS = (*_POINT, "azimuth", "yaw")
 RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
     "faults", "start_number",
-    "power_reference",
+    "power_reference", "fault",
 )  # fmt: skip
 _FIRST_START = 40_000_000
 """Seed of the random numbers of a numbered beginning, beside its number."""
@@ -56,6 +57,8 @@ class Beginning:
         What the episode has of a variation.
     reference : PowerReference, optional
         What a grid operator asks for.
+    fault : DrawnFault, optional
+        What of the faults of the environment breaks; its faults are among ``faults``.
     """
 
     wind: EpisodeWind
@@ -64,6 +67,7 @@ class Beginning:
     faults: tuple[DriveFault | SensorBias, ...]
     drawn: DrawnVariation | None = None
     reference: PowerReference | None = None
+    fault: DrawnFault | None = None
 
 
 class EpisodeStarts:
@@ -81,6 +85,8 @@ class EpisodeStarts:
         Of the base controller: in winds in which it does not run a turbine for long, the turbine starts parked.
     references : PowerReferenceDraws, optional
         Draws what a grid operator asks for.
+    breakages : FaultDraws, optional
+        Draws what breaks.
     """
 
     def __init__(
@@ -91,9 +97,10 @@ class EpisodeStarts:
         count: int | None = None,
         supervisor: Supervisor | None = None,
         references: PowerReferenceDraws | None = None,
+        breakages: FaultDraws | None = None,
     ):
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
-        self._supervisor, self._references = supervisor, references
+        self._supervisor, self._references, self._breakages = supervisor, references, breakages
 
     def draw(
         self,
@@ -133,14 +140,28 @@ class EpisodeStarts:
         else:
             wind = winds.sample(rng, **chosen, length=length, heading=yaw)
         azimuth = rng.uniform(0.0, 2.0 * math.pi)
-        if drawn is None:
-            start = self._start(rng, wind, given, yaw, azimuth)
-            return Beginning(wind, start, yaw, faults, None, self._reference(rng, wind, given))
-        wind = drawn.turned(wind)
+        if drawn is not None:
+            wind = drawn.turned(wind)
+            faults = (*faults, *drawn.faults)
         start = self._start(rng, wind, given, yaw, azimuth)
-        if drawn.structural:  # the motion of a structure belongs to it
+        reference, fault = self._reference(rng, wind, given), self._fault(rng, given)
+        if fault is not None:
+            faults = (*faults, *fault.faults)
+        iced = fault is not None and fault.ice is not None
+        if iced or (drawn is not None and drawn.structural):  # the motion of a structure belongs to it
             start = replace(start, motion=None)
-        return Beginning(wind, start, yaw, (*faults, *drawn.faults), drawn, self._reference(rng, wind, given))
+        return Beginning(wind, start, yaw, faults, drawn, reference, fault)
+
+    def _fault(self, rng: np.random.Generator, given: dict[str, Any]) -> DrawnFault | None:
+        """What breaks in the episode."""
+        chosen = given.get("fault")
+        if self._breakages is not None:
+            return self._breakages.draw(rng, chosen)
+        if chosen is not None:
+            raise ValueError(
+                f"fault must be left out of a reset without fault_kinds of the environment, got {shown(chosen)}"
+            )
+        return None
 
     def _reference(self, rng: np.random.Generator, wind: EpisodeWind, given: dict[str, Any]) -> PowerReference | None:
         """What a grid operator asks for in the episode."""

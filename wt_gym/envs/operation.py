@@ -10,11 +10,12 @@ import numpy as np
 
 from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import WithDemandedPower, WithLidar, checked_demand, lidar_of
+from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
-from wt_gym.simulation.drivetrain.faults import SensorBias
+from wt_gym.simulation.drivetrain.faults import DriveFault, PitchMisalignment, SensorBias
 
 if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Lidar
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.envs.episode_start import Beginning
+    from wt_gym.envs.fault_draws import DrawnFault
     from wt_gym.envs.instruments import Instruments
     from wt_gym.envs.pitch_gain import PitchGain
     from wt_gym.envs.power_reference import PowerReference
@@ -29,8 +31,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
-    from wt_gym.simulation.drivetrain.faults import DriveFault
-    from wt_gym.turbines import Turbine
+    from wt_gym.turbines import BladeIce, Turbine
     from wt_gym.wind import Inflow
 
 __all__ = ["Operation", "make_simulator"]
@@ -39,7 +40,7 @@ _NOMINAL = -1
 """Plant of the turbine itself."""
 _MEMORY = (
     "signals", "demand", "base", "setpoint", "controller", "residual", "faults", "drawn", "instruments", "pitch_gain",
-    "_taken", "reference",
+    "_taken", "reference", "fault",
 )  # fmt: skip
 
 
@@ -94,6 +95,8 @@ class Operation:
         What is read with, where readings are not exact.
     reference : PowerReference or None
         What a grid operator asks for.
+    fault : DrawnFault or None
+        What of the faults of the environment breaks; its faults are among ``faults``.
     pitch_gain : PitchGain or None
         Response to pitch, where it is not that of the model.
     step : float
@@ -124,16 +127,18 @@ class Operation:
         self.lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
         self.step, self.count = step, count
         self._supervised = supervisor_of(controller) is not None
-        self._draws, self._simulators = draws, dict[int, "TurbineSimulator"]()
+        self._draws = draws
+        self._simulators: dict[tuple[int, BladeIce | None], TurbineSimulator] = {}
         self.simulator: TurbineSimulator | None = None
         self.drawn: DrawnVariation | None = None
         self.instruments: Instruments | None = None
         self.pitch_gain: PitchGain | None = None
         self.reference: PowerReference | None = None
+        self.fault: DrawnFault | None = None
         self._taken: Signals | None = None
         self.signals = cast("Signals", None)  # before the first start, for which everything that needs them asks
         self.faults: tuple[DriveFault | SensorBias, ...] = ()
-        self._sensor_faults: tuple[SensorBias, ...] = ()
+        self._sensor_faults: tuple[SensorBias | PitchMisalignment, ...] = ()
         self._drive_faults: tuple[DriveFault, ...] = ()
         self._look: tuple[tuple[float, float], np.ndarray] | None = None
 
@@ -142,8 +147,8 @@ class Operation:
     def begin(self, beginning: Beginning) -> None:
         """Start simulator and controller."""
         start, yaw, drawn = beginning.start, beginning.yaw, beginning.drawn
-        simulator = self._enter(beginning.wind, beginning.faults, drawn)
-        self.drawn, self.reference = drawn, beginning.reference
+        simulator = self._enter(beginning.wind, beginning.faults, drawn, beginning.fault)
+        self.drawn, self.reference, self.fault = drawn, beginning.reference, beginning.fault
         self.pitch_gain = None if drawn is None else drawn.pitch_gain()
         self.instruments = None if drawn is None or self._draws is None else self._draws.instruments(drawn)
         self.signals = simulator.reset(
@@ -163,27 +168,34 @@ class Operation:
             self.residual.start(pitch, start.rotor_speed, self.step)
 
     def _enter(
-        self, wind: EpisodeWind, faults: tuple[DriveFault | SensorBias, ...], drawn: DrawnVariation | None
+        self,
+        wind: EpisodeWind,
+        faults: tuple[DriveFault | SensorBias, ...],
+        drawn: DrawnVariation | None,
+        fault: DrawnFault | None,
     ) -> TurbineSimulator:
         """Put the simulator of the turbine into a wind, with these faults and no others; the lidar has not looked yet.
 
-        Each turbine of a variation has a simulator, which is made when it is drawn for the first time.
+        Each turbine of a variation, and each with ice, has a simulator, which is made when it is drawn for the first
+        time.
         """
         self.wind, self._look = wind, None
         plant = _NOMINAL if drawn is None or not drawn.structural else drawn.plant
-        kept = self._simulators.get(plant)
+        ice = None if fault is None else fault.ice
+        kept = self._simulators.get((plant, ice))
         if kept is None:
             turbine = self.turbine if drawn is None else drawn.turbine
+            turbine = turbine if ice is None else replace(turbine, ice=ice)
             kept, self._drive_faults = self.make_simulator(turbine, wind.inflow, self._fidelity), ()
-            self._simulators[plant] = kept
+            self._simulators[plant, ice] = kept
         else:
             kept.inflow = wind.inflow
             if kept is not self.simulator:
                 self._drive_faults = tuple(kept.faults)
         self.simulator = kept
         self.faults = faults
-        self._sensor_faults = tuple(fault for fault in faults if isinstance(fault, SensorBias))
-        drive_faults = tuple(fault for fault in faults if not isinstance(fault, SensorBias))
+        self._sensor_faults = tuple(one for one in faults if isinstance(one, SensorBias | PitchMisalignment))
+        drive_faults = tuple(one for one in faults if isinstance(one, DriveFault))
         if drive_faults != self._drive_faults:
             self.simulator.faults = self._drive_faults = drive_faults
         return self.simulator
@@ -223,7 +235,7 @@ class Operation:
         sees = controller is not None and lidar_of(controller) is not None
         gain, n_blades = self.pitch_gain, self.turbine.n_blades
         biased, together = bool(self._sensor_faults) or gain is not None, self._reads_together
-        observer, reference = linear_part(controller), self.reference
+        observer, reference, watcher = linear_part(controller), self.reference, fault_supervisor_of(controller)
         for k in range(1, count + 1):
             part = k / count
             if together:
@@ -249,6 +261,8 @@ class Operation:
             self.demand = demand = demand_of(present, self.base, signals["azimuth"], speed)
             if observer is not None:
                 observer.see_demand(self.base, demand, signals, dt)
+            if watcher is not None:
+                watcher.take_demand(demand)
             pitch_moved = demand.pitch if gain is None else gain.moved(demand.pitch, dt)
             signals = simulator.advance(dt, pitch_moved, demand.yaw_rate, demand.generator_torque, accumulate=k > 1)
             if self.instruments is not None:
@@ -328,7 +342,7 @@ class Operation:
 
     def recall(self, memory: dict[str, Any], wind: EpisodeWind, state: Any) -> None:
         """Continue with a memory in a wind from a state of the simulator; None: as the simulator is."""
-        simulator = self._enter(wind, memory["faults"], memory["drawn"])
+        simulator = self._enter(wind, memory["faults"], memory["drawn"], memory["fault"])
         if state is not None:
             simulator.restore(state)
         self.__dict__.update(memory)

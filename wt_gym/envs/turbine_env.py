@@ -24,6 +24,7 @@ from wt_gym.envs.arguments import check_whole_steps, shown
 from wt_gym.envs.costs import Costs
 from wt_gym.envs.ending import EpisodeLength, Limits, registered_limit, standstill_limit, tip_clearance
 from wt_gym.envs.episode_start import Beginning, EpisodeStarts
+from wt_gym.envs.fault_draws import ICED, FaultDraws
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.manual import manual
 from wt_gym.envs.observable import DEFAULT_GROUPS, RESIDUAL_GROUPS
@@ -126,6 +127,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         if groups is None:
             groups = RESIDUAL_GROUPS if action.mode == "residual" else DEFAULT_GROUPS
         late = self._late_steps()
+        breakages = self._breakages()
         references = None if options.grid.reference is None else PowerReferenceDraws(self.turbine, options.grid)
         self._observer = observer = Observer(
             self.turbine, action, groups, observed.noise if apart else 0.0, late, observed.history, lidar, residual,
@@ -157,7 +159,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
                 "action_components 'set_point' needs a base controller with a supervisor: 'discon+supervisor'"
             )
         running = self._running_start(controller, references)
-        self._starts = EpisodeStarts(self.turbine, self.wind, running, options.starts, supervisor, references)
+        self._starts = EpisodeStarts(
+            self.turbine, self.wind, running, options.starts, supervisor, references, breakages
+        )
         self._renderer = self._make_renderer()
         self._running = self._failed = self._seeded = False
         self._steps = 0
@@ -198,6 +202,16 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
                 f"variation: {', '.join(STRUCTURAL)} must be left out where OpenFAST simulates a model of its own"
             )
         return VariationDraws(variation, self.turbine, action, lidar, options.observations, everyone, step)
+
+    def _breakages(self) -> FaultDraws | None:
+        """What draws the faults of episodes, None where nothing breaks."""
+        options = self.options
+        kinds = options.faults.kinds
+        if kinds is None:
+            return None
+        if ICED in kinds and options.simulator != OWN:
+            raise ValueError(f"fault_kinds must be without {ICED} where another simulator has the blades")
+        return FaultDraws(self.turbine, options.faults)
 
     def _late_steps(self) -> int:
         """Control steps by which the agent's readings are late, beside what the instruments are."""
@@ -387,7 +401,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             self._renderer.reset()
             self._renderer.record(self.signals)
         info = self._info(saturated, tip_clearance(self.signals))
-        return observation, info if drawn is None else info | {"variation": copy.deepcopy(dict(drawn.values))}
+        if drawn is not None:
+            info |= {"variation": copy.deepcopy(dict(drawn.values))}
+        return observation, info if beginning.fault is None else info | {"fault": beginning.fault.told}
 
     def _draw(self, seed: int | None, number: int | None) -> DrawnVariation | None:
         """Draw the variation of an episode: a seed begins its stream, as does the first reset, and every number."""

@@ -5,6 +5,7 @@
 """
 
 from wt_gym.turbines.catalogue import catalogue, load_turbine
+from wt_gym.turbines.icing import BladeIce
 from wt_gym.turbines.model import (
     Airfoil,
     BeamStations,
@@ -25,6 +26,7 @@ __all__ = [
     "Airfoil",
     "BeamStations",
     "Blade",
+    "BladeIce",
     "ControlData",
     "Drivetrain",
     "Hub",

@@ -31,6 +31,7 @@ from wt_gym.turbines.checks import (
     fail,
 )
 from wt_gym.turbines.control_data import ControlData
+from wt_gym.turbines.icing import BladeIce
 from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
 from wt_gym.turbines.site import with_site
 from wt_gym.turbines.support import Support
@@ -43,6 +44,7 @@ __all__ = [
     "Airfoil",
     "BeamStations",
     "Blade",
+    "BladeIce",
     "ControlData",
     "Drivetrain",
     "Hub",
@@ -392,6 +394,8 @@ class Turbine(ArrayRecord):
         Direction in which the rotor turns, seen looking downwind: ``"clockwise"`` or ``"counter-clockwise"``. Blade
         data are in the frame of the blade, z to the tip, x to the suction side, y to the trailing edge, which is
         left-handed where the rotor turns counter-clockwise (`wt_gym.turbines.mirror`).
+    ice : BladeIce or None
+        On one of the blades.
     """
 
     name: str
@@ -415,6 +419,7 @@ class Turbine(ArrayRecord):
     control: ControlData | None = later_field(None)
     design_air_density: float | None = later_field(None)
     rotation: str = later_field("clockwise")
+    ice: BladeIce | None = later_field(None)
 
     def __post_init__(self) -> None:
         """Check the fields and that the parts fit together."""
@@ -430,6 +435,8 @@ class Turbine(ArrayRecord):
                 raise fail(f"Turbine.{name}", getattr(self, name), " or ".join(map(repr, allowed)))
         if self.control is not None and not isinstance(self.control, ControlData):
             raise fail("Turbine.control", self.control, "ControlData or None")
+        if self.ice is not None and not (isinstance(self.ice, BladeIce) and self.ice.blade <= self.n_blades):
+            raise fail("Turbine.ice", self.ice, f"None or ice on one of the {self.n_blades} blades")
         cut_in = check_number("Turbine.cut_in", self.cut_in, 0.0, 30.0)
         rated = check_number("Turbine.rated_wind_speed", self.rated_wind_speed, cut_in, 40.0, open_low=True)
         self._set(

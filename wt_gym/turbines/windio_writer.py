@@ -101,6 +101,8 @@ def windio_content(turbine: Turbine) -> dict[str, Any]:
         raise fail("Turbine.hub.cone, nacelle.tilt", (turbine.hub.cone, turbine.nacelle.tilt), "angles from 0")
     if turbine.blade.augmentation is not None:
         raise fail("Turbine.blade.augmentation", turbine.blade.augmentation, "None")
+    if turbine.ice is not None:
+        raise fail("Turbine.ice", turbine.ice, "None: the file has one blade for all")
     if turbine.rotation != "clockwise":
         allowed = (
             "'clockwise' (windIO has no key for it: write dataclasses.replace(turbine, rotation='clockwise'), and load "

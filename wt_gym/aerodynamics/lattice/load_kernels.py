@@ -143,8 +143,9 @@ def viscous_loads(nodes, fore_aft, normal, width, alpha, speed, p, separation, d
     for b in range(n_blade):
         for j in range(n_span):
             k = b * n_span + j
-            cd = linear_at(p.polars[j], 1, alpha[k]) + separation_drag(p.separation[j], separation[k], alpha[k])
-            cm = linear_at(p.polars[j], 2, alpha[k])
+            own = k % p.polars.shape[0]
+            cd = linear_at(p.polars[own], 1, alpha[k]) + separation_drag(p.separation[own], separation[k], alpha[k])
+            cm = linear_at(p.polars[own], 2, alpha[k])
             pressure = 0.5 * density * speed[k] * speed[k] * p.chord[j] * width[k]
             angle = alpha[k] - p.slope_angle[j]
             arm = 0.0

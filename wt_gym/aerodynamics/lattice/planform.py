@@ -72,8 +72,9 @@ class LatticePlanform:
         Chord at the span edges [m].
     span_edges : ndarray, shape (n_span + 1,)
         Span coordinates from which the lattice was built [m].
-    polars : ndarray, shape (n_span, n_alpha, 3)
-        cl, cd, cm of each strip at ``n_alpha`` angles of attack, evenly spaced from -pi (included) to pi (excluded).
+    polars : ndarray, shape (n_span, n_alpha, 3) or (n_blades n_span, n_alpha, 3)
+        cl, cd, cm of each strip of a blade, or of all blades, at ``n_alpha`` angles of attack, evenly spaced from -pi
+        (included) to pi (excluded).
     alpha0_lattice, lift_slope, moment0_lattice, slope_angle : ndarray, shape (n_span,)
         Properties of the strip's two-dimensional lattice, see `SectionLattice`.
     root_radius : float or None
@@ -121,8 +122,10 @@ class LatticePlanform:
             raise AerodynamicsError(f"of the two edge chords of a strip one must be positive; given {self.edge_chord}")
         if not np.all(self.lift_slope > 0.0):
             raise AerodynamicsError(f"every lift_slope must be positive; given {self.lift_slope}")
-        if self.polars.ndim != 3 or self.polars.shape[0] != n_span or self.polars.shape[2] != 3:
-            raise AerodynamicsError(f"polars have shape {self.polars.shape}; must be ({n_span}, n_alpha, 3)")
+        if self.polars.ndim != 3 or len(self.polars) % n_span or self.polars.shape[2] != 3 or not len(self.polars):
+            raise AerodynamicsError(
+                f"polars have shape {self.polars.shape}; must be ({n_span}, n_alpha, 3), or so many times the blades"
+            )
         if self.polars.shape[1] < 8 or not np.all(np.isfinite(self.polars)):
             raise AerodynamicsError("polars must have at least 8 angles and finite coefficients")
         if np.any(self.polars[:, :, 1] < 0.0):
@@ -341,8 +344,9 @@ def build_planform(
         Points of the reference axis in the blade frame [m].
     chord, twist, le_offset : array_like, shape (n_span + 1,)
         Chord [m], twist (positive turns the leading edge to -x) [rad], distance from leading edge to axis / chord.
-    polars : array_like, shape (n_span, n_alpha, 3)
-        cl, cd, cm of the strips on an even grid of angles from -pi (included) to pi (excluded).
+    polars : array_like, shape (n_span, n_alpha, 3) or (n_blades n_span, n_alpha, 3)
+        cl, cd, cm of the strips of a blade, or of all blades, on an even grid of angles from -pi (included) to pi
+        (excluded).
     n_chord : int
         Panels along the chord.
     camber : callable, optional

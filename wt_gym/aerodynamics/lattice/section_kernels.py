@@ -133,10 +133,10 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
             g = potential[k]
             for m in range(n_strip):
                 g += response[k, m] * source[m]
-            j = k % n_span
+            j, row = k % n_span, k % p.polars.shape[0]
             across = g / kappa[j] + source[k]
             _, speed, required, slope, speed_rate = section_state(
-                across, along[k], p.tilt[j], p.polars[j], p.alpha0[j], chord[j], kappa[j], p.separation[j], point[k]
+                across, along[k], p.tilt[j], p.polars[row], p.alpha0[j], chord[j], kappa[j], p.separation[row], point[k]
             )
             frequency = dt / max(lag * chord[j], 1e-12)
             kept = 0.0 if first else np.exp(-speed * frequency)

@@ -11,9 +11,8 @@ STATIC = -1.0  # in the place of a separation point: the flow follows the static
 @kernel(fastmath=False, separate=True)
 def reset_separation(p, o, a):
     """Separation points of the static polars at the present angles of attack; `STATIC` without a dynamic model."""
-    n_span = p.chord.shape[0]
     for k in range(a.alpha.shape[0]):
-        static = linear_at(p.separation[k % n_span], POINT, a.alpha[k]) if o.dynamic_stall else STATIC
+        static = linear_at(p.separation[k % p.separation.shape[0]], POINT, a.alpha[k]) if o.dynamic_stall else STATIC
         a.separation[0, k], a.separation[1, k] = static, static
 
 
@@ -33,7 +32,7 @@ def advance_separation(p, o, a):
     ratio = a.dt[0] / a.last_dt[0] if a.last_dt[0] > 0.0 else 0.0
     for k in range(a.alpha.shape[0]):
         j = k % n_span
-        static = linear_at(p.separation[j], POINT, a.alpha[k])
+        static = linear_at(p.separation[k % p.separation.shape[0]], POINT, a.alpha[k])
         h = a.dt[0] * a.speed[k] / (o.separation_lag * p.chord[j])
         gone = -np.expm1(-h)
         drift = (static - a.separation[1, k]) * ratio * (1.0 - gone / h if h > 1e-6 else 0.5 * h)

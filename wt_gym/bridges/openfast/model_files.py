@@ -95,6 +95,8 @@ def write_model(turbine: Turbine, folder: str | Path) -> Path:
     """
     if turbine.n_blades not in (2, 3):
         raise TurbineDefinitionError(f"{turbine.name}: n_blades must be 2 or 3 for OpenFAST, got {turbine.n_blades}")
+    if turbine.ice is not None:
+        raise TurbineDefinitionError(f"{turbine.name}: ice must be None for OpenFAST, got {turbine.ice!r}")
     image = clockwise_image(turbine)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

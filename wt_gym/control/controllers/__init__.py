@@ -11,6 +11,7 @@ from wt_gym.control.controllers.catalogue import (
     BASES,
     COMPILED,
     CONTROLLERS,
+    GUARDS,
     WRAPPERS,
     controller_parameters,
     controller_summary,
@@ -21,6 +22,7 @@ from wt_gym.control.controllers.controller import (
     Combined,
     Controller,
     Readings,
+    RepairedReadings,
     WithDemandedPower,
     WithLidar,
     checked_demand,
@@ -36,6 +38,7 @@ from wt_gym.control.controllers.discon import (
     nrel_5mw_parameters,
 )
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
+from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, fault_supervisor_of
 from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.names import Name, make_controller, name_and_parameters, parse_name
@@ -54,6 +57,7 @@ __all__ = [
     "BASES",
     "COMPILED",
     "CONTROLLERS",
+    "GUARDS",
     "STATES",
     "WRAPPERS",
     "AboveRated",
@@ -65,6 +69,7 @@ __all__ = [
     "Controller",
     "DisconController",
     "FadeParameters",
+    "FaultSupervisor",
     "ForeAftDamper",
     "HarmonicPitch",
     "HarmonicPitchParameters",
@@ -73,6 +78,7 @@ __all__ = [
     "Name",
     "Parameter",
     "Readings",
+    "RepairedReadings",
     "RotorTable",
     "SideSideDamper",
     "Supervisor",
@@ -87,6 +93,7 @@ __all__ = [
     "controller_parameters",
     "controller_summary",
     "declared_parameters",
+    "fault_supervisor_of",
     "from_harmonic",
     "lidar_of",
     "make_controller",

@@ -15,6 +15,7 @@ from wt_gym.control.bladed import rosco
 from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.bladed.rosco import RoscoController, rosco_library
 from wt_gym.control.controllers import (
+    fault_supervisor,
     individual_pitch,
     lidar_feedforward,
     linear_optimal,
@@ -27,6 +28,7 @@ from wt_gym.control.controllers import (
     yaw,
 )
 from wt_gym.control.controllers.controller import Addition, Combined, Controller
+from wt_gym.control.controllers.fault_supervisor import FaultSupervisor
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
@@ -49,6 +51,7 @@ __all__ = [
     "BASES",
     "COMPILED",
     "CONTROLLERS",
+    "GUARDS",
     "WRAPPERS",
     "catalogue_controller",
     "compiled_files",
@@ -138,6 +141,11 @@ def _derate_kinetic(turbine: Turbine, base: Controller, **parameters: Any) -> Co
     return PowerTracking.of_turbine(turbine, base, "kinetic", **parameters)
 
 
+def _fault_supervisor(turbine: Turbine, base: Controller, *additions: Addition, **parameters: Any) -> Controller:
+    """Watches drives and sensors, repairs readings, falls back to collective pitch (`fault_supervisor`)."""
+    return FaultSupervisor.of_turbine(turbine, base, *additions, **parameters)
+
+
 def _bladed(turbine: Turbine, library: str | None = None, **parameters: Any) -> Controller:
     """A compiled controller with the Bladed interface (`wt_gym.control.bladed`)."""
     if library is None:
@@ -177,13 +185,15 @@ WRAPPERS: dict[str, Callable[..., Controller]] = {
     "supervisor": _supervisor,
 }
 """What works on a base before all additions, the first within the others."""
+GUARDS: dict[str, Callable[..., Controller]] = {"fault_supervisor": _fault_supervisor}
+"""What stands around a base with all its additions."""
 SHORT_FOR = {
     "tower_dampers": ("fore_aft_damper", "side_side_damper"),
     "linear_optimal": ("side_side_damper", "linear_pitch"),
     **TUNED,
 }
 """Names that stand for several parts; those of `TUNED` bring parameters with them."""
-CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
+CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *GUARDS, *SHORT_FOR)
 """Every name; additions stand on "discon" where there is no base."""
 COMPILED = ("rosco", "bladed")
 """Names of controllers that are libraries of others."""
@@ -207,6 +217,7 @@ _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]
     "fore_aft_damper": (tower_dampers.FORE_AFT_PARAMETERS, (ForeAftDamper.of_turbine,)),
     "side_side_damper": (tower_dampers.SIDE_SIDE_PARAMETERS, (SideSideDamper.of_turbine,)),
     "yaw": (yaw.PARAMETERS, (YawByDeadBand,)),
+    "fault_supervisor": (fault_supervisor.PARAMETERS, (FaultSupervisor.of_turbine,)),
 }
 """What the parts declare, and the functions whose defaults hold, the first before the others."""
 
@@ -271,7 +282,7 @@ def controller_summary(name: str) -> str:
     if name in SHORT_FOR:
         parts = "+".join(SHORT_FOR[name])
         return f"Stands for {parts}" + (", with the parameters that a search found." if name in TUNED else ".")
-    text = inspect.getdoc({**BASES, **WRAPPERS, **ADDITIONS}[name]) or ""
+    text = inspect.getdoc({**BASES, **WRAPPERS, **ADDITIONS, **GUARDS}[name]) or ""
     return re.sub(r" \(`[a-z_]+`\)(?=\.$)", "", " ".join(text.split()))
 
 
@@ -286,7 +297,7 @@ def _unknown(choice: str, unknown: list[str]) -> str:
 def _parts(choice: str) -> tuple[str, ...]:
     """Base, what works on its inside, and additions of a name, checked."""
     parts = [part for name in choice.split("+") for part in SHORT_FOR.get(name, (name,))]
-    unknown = [part for part in parts if part not in BASES and part not in WRAPPERS and part not in ADDITIONS]
+    unknown = [part for part in parts if not any(part in known for known in (BASES, WRAPPERS, ADDITIONS, GUARDS))]
     if unknown:
         raise ValueError(_unknown(choice, unknown))
     if parts[0] not in BASES:
@@ -294,7 +305,7 @@ def _parts(choice: str) -> tuple[str, ...]:
     if any(part in BASES for part in parts[1:]) or len(set(parts)) < len(parts):
         raise ValueError(
             f"controller {choice!r} must be one of {', '.join(BASES)} first, then additions "
-            f"({', '.join((*WRAPPERS, *ADDITIONS))}), each once"
+            f"({', '.join((*WRAPPERS, *ADDITIONS, *GUARDS))}), each once"
         )
     inside = list(WRAPPERS)
     return tuple(
@@ -329,6 +340,9 @@ def catalogue_controller(choice: str, turbine: Turbine, parameters: dict[str, An
         if part in WRAPPERS:
             base = WRAPPERS[part](turbine, base, **given[part])
     additions = [ADDITIONS[part](turbine, **given[part]) for part in parts if part in ADDITIONS]
+    for part in parts:
+        if part in GUARDS:
+            return GUARDS[part](turbine, base, *additions, **given[part])
     return Combined(base, *additions) if additions else base
 
 

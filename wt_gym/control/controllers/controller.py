@@ -36,6 +36,7 @@ __all__ = [
     "Combined",
     "Controller",
     "Readings",
+    "RepairedReadings",
     "WithDemandedPower",
     "WithLidar",
     "checked_demand",
@@ -199,10 +200,35 @@ class AtSetPoint:
         return value / self.share if name in ("generator_speed", "rotor_speed") else value
 
 
+class RepairedReadings:
+    """Readings some of which are replaced by others.
+
+    Attributes
+    ----------
+    measured : Readings
+    """
+
+    __slots__ = ("_repaired", "measured")
+
+    def __init__(self, signals: Readings, repaired: Mapping[str, float]) -> None:
+        self.measured, self._repaired = signals, repaired
+
+    def __getitem__(self, name: str) -> float:
+        value = self._repaired.get(name)
+        return self.measured[name] if value is None else value
+
+    @property
+    def reference(self) -> object:
+        """See `WithDemandedPower`."""
+        return getattr(self.measured, "reference", None)
+
+
 def demanded_power_of(signals: Readings) -> float | None:
     """Power that a grid operator asks for [W]; None where nothing is asked for."""
     if isinstance(signals, AtSetPoint):
         return signals.demanded
+    if isinstance(signals, RepairedReadings):
+        return demanded_power_of(signals.measured)
     if isinstance(signals, WithDemandedPower):
         return signals["demanded_power"]
     if isinstance(signals, Mapping) and "demanded_power" in signals:

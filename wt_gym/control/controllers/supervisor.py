@@ -191,6 +191,8 @@ class Supervisor:
         Share of the base controller's torque that is demanded [-].
     asked : float
         By which an agent moves the set point of the speed [-].
+    stopped : bool
+        Whether a fault stops the turbine, which then stays parked.
     """
 
     def __init__(self, base: Controller, parameters: SupervisorParameters, pitch_law: PitchLaw):
@@ -204,6 +206,7 @@ class Supervisor:
         self._mean, self._gust = LowPass(0.5 * parameters.averaging), LowPass(3.0)
         self._rotor = LowPass(0.5)
         self.state_index, self.set_point, self.load, self.asked = _PRODUCTION, 1.0, 1.0, 0.0
+        self.stopped = False
         self._since = self._ramp = 0.0
         self._listened = math.inf
         self._pitch, self._torque, self._first_speed = parameters.fine_pitch, 0.0, 1.0
@@ -320,7 +323,7 @@ class Supervisor:
         p, pitch = self.parameters, float(np.mean(demand.pitch))
         wind, speed = self._wind(signals), signals["rotor_speed"] / p.rated_speed
         parked = speed < 0.5 * p.cut_in_speed and pitch > 0.5 * p.feather
-        self.state_index, self.asked = (_PARKED if parked else _PRODUCTION), 0.0
+        self.state_index, self.asked, self.stopped = (_PARKED if parked else _PRODUCTION), 0.0, False
         self._mean.reset(wind if parked else min(max(wind, p.cut_in), p.cut_out))
         self._listened = 0.0 if parked else math.inf
         self._gust.reset(wind)
@@ -338,14 +341,14 @@ class Supervisor:
         self._since += dt
         if self.state_index == _PARKED:
             waited = self._since >= p.restart_delay and self._listened >= self._mean.time_constant
-            if waited and p.cut_in <= mean <= p.restart and gust < p.gust:
+            if waited and not self.stopped and p.cut_in <= mean <= p.restart and gust < p.gust:
                 self._enter(_START_UP)
                 self._ramp = max(speed, 0.0)
                 self._rotor.reset(speed)
         elif self.state_index == _SHUT_DOWN:
             if speed < _STANDS and self._pitch >= p.feather - _PITCHED:
                 self._enter(_PARKED)
-        elif mean > p.cut_out or mean < p.cut_in - 0.5 or gust > p.gust or speed > p.overspeed:
+        elif self.stopped or mean > p.cut_out or mean < p.cut_in - 0.5 or gust > p.gust or speed > p.overspeed:
             self._torque = min(self._torque, _MOST_TORQUE * p.rated_torque)
             self._first_speed = max(speed, _STANDS)
             self._enter(_SHUT_DOWN)

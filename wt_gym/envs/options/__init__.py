@@ -3,6 +3,7 @@
 from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
 from wt_gym.envs.options.environment import EnvOptions, env_arguments, flat_arguments, options_of, registered_arguments
+from wt_gym.envs.options.faults import FaultOptions
 from wt_gym.envs.options.grid import GridOptions
 from wt_gym.envs.options.limits import LimitOptions
 from wt_gym.envs.options.observations import ObservationOptions
@@ -14,6 +15,7 @@ __all__ = [
     "ActionOptions",
     "ControllerOptions",
     "EnvOptions",
+    "FaultOptions",
     "GridOptions",
     "LimitOptions",
     "ObservationOptions",

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -26,10 +26,15 @@ if TYPE_CHECKING:
 
     from wt_gym.simulation.drivetrain.drives import Drives, GeneratorLaw, PitchLaw
 
-__all__ = ["DriveFault", "GeneratorLoss", "SensorBias", "ShutDown", "StuckPitch", "checked_faults"]
+__all__ = [
+    "DriveFault", "GeneratorLoss", "PitchMisalignment", "SensorBias", "ShutDown", "SlowPitch", "StuckPitch",
+    "checked_faults",
+]  # fmt: skip
 
 FEATHER = 0.5 * math.pi
 """Pitch of a feathered blade [rad], where the range of the drive reaches that far."""
+SLIP_RATE = math.radians(4.0)
+"""At which a blade slips on its bearing [rad/s]."""
 _ROUNDING = 1e-6
 """Part of a step by which a time may be missed: steps are counted, times are products."""
 
@@ -86,9 +91,7 @@ class StuckPitch(DriveFault):
 
     def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
         """See `DriveFault.fail`."""
-        n = drives.pitch.n_blades
-        if not (isinstance(self.blade, int) and 1 <= self.blade <= n):
-            raise ActionError(f"blade {self.blade!r} cannot be stuck; the turbine has the blades 1 to {n}")
+        _check_blade(self.blade, drives, "be stuck")
         drives.pitch = _FailingPitch(drives.pitch, self, clock)
 
     def move_pitch(
@@ -98,6 +101,86 @@ class StuckPitch(DriveFault):
         stays = command[self.blade - 1]
         law.follow(command, demand, dt, speed)
         command[self.blade - 1] = stays
+
+
+@dataclass(frozen=True)
+class SlowPitch(DriveFault):
+    """From a time on the drive of one blade turns no faster than at a rate of its own.
+
+    Parameters
+    ----------
+    time : float
+        [s].
+    blade : int
+        From 1 on.
+    rate : float
+        [rad/s].
+    """
+
+    blade: int = 1
+    rate: float = math.radians(1.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require("rate of a slow pitch drive", self.rate, "rad/s", 0.0)
+
+    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
+        """See `DriveFault.fail`."""
+        _check_blade(self.blade, drives, "be slow")
+        drives.pitch = _FailingPitch(drives.pitch, self, clock)
+
+    def move_pitch(
+        self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
+    ) -> None:
+        """Let all blades but one follow as fast as they can."""
+        before, reach = command[self.blade - 1], self.rate * dt
+        law.follow(command, demand, dt, speed)
+        command[self.blade - 1] = min(max(command[self.blade - 1], before - reach), before + reach)
+
+
+@dataclass(frozen=True)
+class PitchMisalignment(DriveFault):
+    """From a time on one blade stands by an angle away from where its drive has put it: it has slipped on its bearing.
+
+    It slips at `SLIP_RATE`. The encoder is on the drive and does not see it (`read`), and the range of the drive is
+    shifted with the blade. An offset that is there from the start of an episode is the error of a blade that was
+    mounted wrongly.
+
+    Parameters
+    ----------
+    time : float
+        [s].
+    blade : int
+        From 1 on.
+    offset : float
+        Positive to feather [rad].
+    """
+
+    blade: int = 1
+    offset: float = math.radians(2.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require("offset of a blade", self.offset, "rad")
+
+    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
+        """See `DriveFault.fail`."""
+        _check_blade(self.blade, drives, "slip")
+        drives.pitch = _SlippedPitch(drives.pitch, self, clock)
+
+    def slipped(self, time: float) -> float:
+        """Angle of the blade against its drive at a time [rad]."""
+        return math.copysign(min(SLIP_RATE * max(time - self.time, 0.0), abs(self.offset)), self.offset)
+
+    def read(self, signals: Signals) -> Signals:
+        """Give the signals as the encoder of the blade does; the given ones stay as they are."""
+        slipped = self.slipped(signals["time"])
+        if slipped == 0.0:
+            return signals
+        read = Signals(signals.values.copy(), signals.n_blades)
+        for name in (f"pitch_{self.blade}", f"pitch_command_{self.blade}"):
+            read.set(name, signals[name] - slipped)
+        return read
 
 
 @dataclass(frozen=True)
@@ -156,12 +239,19 @@ class GeneratorLoss(DriveFault):
         command[0] = 0.0
 
 
+def _check_blade(blade: object, drives: Drives, what: str) -> None:
+    """Refuse a blade that the turbine does not have."""
+    n = drives.pitch.n_blades
+    if not (isinstance(blade, int) and 1 <= blade <= n):
+        raise ActionError(f"blade {blade!r} cannot {what}; the turbine has the blades 1 to {n}")
+
+
 @dataclass(frozen=True)
-class _FailingPitch:
-    """Pitch drives under a fault; a `wt_gym.simulation.drivetrain.drives.Law`."""
+class _PitchInPlace:
+    """Pitch drives in the place of sound ones; a `wt_gym.simulation.drivetrain.drives.Law`."""
 
     law: PitchLaw
-    fault: StuckPitch | ShutDown
+    fault: Any
     clock: Callable[[], float] = field(repr=False)
 
     @property
@@ -177,12 +267,33 @@ class _FailingPitch:
         """See `PitchDrives.first`."""
         return self.law.first(value, speed)
 
+
+@dataclass(frozen=True)
+class _FailingPitch(_PitchInPlace):
+    """Pitch drives under a fault that acts from its time on."""
+
+    fault: StuckPitch | SlowPitch | ShutDown
+
     def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
         """Move the commands as far as the fault lets them."""
         if self.fault.begun(self.clock(), dt):
             self.fault.move_pitch(self.law, command, demand, dt, speed)
         else:
             self.law.follow(command, demand, dt, speed)
+
+
+@dataclass(frozen=True)
+class _SlippedPitch(_PitchInPlace):
+    """Pitch drives of blades one of which has slipped on its bearing."""
+
+    fault: PitchMisalignment
+
+    def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
+        """Move the drives, and the blade with what it has slipped."""
+        now, place = self.clock(), self.fault.blade - 1
+        command[place] -= self.fault.slipped(now)
+        self.law.follow(command, demand, dt, speed)
+        command[place] += self.fault.slipped(now + dt)
 
 
 @dataclass(frozen=True)
@@ -311,7 +422,10 @@ def checked_faults(
         if isinstance(fault, SensorBias):
             fault.places(n_blades)
         elif not isinstance(fault, DriveFault):
-            raise ActionError(f"a fault is a StuckPitch, ShutDown, GeneratorLoss or SensorBias, got {fault!r}")
+            raise ActionError(
+                "a fault is a StuckPitch, SlowPitch, PitchMisalignment, ShutDown, GeneratorLoss or SensorBias, got "
+                f"{fault!r}"
+            )
     return given
 
 

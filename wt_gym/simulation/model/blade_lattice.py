@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.aerodynamics import build_planform, span_distribution
+from wt_gym.turbines.icing import iced_polar, spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,12 +48,23 @@ def blade_planform(turbine: Turbine, options: AeroOptions) -> LatticePlanform:
         blade.chord_at(edges),
         blade.twist_at(edges),
         blade.le_offset_at(edges),
-        np.array([strip_polar(blade, *ends) for ends in pairwise(edges)]),
+        _polars(turbine, edges),
         options.n_chord,
         blade.camber_at,
         np.array([blade.chord_at(_samples(*ends)).mean() for ends in pairwise(edges)]),
         blade.root_radius,
     )
+
+
+def _polars(turbine: Turbine, edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Polars of the strips of a blade, with ice on one of them of all blades."""
+    blade, ice = turbine.blade, turbine.ice
+    polars = np.array([strip_polar(blade, *ends) for ends in pairwise(edges)])
+    if ice is None:
+        return polars
+    share = ice.level * spread(blade, 0.5 * (edges[1:] + edges[:-1]))
+    iced = np.array([iced_polar(polar, part) for polar, part in zip(polars, share.tolist(), strict=True)])
+    return np.concatenate([iced if b + 1 == ice.blade else polars for b in range(turbine.n_blades)])
 
 
 def span_edges(blade: Blade, n_span: int, narrow: str = "ends") -> NDArray[np.float64]:

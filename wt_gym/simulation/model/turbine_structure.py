@@ -25,6 +25,7 @@ from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, without_second_order
 from wt_gym.structure.modes import clamped_modes, select_modes
+from wt_gym.turbines.icing import iced_structure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -257,10 +258,10 @@ def build_structure(
         system, turbine, nacelle, blade_body.inertia, fidelity.stiffest_shaft, generator_damping
     )
     sub_bodies = _sub_bodies(turbine.blade, blade_beam, fidelity)
-    parts = tuple(
-        _add_blade(system, turbine, hub, sub_bodies or blade_body, i, fidelity.formulation)
-        for i in range(turbine.n_blades)
-    )
+    bodies: list[FlexibleBody | tuple[SubBody, ...]] = [sub_bodies or blade_body] * turbine.n_blades
+    if turbine.ice is not None:
+        bodies[turbine.ice.blade - 1] = _iced_body(turbine.blade, turbine.ice.level, blade_basis, blade_body, fidelity)
+    parts = tuple(_add_blade(system, turbine, hub, body, i, fidelity.formulation) for i, body in enumerate(bodies))
     tip = np.asarray(turbine.blade.axis_at(turbine.blade.length))
     nodes, carried = np.reshape(lattice_nodes, (-1, 3)), None
     if sub_bodies:
@@ -310,6 +311,27 @@ def _blade(blade: Blade, fidelity: Fidelity) -> tuple[Beam, NDArray[np.float64],
         body = body_from_beam("blade", beam, "nodal", dofs=dofs, damping_ratio=blade.damping_ratio)
         body = replace(body, coordinate_names=tuple(node_names(beam, dofs)))  # the blades get numbers on the hub
     return beam, basis, body
+
+
+def _iced_body(
+    blade: Blade, level: float, basis: NDArray[np.float64], sound: FlexibleBody, fidelity: Fidelity
+) -> FlexibleBody:
+    """Body of a blade with ice, in the coordinates of the others: their shapes, stiffness and damping."""
+    if fidelity.blade_bodies > 1 or fidelity.blade_coordinates != "modal" or fidelity.blade_basis != "fixed":
+        raise SimulationError(
+            "ice on a blade needs Fidelity.blade_bodies 1, blade_coordinates 'modal' and blade_basis 'fixed', got "
+            f"{fidelity.blade_bodies}, {fidelity.blade_coordinates!r} and {fidelity.blade_basis!r}"
+        )
+    sections = BeamSections(
+        blade.structure.station, blade.structure.stiffness, iced_structure(blade, level).inertia,
+        _axis_at_stations(blade),
+    )  # fmt: skip
+    beam = Beam(sections, fidelity.blade_elements)
+    twists = fidelity.blade_modes[2] > 0
+    made = FlexibleBody.from_beam("blade", beam, basis, 0.0, None, sound.coordinate_names, twists)
+    if _deforms_linearly(fidelity):
+        made = without_second_order(made, beam, basis)
+    return replace(sound, inertia=made.inertia, markers=made.markers)
 
 
 def _sub_bodies(blade: Blade, beam: Beam, fidelity: Fidelity) -> tuple[SubBody, ...]:

@@ -1,0 +1,237 @@
+"""Faults that are drawn: by seed, in their ranges, for agent and base controller; an early end never pays."""
+
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from scripted_simulator import ScriptedSimulator, use
+
+from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.envs.fault_draws import SIZE_RANGES, FaultDraws
+from wt_gym.envs.options import FaultOptions
+from wt_gym.envs.options.faults import FAULT_KINDS
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.turbines import BladeIce, load_turbine
+from wt_gym.wind import SteadyInflow
+
+TURBINE = load_turbine("nrel_5mw")
+MADE = {
+    "inflow": SteadyInflow(15.0), "action_mode": "residual", "pitch": "fixed-frame", "action_components": ("pitch",),
+    "controller": "ipc+yaw+fault_supervisor", "fault_kinds": "all", "control_dt": 0.1, "observation": ("measurable",),
+}  # fmt: skip
+FAULT = {"kind": "stuck_blade", "time": 0.5, "blade": 2}
+
+
+def play(env, steps, action=None):
+    chosen = np.zeros(env.action_space.shape) if action is None else action
+    return [env.step(chosen)[:2] for _ in range(steps)]
+
+
+def same(first, second):
+    return all(np.array_equal(a[0], b[0]) and a[1] == b[1] for a, b in zip(first, second, strict=True))
+
+
+# ---- draws ----
+
+
+@pytest.mark.parametrize("sizes", ["train", "held_back"])
+def test_kinds_blades_times_and_sizes_are_drawn_in_their_ranges(sizes):
+    draws = FaultDraws(TURBINE, FaultOptions(kinds="all", sizes=sizes))
+    found = [draws.draw(np.random.default_rng(seed)) for seed in range(1500)]
+    assert {one.kind for one in found} == set(FAULT_KINDS)
+    for kind in FAULT_KINDS:
+        own = [one for one in found if one.kind == kind]
+        assert {one.blade for one in own} == {1, 2, 3}
+        if kind not in ("none", "iced_blade"):
+            times = [one.time for one in own]
+            assert 5.0 <= min(times) < 8.0 < 17.0 < max(times) <= 20.0
+        if kind in SIZE_RANGES:
+            ends, held = SIZE_RANGES[kind]["train"], SIZE_RANGES[kind]["held_back"]
+            size = [abs(one.size) for one in own]
+            assert min(SIZE_RANGES[kind][sizes]) <= min(size) <= max(size) <= max(SIZE_RANGES[kind][sizes])
+            assert max(ends) <= min(held) or max(held) <= min(ends)  # nothing of the one is in the other
+            signs = {math.copysign(1.0, one.size) for one in own}
+            assert signs == ({1.0} if kind in ("slow_drive", "iced_blade") else {1.0, -1.0})
+    assert found[3] == draws.draw(np.random.default_rng(3))
+
+
+def test_one_number_is_drawn_whatever_breaks():
+    draws = FaultDraws(TURBINE, FaultOptions(kinds=("none", "dead_vane")))
+    rest = set()
+    for chosen in (None, "none", "iced_blade", FAULT):
+        rng = np.random.default_rng(1)
+        draws.draw(rng, chosen)
+        rest.add(rng.random())
+    assert len(rest) == 1
+
+
+@pytest.mark.parametrize(
+    ("chosen", "message"),
+    [
+        ("stuck", r"the kind of a fault must be among none, .*got 'stuck'"),
+        ({"kinds": "none"}, r"fault must have the keys kind, blade, time, size, got 'kinds'; did you mean 'kind'"),
+        ({"blade": 4}, "the blade of a fault must be 1 to 3, got 4"),
+        ({"kind": "iced_blade", "size": -0.1}, "the size of an iced_blade must be above 0"),
+        ({"kind": "slow_drive", "size": -0.1}, "the size of a slow_drive must be at least 0"),
+        ({"time": -1.0}, "the time of a fault must be at least 0 s"),
+        (3, "fault must be a kind or a mapping"),
+    ],
+)
+def test_what_is_chosen_without_meaning_is_refused(chosen, message):
+    draws = FaultDraws(TURBINE, FaultOptions(kinds="all"))
+    with pytest.raises(ValueError, match=message):
+        draws.draw(np.random.default_rng(0), chosen)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"fault_kinds": ("stuck",)}, r"fault_kinds must be among none, .*got 'stuck'"),
+        ({"fault_kinds": ("none", "none")}, "fault_kinds must have names, each once"),
+        ({"fault_kinds": "all", "fault_sizes": "large"}, "fault_sizes must be one of train, held_back, got 'large'"),
+        ({"fault_kinds": "all", "fault_time": (3.0, 1.0)}, r"fault_time must be a number or a range"),
+        ({"fault_sizes": "train"}, "fault_sizes must be left out, or given with fault_kinds"),
+        ({"fault_kinds": "all", "simulator": "openfast"}, "fault_kinds must be without iced_blade"),
+    ],
+)
+def test_options_without_meaning_are_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        WindTurbineEnv(**given)
+
+
+# ---- episodes ----
+
+
+def test_seeds_repeat_the_fault_and_the_controller_alone_has_it_too(monkeypatch):
+    use(monkeypatch, ScriptedSimulator)
+    env = WindTurbineEnv(**MADE | {"relative_reward": True, "starts": 16, "fault_time": (0.5, 2.0)})
+    told = []
+    for number in (0, 1, 2, 0):
+        _, info = env.reset(seed=number, options={"start_number": number})
+        told.append(info["fault"])
+        assert env.operation.fault.told == info["fault"]
+        assert all(reward == 0.0 for _, reward in play(env, 30))  # as the controller alone, bit for bit
+    assert told[0] == told[3]
+    assert told[0] != told[1] != told[2]
+    plain = WindTurbineEnv(**MADE | {"fault_kinds": None})
+    assert "fault" not in plain.reset(seed=0)[1]
+    with pytest.raises(ValueError, match="fault must be left out of a reset without fault_kinds"):
+        plain.reset(seed=0, options={"fault": "none"})
+
+
+def test_no_fault_is_the_environment_without_faults():
+    found = []
+    for kinds in (None, "none"):
+        env = WindTurbineEnv(**MADE | {"fault_kinds": kinds})
+        found.append([env.reset(seed=4)[0], *(row[0] for row in play(env, 15, np.array([0.2, -0.3, 0.1])))])
+    np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize(
+    ("kind", "channel", "read"),
+    [
+        ("biased_rotor_speed", "rotor_speed", lambda true: 1.06 * true),
+        ("dead_rotor_speed", "rotor_speed", lambda true: 0.0),
+        ("biased_generator_speed", "generator_speed", lambda true: 1.06 * true),
+        ("biased_moment", "root_flap_moment_2", lambda true: true + 0.06 * reference_flap_moment(TURBINE)),
+        ("dead_moment", "root_flap_moment_2", lambda true: 0.0),
+        ("biased_pitch", "pitch_2", lambda true: true + 0.06),
+        ("dead_pitch", "pitch_2", lambda true: 0.0),
+        ("biased_vane", "yaw_error", lambda true: true + 0.06),
+        ("dead_vane", "yaw_error", lambda true: 0.0),
+        ("misaligned_blade", "pitch_2", lambda true: true - 0.06),
+    ],
+)
+def test_sensors_of_agent_and_controller_show_it_and_signals_do_not(kind, channel, read):
+    env = WindTurbineEnv(**MADE | {"wind_direction": 0.05, "inflow": "steady", "wind_speed": 15.0})
+    env.reset(seed=0, options={"fault": {"kind": kind, "time": 0.2, "blade": 2, "size": 0.06}})
+    play(env, 20)
+    shown, true = env.operation.readings(), env.signals
+    assert shown[channel] == pytest.approx(read(true[channel]), rel=1e-9, abs=1e-12)
+    assert shown[channel] != true[channel]
+    others = [name for name in true if name.split("_")[0] != channel.split("_")[0]]
+    assert all(shown[name] == true[name] for name in others)
+
+
+def test_stuck_and_slow_blades_are_in_the_simulator():
+    for kind, size, least, most in (("stuck_blade", 0.0, 0.0, 1e-9), ("slow_drive", 0.02, 1e-3, 3e-3)):
+        env = WindTurbineEnv(**MADE)
+        env.reset(seed=0, options={"fault": {"kind": kind, "time": 0.5, "blade": 2, "size": size}})
+        play(env, 6)
+        before = env.signals.pitch.copy()
+        play(env, 10, np.array([0.0, 1.0, 0.0]))
+        moved = np.abs(env.signals.pitch - before)
+        assert least <= moved[1] <= most
+        assert moved[[0, 2]].min() > 0.01
+
+
+def test_snapshots_and_vectors_go_on_alike():
+    env = WindTurbineEnv(**MADE)
+    env.reset(seed=3, options={"fault": FAULT})
+    kept = env.snapshot()
+    course = play(env, 20, np.array([0.2, -0.1, 0.3]))
+    env.reset(seed=4, options={"fault": {"kind": "iced_blade", "size": 0.6, "blade": 3}})
+    assert env.simulator.turbine.ice == BladeIce(3, 0.6)
+    iced = env.snapshot()
+    frozen = play(env, 10)
+    env.restore(kept)
+    assert env.operation.fault.told == FAULT | {"size": 0.0}
+    assert env.simulator.turbine.ice is None
+    assert same(course, play(env, 20, np.array([0.2, -0.1, 0.3])))
+    env.restore(iced)
+    assert same(frozen, play(env, 10))
+    several = gym.make_vec("wt_gym/NREL5MW-Steady-v1", num_envs=2, **MADE | {"inflow": "steady", "wind_speed": 15.0})
+    single = gym.make("wt_gym/NREL5MW-Steady-v1", **MADE | {"inflow": "steady", "wind_speed": 15.0})
+    several.reset(seed=[3, 4])
+    single.reset(seed=3)
+    rows = [several.step(np.zeros((2, 3)))[0][0] for _ in range(10)]
+    assert np.array_equal(rows, [single.step(np.zeros(3))[0] for _ in range(10)])
+    several.close()
+
+
+def test_ice_lasts_and_only_blades_without_it_take_the_motion_of_a_record():
+    env = gym.make("wt_gym/Faults-v0").unwrapped
+    starts = {}
+    for kind in ("none", "iced_blade"):
+        env.reset(seed=1, options={"start_number": 3, "fault": kind})
+        starts[kind] = env._starts.draw(np.random.default_rng(0), {"start_number": 3, "fault": kind}, None).start
+    assert starts["none"].motion is not None
+    assert starts["iced_blade"].motion is None
+
+
+def test_agents_offsets_raise_no_alarm_of_the_supervisor_of_faults():
+    env = WindTurbineEnv(**MADE)
+    env.reset(seed=0, options={"fault": "none"})
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        env.step(rng.uniform(-1.0, 1.0, 3))
+    assert env.controller.alarms == ()
+    env.reset(seed=0, options={"fault": FAULT})
+    play(env, 60, np.array([0.0, 1.0, 0.0]))
+    assert env.controller.alarms == ("drive_2",)
+
+
+# ---- no way to earn by an early end ----
+
+
+def test_an_end_costs_more_than_running_with_the_worst_controller_in_every_fault(monkeypatch):
+    """Blades that are driven to and fro in each fault, for as long as an episode lasts, against an end at once."""
+    use(monkeypatch, ScriptedSimulator)
+    env = gym.make("wt_gym/Faults-v0").unwrapped
+    for kind in FAULT_KINDS:
+        env.reset(seed=0, options={"fault": {"kind": kind, "time": 1.0}})
+        total = sum(env.step(np.full(3, (-1.0) ** (k // 5)))[1] for k in range(600))
+        assert total > -env.termination_penalty
+
+
+def test_a_stopped_turbine_goes_on_and_earns_less_than_one_that_runs(monkeypatch):
+    """The task has no limit at standstill: a supervisor may stop, and the time without power is paid for."""
+    use(monkeypatch, ScriptedSimulator)
+    returns = []
+    for script in ({}, {1.0: {"rotor_speed": 0.0}}):
+        monkeypatch.setattr(ScriptedSimulator, "script", script)
+        env = gym.make("wt_gym/Faults-v0", controller="discon+supervisor+yaw", relative_reward=False).unwrapped
+        env.reset(seed=0, options={"fault": "none"})
+        returns.append(sum(reward for _, reward in play(env, 60)))
+    assert returns[1] < returns[0] - 2.0

@@ -1,0 +1,221 @@
+"""The supervisor of faults: what it finds, what it puts in the place of readings; sound ones pass as they are."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wt_gym.control import Demand
+from wt_gym.control.controllers import fault_supervisor_of, make_controller, parts_of, supervisor_of
+from wt_gym.control.controllers.linear_optimal import linear_part
+from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.turbines import load_turbine
+
+TURBINE = load_turbine("nrel_5mw")
+DRIVE = TURBINE.drivetrain
+RATED, N, REFERENCE = DRIVE.rated_rotor_speed, DRIVE.gear_ratio, reference_flap_moment(TURBINE)
+DT = 0.1
+
+
+def readings(k, pitch):
+    """A turbine above rated wind that turns in a shear, its blades where they are."""
+    speed = RATED * (1.01 + 0.01 * math.sin(0.3 * DT * k))
+    azimuth, torque = 1.3 * DT * k, 40e3
+    signals = {
+        "rotor_speed": speed, "generator_speed": N * speed, "generator_torque": torque, "azimuth": azimuth,
+        "generator_power": DRIVE.generator_efficiency * torque * N * speed, "yaw_error": 0.05 * math.sin(0.7 * k),
+        "wind_x": 15.0 + math.sin(k), "wind_y": 0.0,
+        "nacelle_acceleration_fore_aft": 0.0, "nacelle_acceleration_side_side": 0.0,
+    }  # fmt: skip
+    for b in range(3):
+        signals[f"pitch_{b + 1}"] = pitch[b]
+        place = azimuth + 2.0 * math.pi * b / 3.0
+        signals[f"root_flap_moment_{b + 1}"] = REFERENCE * (0.5 + 0.1 * math.cos(place) + 0.01 * math.sin(k))
+    return signals
+
+
+def fly(choice, spoil=lambda k, signals: None, steps=100, follow=None, **parameters):
+    """Controller and its demands (steps, 5), with drives that are ideal unless ``follow`` moves them."""
+    controller = make_controller(choice, TURBINE, **parameters)
+    pitch, rows = np.full(3, 0.2), []
+    held = Demand(pitch.copy(), 0.0, 40e3)
+    for k in range(steps):
+        signals = readings(k, pitch)
+        spoil(k, signals)
+        if k == 0:
+            controller.start(signals, held)
+        demand = controller.step(signals, DT)
+        rows.append((*demand.pitch, demand.yaw_rate, demand.generator_torque))
+        moved = np.clip(demand.pitch, pitch - 0.14 * DT, pitch + 0.14 * DT)
+        pitch = moved if follow is None else follow(k, pitch, moved)
+    return controller, np.array(rows)
+
+
+def put(name, value, first=30):
+    """Readings of one channel from a sample on; a function of what is read, or a number."""
+
+    def spoil(k, signals):
+        if k >= first:
+            signals[name] = value(signals[name]) if callable(value) else value
+
+    return spoil
+
+
+def individual(rows):
+    return np.ptp(rows[:, :3], axis=1)
+
+
+@pytest.mark.parametrize("base", ["discon", "ipc+yaw", "linear_optimal+yaw"])
+def test_sound_readings_pass_and_demands_are_those_of_the_controller(base):
+    guarded, found = fly(f"{base}+fault_supervisor")
+    _, plain = fly(base)
+    np.testing.assert_array_equal(found, plain)
+    assert guarded.alarms == ()
+    assert fault_supervisor_of(guarded) is guarded
+    assert fault_supervisor_of(guarded.base) is None
+    assert [type(part).__name__ for part in parts_of(guarded)] == [
+        type(part).__name__ for part in parts_of(make_controller(base, TURBINE))
+    ]
+
+
+@pytest.mark.parametrize("name", ["rotor_speed", "generator_speed"])
+@pytest.mark.parametrize("factor", [0.0, 0.97, 1.05])
+def test_a_wrong_speed_is_outvoted(name, factor):
+    guarded, found = fly("ipc+fault_supervisor", put(name, lambda value: factor * value))
+    _, sound = fly("ipc")
+    np.testing.assert_allclose(found, sound, rtol=1e-12, atol=1e-12)
+    assert guarded.alarms == (name,)
+    _, plain = fly("ipc", put(name, lambda value: factor * value))
+    assert np.abs(plain - sound).max() > 1e-4
+
+
+def test_without_torque_the_greater_speed_counts():
+    """Nothing tells which of two is right: a rotor that is taken for slow runs away."""
+    still = {"generator_torque": 0.0, "generator_power": 0.0}
+
+    def spoil(k, signals):
+        signals |= still | ({"generator_speed": 0.9 * signals["generator_speed"]} if k >= 30 else {})
+
+    guarded, found = fly("discon+fault_supervisor", spoil)
+    _, sound = fly("discon", lambda k, signals: signals.update(still))
+    np.testing.assert_allclose(found, sound, rtol=1e-12, atol=1e-12)
+    assert guarded.alarms == ("generator_speed",)
+
+
+def test_a_shifted_gauge_is_shifted_back_and_individual_pitch_goes_on():
+    shift = 0.3 * REFERENCE
+    guarded, found = fly("ipc+fault_supervisor", put("root_flap_moment_2", lambda value: value + shift))
+    _, sound = fly("ipc")
+    assert guarded.alarms == ("gauge_shift_2",)
+    assert np.abs(found[:, :3] - sound[:, :3]).max() < np.radians(0.1)
+    _, plain = fly("ipc", put("root_flap_moment_2", lambda value: value + shift))
+    assert np.abs(plain[:, :3] - sound[:, :3]).max() > np.radians(0.5)
+
+
+def test_a_shift_that_ends_leaves_nothing():
+    def spoil(k, signals):
+        signals["root_flap_moment_2"] += 0.3 * REFERENCE * (30 <= k < 60)
+
+    guarded, _ = fly("ipc+fault_supervisor", spoil)
+    assert abs(guarded._shift[1]) < 0.05 * REFERENCE
+
+
+@pytest.mark.parametrize("base", ["ipc", "linear_optimal"])
+def test_a_dead_gauge_ends_individual_pitch(base):
+    guarded, found = fly(f"{base}+fault_supervisor", put("root_flap_moment_1", 0.0), fade_time=1.0)
+    assert guarded.alarms == ("gauge_1", "gauge_shift_1")
+    assert individual(found[:30]).max() > 1e-3
+    assert individual(found[50:]).max() < 1e-12  # frozen after 0.5 s, faded out a second later
+    if base == "linear_optimal":
+        # what the guard takes off is not believed to act
+        assert linear_part(guarded)._sum[1:] == pytest.approx(0.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(("rate", "noticed"), [(0.0, True), (0.01, True), (0.14, False)])
+def test_a_drive_that_does_not_follow_is_found_by_its_model(rate, noticed):
+    def follow(k, pitch, moved):
+        if k >= 30:
+            moved[2] = np.clip(moved[2], pitch[2] - rate * DT, pitch[2] + rate * DT)
+        return moved
+
+    guarded, found = fly("ipc+fault_supervisor", follow=follow, steps=200)
+    assert guarded.alarms == (("drive_3",) if noticed else ())
+    assert (individual(found[-30:]).max() < 1e-12) == noticed
+
+
+def test_what_is_asked_for_beside_the_controller_counts_too():
+    """An agent's offsets move blades: the model of the drives follows the demands that they get."""
+    guarded = make_controller("discon+fault_supervisor", TURBINE)
+    told = make_controller("discon+fault_supervisor", TURBINE)
+    pitch = np.full(3, 0.2)
+    for k in range(60):
+        signals = readings(k, pitch)
+        for controller in (guarded, told):
+            if k == 0:
+                controller.start(signals, Demand(pitch.copy(), 0.0, 40e3))
+            demand = controller.step(signals, DT)
+        offset = np.radians([0.4, -0.2, -0.2]) * min(k, 10)
+        told.take_demand(Demand(demand.pitch + offset, 0.0, demand.generator_torque))
+        pitch = np.clip(demand.pitch + offset, pitch - 0.14 * DT, pitch + 0.14 * DT)
+    assert told.alarms == ()
+    assert "drive_1" in guarded.alarms
+
+
+@pytest.mark.parametrize("value", [0.0, lambda angle: angle + np.radians(4.0)])
+def test_an_encoder_that_jumps_is_no_drive_that_fails(value):
+    guarded, found = fly("ipc+fault_supervisor", put("pitch_2", value))
+    _, sound = fly("ipc")
+    np.testing.assert_array_equal(found, sound)
+    assert guarded.alarms == ("encoder_2",)
+
+
+def test_a_vane_that_is_not_believed_holds_the_nacelle():
+    turning = {"yaw__dead_band": 0.05, "yaw__slow": 2.0}
+    for value in (0.0, lambda angle: angle + 0.4):
+        guarded, found = fly("yaw+fault_supervisor", put("yaw_error", value), steps=150, **turning)
+        assert guarded.alarms == ("vane",)
+        assert np.all(found[36:, 3] == 0.0)
+    _, plain = fly("yaw", put("yaw_error", lambda angle: angle + 0.4), steps=150, **turning)
+    assert np.any(plain[:, 3] != 0.0)
+    guarded, _ = fly("yaw+fault_supervisor", lambda k, signals: signals.update(yaw_error=math.pi * (-1.0) ** k))
+    assert guarded.alarms == ()  # straight from behind, either side of it
+    steady, _ = fly("yaw+fault_supervisor", lambda k, signals: signals.update(yaw_error=0.0, wind_x=15.0))
+    assert steady.alarms == ()  # a wind that does not change either
+
+
+@pytest.mark.parametrize("stuck", [True, False])
+def test_a_supervisor_among_the_parts_stops_a_turbine_whose_blade_is_stuck(stuck):
+    def follow(k, pitch, moved):
+        if stuck and k >= 30:
+            moved[0] = pitch[0]
+        return moved
+
+    guarded, found = fly("discon+supervisor+ipc+fault_supervisor", follow=follow, steps=300, stop_deviation=0.02)
+    supervisor = supervisor_of(guarded)
+    assert supervisor.stopped == stuck
+    assert (supervisor.state in ("shut_down", "parked")) == stuck
+    if stuck:
+        assert found[-1, 1] > 0.5
+    guarded.start(readings(0, np.full(3, 0.2)), Demand(np.full(3, 0.2), 0.0, 40e3))
+    assert not supervisor.stopped
+    assert guarded.alarms == ()
+
+
+def test_demanded_power_and_lidar_are_seen_through_it():
+    def spoil(k, signals):
+        signals["demanded_power"] = 3e6
+        if k >= 30:
+            signals["rotor_speed"] = 0.0
+
+    _, found = fly("derate_torque+ipc+fault_supervisor", spoil, steps=80)
+    assert found[-1, 4] * N * RATED * DRIVE.generator_efficiency == pytest.approx(3e6, rel=0.05)
+    guarded = make_controller("lidar+ipc+fault_supervisor", TURBINE)
+    assert guarded.lidar is not None
+
+
+def test_turbines_without_what_it_compares_are_refused():
+    with pytest.raises(ValueError, match="needs at least 3 blades, which it compares, got 2"):
+        make_controller("discon+fault_supervisor", replace(TURBINE, n_blades=2))
+    with pytest.raises(ValueError, match=r"must be one of .* first, then additions \(.*fault_supervisor\), each once"):
+        make_controller("fault_supervisor+fault_supervisor", TURBINE)

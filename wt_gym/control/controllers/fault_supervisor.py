@@ -1,0 +1,334 @@
+"""A supervisor of faults: it watches drives and sensors, repairs readings, and falls back to collective pitch.
+
+It stands around a whole controller with all additions. What it watches is what a turbine measures:
+
+- *speeds*: rotor speed, generator speed over the gear ratio, and electrical power over efficiency and torque are three
+  measurements of one speed. One that is farther than ``speed_tolerance`` of rated speed from the middle one is replaced
+  by that. Without torque there are two, and the greater one stands where they disagree;
+- *flapwise moments*: a gauge that reads the same number for ``frozen_time`` is dead; the mean of the others stands for
+  it. A jump of more than ``moment_jump`` reference moments in one step is none of the wind's: it is taken off the
+  readings from then on;
+- *pitch*: the reading of each blade is compared with a model of its drive that follows the demands with the greatest
+  rate. A reading that jumps faster than a drive turns is a failing encoder, and the model stands for it. A reading that
+  is off by ``pitch_tolerance`` for ``pitch_time`` is a failing drive;
+- *wind vane*: a reading that stays for ``frozen_time`` while that of the anemometer changes, or that jumps by
+  ``vane_jump``, is not believed any more: the nacelle is held.
+
+With a failing drive or a dead gauge the individual part of the pitch fades out over ``fade_time``: all blades get the
+mean of the demands. Where a failing drive is off by ``stop_deviation`` and a supervisor (`supervisor`) is among the
+parts, that stops the turbine. Faults of drives, gauges and vane are latched; while nothing is wrong the demands are
+exactly those of the controller. Structures of this kind are the usual answers to the benchmark of Odgaard, Stoustrup
+and Kinnaert (IEEE Trans. Control Syst. Technol. 21 (2013) 1168): redundancy, models of drives, reconfiguration.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.controller import Addition, Combined, Controller, RepairedReadings
+from wt_gym.control.controllers.linear_optimal import linear_part
+from wt_gym.control.controllers.parameters import Parameter
+from wt_gym.control.controllers.supervisor import supervisor_of
+from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.sensors import LowPass
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.turbines import Turbine
+
+__all__ = ["PARAMETERS", "FaultSupervisor", "FaultSupervisorParameters", "fault_supervisor_of"]
+
+PARAMETERS = (
+    Parameter("speed_tolerance", "-", "difference of a speed from the middle of three from which on it is replaced, "
+              "over rated", 0.0, 1.0, above=True),
+    Parameter("moment_jump", "-", "change of a flapwise moment in one step that is a fault of its gauge, over the "
+              "reference moment", 0.0, above=True),
+    Parameter("frozen_time", "s", "time for which a moment or the wind vane reads the same before it is dead", 0.0,
+              above=True),
+    Parameter("vane_jump", "rad", "change of the wind vane in one step that is a fault", 0.0, math.pi, above=True),
+    Parameter("pitch_tolerance", "rad", "difference of a pitch from the model of its drive that is a fault", 0.0,
+              math.pi, above=True),
+    Parameter("pitch_time", "s", "time for which it must last", 0.0),
+    Parameter("stop_deviation", "rad", "difference at which a supervisor among the parts stops the turbine", 0.0,
+              math.pi, above=True),
+    Parameter("fade_time", "s", "time in which individual pitch fades out", 0.0, above=True),
+)  # fmt: skip
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+_LEAST_TORQUE = 0.1
+"""Torque over rated from which on power over torque is a measurement of the speed [-]."""
+_FASTER = 1.5
+"""Change of a pitch reading that no drive makes, over that at the greatest rate [-]."""
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class FaultSupervisorParameters:
+    """Numbers of a `FaultSupervisor`.
+
+    Attributes
+    ----------
+    speed_tolerance : float
+        [rad/s], rotor.
+    moment_jump : float
+        [N m].
+    frozen_time, pitch_time, fade_time : float
+        [s].
+    vane_jump, pitch_tolerance, stop_deviation : float
+        [rad].
+    gear_ratio : float
+    efficiency : float
+        Of the generator [-].
+    least_torque : float
+        [N m], high-speed shaft.
+    min_pitch, max_pitch, max_pitch_rate : float
+        Of the drives [rad], [rad/s].
+    pitch_lag : float
+        Of the drives behind a moving command [s].
+    n_blades : int
+    """
+
+    speed_tolerance: float
+    moment_jump: float
+    frozen_time: float
+    vane_jump: float
+    pitch_tolerance: float
+    pitch_time: float
+    stop_deviation: float
+    fade_time: float
+    gear_ratio: float
+    efficiency: float
+    least_torque: float
+    min_pitch: float
+    max_pitch: float
+    max_pitch_rate: float
+    pitch_lag: float
+    n_blades: int
+
+
+class FaultSupervisor(Combined):
+    """A controller with additions under a supervisor of faults.
+
+    Parameters
+    ----------
+    parameters : FaultSupervisorParameters
+    base : Controller
+    *additions : Addition
+
+    Attributes
+    ----------
+    parameters : FaultSupervisorParameters
+    share : float
+        Of the individual part of the pitch that acts [-].
+    """
+
+    def __init__(self, parameters: FaultSupervisorParameters, base: Controller, *additions: Addition):
+        super().__init__(base, *additions)
+        self.parameters = parameters
+        blades = range(1, parameters.n_blades + 1)
+        self._moments = tuple(f"root_flap_moment_{b}" for b in blades)
+        self._pitches = tuple(f"pitch_{b}" for b in blades)
+        self._lags = [LowPass(parameters.pitch_lag) for _ in blades]
+        self.share = 1.0
+        self._forget([0.0] * parameters.n_blades, [0.0] * parameters.n_blades, 0.0)
+
+    @classmethod
+    def of_turbine(
+        cls,
+        turbine: Turbine,
+        base: Controller,
+        *additions: Addition,
+        speed_tolerance: float = 0.015,
+        moment_jump: float = 0.15,
+        frozen_time: float = 0.5,
+        vane_jump: float = 0.2,
+        pitch_tolerance: float = 0.02,
+        pitch_time: float = 1.0,
+        stop_deviation: float = 0.07,
+        fade_time: float = 2.0,
+    ) -> FaultSupervisor:
+        """Numbers from a turbine.
+
+        Raises
+        ------
+        ValueError
+            If the turbine has less than three blades, or a damper as generator.
+        """
+        drivetrain, drive = turbine.drivetrain, turbine.pitch
+        if turbine.n_blades < 3:
+            raise ValueError(f"a fault_supervisor needs at least 3 blades, which it compares, got {turbine.n_blades}")
+        if not drivetrain.takes_torque:
+            raise ValueError(f"{turbine.name} has a damper as generator: a fault_supervisor needs a measured torque")
+        rated_torque = drivetrain.rated_power / (
+            drivetrain.generator_efficiency * drivetrain.rated_rotor_speed * drivetrain.gear_ratio
+        )
+        made = FaultSupervisorParameters(
+            speed_tolerance=speed_tolerance * drivetrain.rated_rotor_speed,
+            moment_jump=moment_jump * reference_flap_moment(turbine),
+            frozen_time=frozen_time,
+            vane_jump=vane_jump,
+            pitch_tolerance=pitch_tolerance,
+            pitch_time=pitch_time,
+            stop_deviation=stop_deviation,
+            fade_time=fade_time,
+            gear_ratio=drivetrain.gear_ratio,
+            efficiency=drivetrain.generator_efficiency,
+            least_torque=_LEAST_TORQUE * rated_torque,
+            min_pitch=drive.min_pitch,
+            max_pitch=drive.max_pitch,
+            max_pitch_rate=drive.max_rate,
+            pitch_lag=0.0 if drive.servo_frequency is None else 2.0 * drive.servo_damping / drive.servo_frequency,
+            n_blades=turbine.n_blades,
+        )
+        return cls(made, base, *additions)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the signals that any part reads, and of those that are watched."""
+        watched = (
+            "rotor_speed",
+            "generator_speed",
+            "generator_torque",
+            "generator_power",
+            "yaw_error",
+            "wind_x",
+            "wind_y",
+        )
+        return tuple(dict.fromkeys((*super().channels, *watched, *self._pitches, *self._moments)))
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """Names of what is found to fail."""
+        found = [f"{what}_{b + 1}" for what, flags in self._flags.items() for b, bad in enumerate(flags) if bad]
+        return (*found, *(name for name, bad in (("vane", self._vane_bad), *self._speeds_bad.items()) if bad))
+
+    def _forget(self, pitch: list[float], moments: list[float], vane: float) -> None:
+        n = self.parameters.n_blades
+        self.share = 1.0
+        self._demand, self._command, self._pitch = list(pitch), list(pitch), list(pitch)
+        self._off_for = [0.0] * n
+        self._moment, self._same_for, self._shift = list(moments), [0.0] * n, [0.0] * n
+        self._flags = {name: [False] * n for name in ("drive", "encoder", "gauge", "gauge_shift")}
+        self._vane, self._wind, self._vane_same_for, self._vane_bad = vane, math.nan, 0.0, False
+        self._speeds_bad = {"rotor_speed": False, "generator_speed": False}
+        for lag, angle in zip(self._lags, pitch, strict=True):
+            lag.reset(angle)
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start all parts; nothing fails yet."""
+        angles = list(map(float, demand.pitch))
+        self._forget(angles, [signals[name] for name in self._moments], signals["yaw_error"])
+        self._pitch = [signals[name] for name in self._pitches]
+        super().start(signals, demand)
+
+    def take_demand(self, demand: Demand) -> None:
+        """Take what the drives are asked for, where that is not the demand of this controller."""
+        self._demand = list(map(float, demand.pitch))
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand for the next ``dt`` [s]."""
+        p = self.parameters
+        repaired = self._speed_repairs(signals) | self._moment_repairs(signals, dt) | self._pitch_repairs(signals, dt)
+        self._watch_vane(signals, dt)
+        if self._vane_bad:
+            repaired["yaw_error"] = 0.0
+        read: Readings = RepairedReadings(signals, repaired) if repaired else signals
+        if any(self._flags["drive"]) and (supervisor := supervisor_of(self)) is not None:
+            off = zip(self._flags["drive"], self._deviation(signals), strict=True)
+            supervisor.stopped = supervisor.stopped or any(bad and d > p.stop_deviation for bad, d in off)
+        demand = super().step(read, dt)
+        rests = any(self._flags["drive"]) or any(self._flags["gauge"])
+        reach = dt / p.fade_time
+        self.share += min(max((0.0 if rests else 1.0) - self.share, -reach), reach)
+        if self.share < 1.0 or self._vane_bad:
+            fallen = self._fallen_back(demand)
+            if self.share < 1.0 and (linear := linear_part(self)) is not None:
+                linear.see_demand(demand, fallen, read, dt)
+            demand = fallen
+        self._demand = list(map(float, demand.pitch))
+        return demand
+
+    def _fallen_back(self, demand: Demand) -> Demand:
+        """Demand with a share of the individual part of the pitch, and a nacelle that is held if need be."""
+        angles = list(map(float, demand.pitch))
+        mean = sum(angles) / len(angles)
+        pitch = np.array([mean + self.share * (angle - mean) for angle in angles])
+        return Demand(pitch, 0.0 if self._vane_bad else demand.yaw_rate, demand.generator_torque)
+
+    def _speed_repairs(self, signals: Readings) -> dict[str, float]:
+        """Speeds in the place of those that fail."""
+        p = self.parameters
+        rotor, generator, torque = signals["rotor_speed"], signals["generator_speed"], signals["generator_torque"]
+        speeds = [rotor, generator / p.gear_ratio]
+        if torque > p.least_torque:
+            speeds.append(signals["generator_power"] / (p.efficiency * torque * p.gear_ratio))
+        best = sorted(speeds)[1]
+        repaired = {}
+        for name, speed, factor in (("rotor_speed", speeds[0], 1.0), ("generator_speed", speeds[1], p.gear_ratio)):
+            self._speeds_bad[name] = abs(speed - best) > p.speed_tolerance
+            if self._speeds_bad[name]:
+                repaired[name] = factor * best
+        return repaired
+
+    def _moment_repairs(self, signals: Readings, dt: float) -> dict[str, float]:
+        """Flapwise moments in the place of those that fail."""
+        p, dead, shifted = self.parameters, self._flags["gauge"], self._flags["gauge_shift"]
+        good = []
+        for b, name in enumerate(self._moments):
+            now, before = signals[name], self._moment[b]
+            self._same_for[b] = self._same_for[b] + dt if now == before else 0.0
+            if abs(now - before) > p.moment_jump:
+                self._shift[b] += now - before
+                shifted[b] = True
+            dead[b] = dead[b] or self._same_for[b] > p.frozen_time - _ROUNDING
+            self._moment[b] = now
+            if not dead[b]:
+                good.append(now - self._shift[b])
+        mean = sum(good) / len(good) if good else 0.0
+        return {
+            name: mean if dead[b] else self._moment[b] - self._shift[b]
+            for b, name in enumerate(self._moments)
+            if dead[b] or shifted[b]
+        }
+
+    def _pitch_repairs(self, signals: Readings, dt: float) -> dict[str, float]:
+        """Compare each pitch with the model of its drive; what stands for the readings of encoders that fail."""
+        p, drives, encoders = self.parameters, self._flags["drive"], self._flags["encoder"]
+        reach, repaired = p.max_pitch_rate * dt, {}
+        for b, name in enumerate(self._pitches):
+            target = min(max(self._demand[b], p.min_pitch), p.max_pitch)
+            self._command[b] += min(max(target - self._command[b], -reach), reach)
+            model, now = self._lags[b].update(self._command[b], dt), signals[name]
+            jump, self._pitch[b] = abs(now - self._pitch[b]), now
+            encoders[b] = encoders[b] or jump > _FASTER * reach + 0.5 * p.pitch_tolerance
+            off = abs(now - model) > p.pitch_tolerance and not encoders[b]
+            self._off_for[b] = self._off_for[b] + dt if off else 0.0
+            drives[b] = drives[b] or (off and self._off_for[b] > p.pitch_time - _ROUNDING)
+            if encoders[b]:
+                repaired[name] = model
+        return repaired
+
+    def _deviation(self, signals: Readings) -> list[float]:
+        """Of the pitch of each blade from the model of its drive [rad]."""
+        return [abs(signals[name] - lag.value) for name, lag in zip(self._pitches, self._lags, strict=True)]
+
+    def _watch_vane(self, signals: Readings, dt: float) -> None:
+        """Find out whether the wind vane fails."""
+        p, now, wind = self.parameters, signals["yaw_error"], math.hypot(signals["wind_x"], signals["wind_y"])
+        if now != self._vane:
+            self._vane_same_for = 0.0
+        elif wind != self._wind:
+            self._vane_same_for += dt
+        self._wind = wind
+        jump = abs(math.remainder(now - self._vane, 2.0 * math.pi))
+        frozen = self._vane_same_for > p.frozen_time - _ROUNDING
+        self._vane_bad, self._vane = self._vane_bad or frozen or jump > p.vane_jump, now
+
+
+def fault_supervisor_of(controller: Controller | None) -> FaultSupervisor | None:
+    """The supervisor of faults around a controller, None without one."""
+    return controller if isinstance(controller, FaultSupervisor) else None
