@@ -21,6 +21,7 @@ from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
 from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_names
+from wt_gym.envs.options.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
 from wt_gym.ids import present_id
 from wt_gym.tasks import TASKS
@@ -72,6 +73,7 @@ _SCORED = {
     "IEA22MW-LoadReduction": 0,
     "FullOperation": 0,
     "PowerTracking": 0,
+    "Faults": 0,
 }
 """Version of the id in which the studies of a task run: it changes together with the record."""
 
@@ -237,6 +239,15 @@ STUDIES: dict[str, Study] = {
          Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
          _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
         duration=150.0,
+    ),
+    "Faults": Study(
+        "Faults",
+        ("discon+yaw", RANDOM, "ipc+yaw", "ipc+yaw+fault_supervisor", "linear_optimal+yaw",
+         "linear_optimal+yaw+fault_supervisor"),
+        tuple(Part(_winds((14.0, 18.0), 1), kind, {"fault_kinds": kind, "fault_time": 20.0, "start": "steady"})
+              for kind in FAULT_KINDS),
+        _LOADS,
+        duration=110.0,
     ),
 }  # fmt: skip
 """What the pages of the tasks show, by the name of the table."""

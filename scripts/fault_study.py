@@ -30,6 +30,8 @@ AGENTS = {
     "linear_optimal+fault_supervisor": "linear_optimal+fault_supervisor",
     "load_reduction_on_linear_optimal": str(ROOT / "agents" / "trained" / "load_reduction_on_linear_optimal"),
 }
+STEADY = {"start": "steady"}
+"""No records of the running turbine are needed."""
 WITHOUT_YAW = ("fault-biased-vane", "fault-dead-vane")
 """Conditions that controllers without yaw do not feel."""
 
@@ -48,13 +50,14 @@ def run(folder: Path, speeds: list[float], seeds: list[int], duration: float) ->
 
     turbine, keys = load_turbine("nrel_5mw"), [term.metric for term in load_task(COST_TASK).terms]
     winds = winds_for(DEFAULT_ENV, {}, speeds, seeds, None, duration)
-    config = EvaluationConfig(DEFAULT_ENV, {}, winds, duration=duration, skip=30.0, replay=0.0)
+    config = EvaluationConfig(DEFAULT_ENV, STEADY, winds, duration=duration, skip=30.0, replay=0.0)
     rows = []
     for one in chosen(["faults"]):
         if one.name in WITHOUT_YAW:
             continue
         print(one.text, flush=True)
-        found = evaluate(AGENTS, replace(config, env_kwargs=one.arguments), folder=folder / one.name, progress=False)
+        own = replace(config, env_kwargs=STEADY | one.arguments)
+        found = evaluate(AGENTS, own, folder=folder / one.name, progress=False)
         for made in found.runs:
             complete = made.ending == "time"
             data = made.data.isel(time=slice(1, None))

@@ -39,7 +39,7 @@ def left(tmp_path_factory):
 
 
 def test_examples_run(left):
-    grouped, demanded, parked, read, drawn, many, planned, offshore, soil, boundary = left
+    grouped, demanded, broken, parked, read, drawn, many, planned, offshore, soil, boundary = left
     assert boundary["env"].action_space.shape == (1,)
     assert 12.0 < boundary["info"]["wind_speed"] < 16.1  # at the hub
     assert offshore["env"].unwrapped.turbine.tower.support.base_height == -20.0
@@ -47,6 +47,7 @@ def test_examples_run(left):
     assert EnvOptions.from_json(grouped["text"]) == grouped["env"].unwrapped.options
     assert grouped["env"].unwrapped.wind.speeds == (12.0, 12.0)
     assert demanded["env"].unwrapped.options.grid.reference == ((0.0, 4.5e6), (30.0, 4.5e6), (30.0, 4.0e6))
+    assert broken["info"]["fault"] | {"time": 0.0} == {"kind": "dead_moment", "blade": 2, "time": 0.0, "size": 0.0}
     assert (parked["terminated"], parked["truncated"]) == (False, False)
     assert abs(parked["info"]["rotor_speed"]) < 0.1
     assert read["env"].unwrapped.episode_wind.inflow.description.startswith(("first.bts", "second.bts"))

@@ -1,12 +1,14 @@
 """The pages of the tasks: tables are those of the record, the record is of today's tasks."""
 
 import importlib.util
+import json
 import re
 from pathlib import Path
 
 import pytest
 
 from wt_gym.agents import evaluation
+from wt_gym.agents.robustness import FAULT_CONDITIONS, NOMINAL
 from wt_gym.agents.task_scores import RANDOM, STUDIES, Part, Study, measure, measured_line, score_table
 from wt_gym.analysis.results import Wind
 from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
@@ -18,9 +20,9 @@ PAGES = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / 
 TASK_PAGES = {stem: text for stem, text in PAGES.items() if stem != "index"}
 
 
-def load_script():
+def load_script(name="task_scores"):
     """The command that makes tables and record."""
-    spec = importlib.util.spec_from_file_location("task_scores_script", ROOT / "scripts" / "task_scores.py")
+    spec = importlib.util.spec_from_file_location(f"{name}_script", ROOT / "scripts" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(ROOT / "scripts"))
@@ -29,6 +31,7 @@ def load_script():
 
 
 SCRIPT = load_script()
+FAULTS = load_script("fault_study")
 RECORD = SCRIPT.read_record()
 
 
@@ -37,6 +40,17 @@ def test_tables_are_those_of_the_record(page):
     text = TASK_PAGES[page]
     assert "<!-- scores: " in text
     assert SCRIPT.tables(text, RECORD) == text
+
+
+def test_the_table_of_what_is_kept_in_faults_is_that_of_its_record():
+    text, record = TASK_PAGES["faults"], json.loads(FAULTS.RECORD.read_text(encoding="utf-8"))
+    assert FAULTS.with_table(text, record) == text
+    assert "<!-- fault study -->\n| fault |" in text
+    met = {row["condition"] for row in record["runs"]}
+    assert met == {NOMINAL, *FAULT_CONDITIONS} - set(FAULTS.WITHOUT_YAW)
+    for agent in FAULTS.AGENTS:
+        winds = [(row["condition"], row["wind"]) for row in record["runs"] if row["agent"] == agent]
+        assert len(winds) == len(set(winds)) == 4 * len(met)
 
 
 def test_every_table_names_the_environment_of_its_record():

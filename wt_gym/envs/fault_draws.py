@@ -12,7 +12,9 @@ blades are drawn evenly. Kinds:
 - ``biased_rotor_speed``, ``biased_generator_speed``: one of the two speed sensors reads a factor of the truth;
 - ``biased_moment``: the gauge of the flapwise root moment of one blade reads an offset, over the reference moment;
 - ``biased_pitch``, ``biased_vane``: the reading of the pitch of one blade, or the wind vane, is off by an angle;
-- ``dead_…``: the same sensors read zero.
+- ``dead_…``: the same sensors read zero;
+- ``voltage_dip``: the voltage of the grid falls for 150 ms to what is drawn
+  (`wt_gym.simulation.drivetrain.faults.VoltageDip`).
 
 Sensors feed the base controller and the agent. Faults of sensors change readings alone: rewards and signals are those
 of what is.
@@ -29,9 +31,9 @@ import numpy as np
 
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs.arguments import check_number, shown
-from wt_gym.envs.options.faults import FAULT_KINDS, NO_FAULT
+from wt_gym.envs.options.faults import FAULT_KINDS, GRID_KINDS, NO_FAULT
 from wt_gym.errors import did_you_mean
-from wt_gym.simulation.drivetrain.faults import PitchMisalignment, SensorBias, SlowPitch, StuckPitch
+from wt_gym.simulation.drivetrain.faults import PitchMisalignment, SensorBias, SlowPitch, StuckPitch, VoltageDip
 from wt_gym.turbines.icing import BladeIce
 
 if TYPE_CHECKING:
@@ -53,10 +55,11 @@ SIZE_RANGES: dict[str, dict[str, tuple[float, ...]]] = {
     "biased_generator_speed": {"train": (0.02, 0.05), "held_back": (0.05, 0.08)},
     "biased_moment": {"train": (0.2, 0.5), "held_back": (0.5, 0.8)},
     "biased_pitch": {"train": (2.0 * _DEGREE, 5.0 * _DEGREE), "held_back": (5.0 * _DEGREE, 8.0 * _DEGREE)},
+    "voltage_dip": {"train": (0.2, 0.7), "held_back": (0.0, 0.2)},
     "biased_vane": {"train": (15.0 * _DEGREE, 30.0 * _DEGREE), "held_back": (30.0 * _DEGREE, 40.0 * _DEGREE)},
 }
-"""Ends of the ranges of sizes, of ice the levels; share of the greatest rate, rad, or relative."""
-_SIGNED = tuple(name for name in SIZE_RANGES if name not in ("slow_drive", ICED))
+"""Ends of the ranges of sizes, of ice the levels; share of the greatest rate, remaining voltage, rad, or relative."""
+_SIGNED = tuple(name for name in SIZE_RANGES if name not in ("slow_drive", "voltage_dip", ICED))
 _CHANNELS = {
     "rotor_speed": ("rotor_speed",),
     "generator_speed": ("generator_speed",),
@@ -157,10 +160,10 @@ class FaultDraws:
                 raise ValueError(
                     f"fault must have the keys {', '.join(_CHOICE)}, got {name!r}{did_you_mean(name, _CHOICE)}"
                 )
-        if "kind" in given and given["kind"] not in FAULT_KINDS:
+        if "kind" in given and given["kind"] not in (known := (*FAULT_KINDS, *GRID_KINDS)):
             raise ValueError(
-                f"the kind of a fault must be among {', '.join(FAULT_KINDS)}, got {given['kind']!r}"
-                f"{did_you_mean(given['kind'], FAULT_KINDS)}"
+                f"the kind of a fault must be among {', '.join(known)}, got {given['kind']!r}"
+                f"{did_you_mean(given['kind'], known)}"
             )
         n = self._turbine.n_blades
         if "blade" in given and given["blade"] not in range(1, n + 1):
@@ -188,6 +191,8 @@ class FaultDraws:
             return (StuckPitch(time, blade),)
         if kind == "slow_drive":
             return (SlowPitch(time, blade, size * self._turbine.pitch.max_rate),)
+        if kind == "voltage_dip":
+            return (VoltageDip(time, size),)
         if kind == "misaligned_blade":
             return (PitchMisalignment(time, blade, size),)
         how, _, sensor = kind.partition("_")

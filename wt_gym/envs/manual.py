@@ -99,7 +99,7 @@ the tower base, mean, tilt and yaw of any signal of the blades, for example ``"r
 ``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more; with ``sensors="all"`` the base
 controller reads the same instruments. ``sensor_washout`` passes loads, deflections and accelerations, but not
 tilt and yaw of flapwise ones, through a high-pass filter, after which their offset is zero. ``variation`` draws
-plant, sensors and wind for every episode.
+plant, sensors and wind for every episode, ``fault_kinds`` what breaks in it (`wt_gym.envs.fault_draws`).
 ``env.unwrapped.layout`` holds names, units, scales and ranges for every turbine and choice of arguments;
 `wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
 
@@ -151,10 +151,11 @@ no torque; it needs a negative ``standstill_limit``, and no built-in base contro
 ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
 [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more
 than a generator can brake with at the rotor speed (`wt_gym.simulation.drivetrain.drives.available_torque`): none
-at standstill. ``power_reference`` replaces what a grid operator
-asks for. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and
-``faults``, what breaks in it and when (`wt_gym.simulation.drivetrain.faults`): blades that stick, a generator that
-is lost, a shut-down, sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
+at standstill. ``power_reference`` replaces what a grid operator asks for, ``fault`` chooses the kind of what
+``fault_kinds`` would draw, or ``kind``, ``blade``, ``time`` and ``size`` in a mapping. Two more options hold for
+the episode: ``inflow``, an Inflow in place of the drawn wind, and ``faults``, what breaks in it and when
+(`wt_gym.simulation.drivetrain.faults`): blades that stick, turn slowly or slip, a generator that is lost, a shut-
+down, sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
 With ``starts`` episodes are drawn from so many beginnings, which are the same in every environment with the same
 wind, and ``start_number`` chooses one of them.
 
@@ -174,9 +175,10 @@ Truncated: ``episode_length`` is over. Either way the environment can be reset a
 
 ``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
 ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
-control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and
-for constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`). After a reset
-with a ``variation``, ``variation`` (dict of what was drawn). With a ``power_reference``, ``demanded_power`` [W];
+control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and for
+constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`). After a reset
+with a ``variation``, ``variation`` (dict of what was drawn), with ``fault_kinds``, ``fault`` (dict). With a
+``power_reference``, ``demanded_power`` [W]; with a voltage dip, ``grid_voltage`` over nominal;
 with a supervisor, ``state`` (text, of `wt_gym.control.controllers.STATES`).
 ``env.unwrapped.signals`` has every signal of the simulator.
 """

@@ -15,7 +15,7 @@ from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
-from wt_gym.simulation.drivetrain.faults import DriveFault, PitchMisalignment, SensorBias
+from wt_gym.simulation.drivetrain.faults import DriveFault, PitchMisalignment, SensorBias, VoltageDip
 
 if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Lidar
@@ -276,6 +276,12 @@ class Operation:
     def supervisor(self) -> Supervisor | None:
         """Supervisor of the base controller, None without any; a snapshot replaces the controller, so none is kept."""
         return supervisor_of(self.controller) if self._supervised else None
+
+    @property
+    def grid_voltage(self) -> float | None:
+        """Voltage of the grid over nominal at the present instant, None where it does not dip in the episode [-]."""
+        dips = [fault.voltage(self.signals["time"]) for fault in self.faults if isinstance(fault, VoltageDip)]
+        return min(dips) if dips else None
 
     # ---- what is measured ----
 

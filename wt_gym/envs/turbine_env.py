@@ -52,6 +52,7 @@ from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
+from wt_gym.turbines.electrical import LossShares, with_electrical
 from wt_gym.turbines.site import with_site
 
 if TYPE_CHECKING:
@@ -101,6 +102,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         limits, observed = options.limits, options.observations
         turbine = options.turbine if isinstance(options.turbine, Turbine) else load_turbine(options.turbine)
         self.turbine, _ = with_generator(with_site(turbine, options.site), options.generator)
+        losses = LossShares() if options.electrical.loss_map else None
+        self.turbine = with_electrical(self.turbine, options.electrical.torque_lag, losses)
         self.wind = WindSampler(self.turbine, options.wind)
         standstill = standstill_limit(limits.standstill, self.turbine, self.wind.parks)
         rated = self.turbine.drivetrain.rated_rotor_speed
@@ -549,6 +552,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             "tip_clearance_min": clearance,
             "saturated": saturated,
         }
+        if (voltage := self.operation.grid_voltage) is not None:
+            info["grid_voltage"] = voltage
         if self.operation.reference is not None:
             info["demanded_power"] = self.operation.reference.at(signals["time"])
         return info

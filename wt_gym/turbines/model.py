@@ -31,6 +31,7 @@ from wt_gym.turbines.checks import (
     fail,
 )
 from wt_gym.turbines.control_data import ControlData
+from wt_gym.turbines.electrical import LONGEST_LAG, LossShares
 from wt_gym.turbines.icing import BladeIce
 from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
 from wt_gym.turbines.site import with_site
@@ -263,6 +264,10 @@ class Drivetrain(ArrayRecord):
         cannot.
     gearbox_reverses : bool
         Whether the high-speed shaft turns against the low-speed shaft (GBRevers).
+    torque_lag : float
+        Time constant with which the torque follows its demand [s]; 0: at once (`wt_gym.turbines.electrical`).
+    losses : LossShares or None
+        Losses over speed and torque; None: ``generator_efficiency`` holds everywhere.
     """
 
     gear_ratio: float
@@ -278,6 +283,8 @@ class Drivetrain(ArrayRecord):
     max_torque_rate: float
     generator_damping: float = later_field(0.0)
     gearbox_reverses: bool = later_field(False)
+    torque_lag: float = later_field(0.0)
+    losses: LossShares | None = later_field(None)
 
     @property
     def speed_ratio(self) -> float:
@@ -314,6 +321,11 @@ class Drivetrain(ArrayRecord):
         )
         if not isinstance(self.gearbox_reverses, bool):
             raise fail("Drivetrain.gearbox_reverses", self.gearbox_reverses, "True or False")
+        checked["torque_lag"] = check_number("Drivetrain.torque_lag", self.torque_lag, 0.0, LONGEST_LAG)
+        if checked["torque_lag"] > 0.0 and not checked["max_torque_rate"] > 0.0:
+            raise fail("Drivetrain.torque_lag", self.torque_lag, "0 for a generator that takes no demand")
+        if self.losses is not None and not isinstance(self.losses, LossShares):
+            raise fail("Drivetrain.losses", self.losses, "LossShares or None")
         self._set(**checked)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, view_from_tower
+from wt_gym.turbines.electrical import electrical_power
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -190,8 +191,7 @@ class Measurement:
         put("time", time)
         put("azimuth", last[self._column["azimuth"]] * _DEGREE % (2.0 * math.pi))
         put("generator_torque", torque)
-        efficiency = turbine.drivetrain.generator_efficiency
-        put("generator_power", torque * values[place["generator_speed"]] * efficiency)
+        put("generator_power", electrical_power(turbine.drivetrain, values[place["generator_speed"]], torque))
         direction = math.atan2(values[place["wind_y"]], values[place["wind_x"]])
         put("yaw_error", (direction - yaw + math.pi) % (2.0 * math.pi) - math.pi)
         put("pitch_command", command)

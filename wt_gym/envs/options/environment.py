@@ -16,6 +16,7 @@ import gymnasium as gym
 from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
+from wt_gym.envs.options.electrical import ElectricalOptions
 from wt_gym.envs.options.faults import FaultOptions
 from wt_gym.envs.options.grid import GridOptions
 from wt_gym.envs.options.group import Described, OptionGroup, described, option, option_group, plain_value, section
@@ -64,6 +65,7 @@ GROUPS: dict[str, type[OptionGroup]] = {
         LimitOptions,
         ControllerOptions,
         GridOptions,
+        ElectricalOptions,
         FaultOptions,
         Variation,
     )
@@ -139,6 +141,7 @@ class EnvOptions(OptionGroup):
     limits: LimitOptions = LimitOptions()
     controller: ControllerOptions = ControllerOptions()
     grid: GridOptions = GridOptions()
+    electrical: ElectricalOptions = ElectricalOptions()
     faults: FaultOptions = FaultOptions()
     variation: Variation = Variation()
 

@@ -8,7 +8,7 @@ from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
 from wt_gym.envs.options.group import OptionGroup, option, option_group
 from wt_gym.errors import did_you_mean
 
-__all__ = ["FAULT_KINDS", "NO_FAULT", "SIZES", "FaultOptions"]
+__all__ = ["FAULT_KINDS", "GRID_KINDS", "NO_FAULT", "SIZES", "FaultOptions"]
 
 NO_FAULT, ALL = "none", "all"
 """Kind of an episode in which nothing breaks, and what stands for all kinds."""
@@ -17,6 +17,8 @@ FAULT_KINDS = (
     "biased_generator_speed", "biased_moment", "dead_moment", "biased_pitch", "dead_pitch", "biased_vane", "dead_vane",
 )  # fmt: skip
 """What may break."""
+GRID_KINDS = ("voltage_dip",)
+"""What may happen to the grid; "all" does not stand for it."""
 SIZES = ("train", "held_back")
 """Ranges that the sizes of faults are drawn from."""
 
@@ -29,8 +31,8 @@ class FaultOptions(OptionGroup):
 
     kinds: Sequence[str] | None = option(
         "str or sequence of str, optional",
-        f'Kinds of faults, of which each episode draws one: {", ".join(FAULT_KINDS)}; "all" of them. None: nothing '
-        "breaks",
+        f'Kinds of faults, of which each episode draws one: {", ".join(FAULT_KINDS)}; "all" of them; and '
+        f"{', '.join(GRID_KINDS)}. None: nothing breaks",
         default=None,
         flat="fault_kinds",
     )
@@ -57,10 +59,9 @@ class FaultOptions(OptionGroup):
             if not kinds or len(set(kinds)) < len(kinds):
                 raise ValueError(f"fault_kinds must have names, each once, got {shown(kinds)}")
             for name in kinds:
-                if name not in FAULT_KINDS:
+                if name not in (known := (*FAULT_KINDS, *GRID_KINDS)):
                     raise ValueError(
-                        f"fault_kinds must be among {', '.join(FAULT_KINDS)}, got {name!r}"
-                        f"{did_you_mean(name, FAULT_KINDS)}"
+                        f"fault_kinds must be among {', '.join(known)}, got {name!r}{did_you_mean(name, known)}"
                     )
             self._set("kinds", kinds)
         if self.sizes not in SIZES:

@@ -31,6 +31,7 @@ __all__ = [
     "Drives",
     "Fault",
     "GeneratorLaw",
+    "LaggedTorque",
     "Law",
     "LinearDamper",
     "PitchDrives",
@@ -278,6 +279,21 @@ class TorqueCommand:
 
 
 @dataclass(frozen=True)
+class LaggedTorque(TorqueCommand):
+    """A generator whose torque follows its demand with a lag of first order, within the same limits.
+
+    A demand that is held over a step Δt leaves exp(-Δt/τ) of its distance from the torque
+    (`wt_gym.turbines.electrical`).
+    """
+
+    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
+        """Move the command (1,) towards the demanded torque [N m], from 0 to what is available at this speed."""
+        now, drivetrain = command.item(0), self.drivetrain
+        target = min(max(demand, 0.0), available_torque(drivetrain, speed))
+        super().follow(command, now - math.expm1(-dt / drivetrain.torque_lag) * (target - now), dt, speed)
+
+
+@dataclass(frozen=True)
 class LinearDamper:
     """A generator whose torque is proportional to its speed, M = c Ω (Gebhardt et al. 2012); it takes no demand.
 
@@ -325,7 +341,7 @@ class LinearDamper:
 def _own_law(drivetrain: Drivetrain) -> TorqueCommand | LinearDamper:
     """Law of a generator as its drivetrain describes it."""
     if drivetrain.takes_torque:
-        return TorqueCommand(drivetrain)
+        return LaggedTorque(drivetrain) if drivetrain.torque_lag > 0.0 else TorqueCommand(drivetrain)
     return LinearDamper(drivetrain.generator_damping, drivetrain)
 
 
@@ -354,6 +370,7 @@ class Drives:
         Without faults.
     command : array (2 + n_blades,)
         Generator torque [N m], yaw and pitch of each blade [rad]; part of the state of the simulation.
+    drivetrain : Drivetrain
     """
 
     def __init__(self, turbine: Turbine, generator: GeneratorLaw | None = None) -> None:
@@ -361,7 +378,7 @@ class Drives:
         self.yaw: Law[float] = YawDrive(turbine.nacelle.max_yaw_rate)
         self.generator: GeneratorLaw = _own_law(turbine.drivetrain) if generator is None else generator
         self._sound_pitch, self.sound_generator = self.pitch, self.generator
-        self.command = np.zeros(2 + turbine.n_blades)
+        self.command, self.drivetrain = np.zeros(2 + turbine.n_blades), turbine.drivetrain
         self._ideal_pitch = turbine.pitch.servo_frequency is None
         self._step, self._before = 0.0, np.zeros(turbine.n_blades)  # the last step, and the pitch command before it
 

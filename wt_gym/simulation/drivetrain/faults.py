@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -25,10 +26,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.simulation.drivetrain.drives import Drives, GeneratorLaw, PitchLaw
+    from wt_gym.turbines import Drivetrain
 
 __all__ = [
     "DriveFault", "GeneratorLoss", "PitchMisalignment", "SensorBias", "ShutDown", "SlowPitch", "StuckPitch",
-    "checked_faults",
+    "VoltageDip", "checked_faults",
 ]  # fmt: skip
 
 FEATHER = 0.5 * math.pi
@@ -239,6 +241,73 @@ class GeneratorLoss(DriveFault):
         command[0] = 0.0
 
 
+@dataclass(frozen=True)
+class VoltageDip(DriveFault):
+    """The voltage of the grid falls to a share, and comes back in a ramp; the turbine stays connected.
+
+    At the greatest current of the converter the electrical power is at most the remaining share of the rated power, and
+    with it the torque, P_rated v / (eta omega), within the step; the rotor takes up the difference, J dOmega/dt =
+    M_aero - N T, and its speed rises. A slow recovery ramps the active power up, which reduces the shock to the shaft.
+    A step of the simulator that is longer than the dip feels its mean, so that the impulse is that of the dip.
+
+    The torque returns no faster than at the greatest rate of the generator.
+
+    Parameters
+    ----------
+    time : float
+        [s].
+    remaining : float
+        Voltage over nominal during the dip [-].
+    duration : float
+        [s]; 150 ms are those of the usual grid codes for a dip to zero.
+    recovery : float
+        Rate at which the power that is allowed comes back, over rated [1/s].
+    """
+
+    remaining: float = 0.0
+    duration: float = 0.15
+    recovery: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require("remaining voltage of a dip", self.remaining, "", 0.0)
+        if self.remaining > 1.0:
+            raise ActionError(f"the remaining voltage of a dip must be at most 1, got {self.remaining!r}")
+        _require("duration of a voltage dip", self.duration, "s", 0.0, open_low=True)
+        _require("recovery after a voltage dip", self.recovery, "1/s", 0.0, open_low=True)
+
+    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
+        """See `DriveFault.fail`."""
+        if drives.generator.damping:
+            raise ActionError("a damper that is part of the rotor has no grid whose voltage could dip")
+        drives.generator = _DippedGenerator(drives.generator, self, clock, drives.drivetrain)
+
+    @property
+    def recovered(self) -> float:
+        """When the grid takes the rated power again [s]."""
+        return self.time + self.duration + (1.0 - self.remaining) / self.recovery
+
+    def voltage(self, time: float) -> float:
+        """Share of the rated power that the grid takes at a time [-]."""
+        since = time - self.time - self.duration
+        if since < -self.duration:
+            return 1.0
+        return min(self.remaining + self.recovery * max(since, 0.0), 1.0)
+
+    def mean_limited(self, share: float, start: float, dt: float) -> float:
+        """Mean of a power [rated] over a step of dt [s] from a start [s], where it is no more than the grid takes."""
+        over, back = self.time + self.duration, self.recovered
+        crossed = over + (share - self.remaining) / self.recovery
+        inside = (time for time in (self.time, over, crossed, back) if start < time < start + dt)
+        ends = [start, *sorted(inside), start + dt]
+        total = 0.0
+        for first, last in pairwise(ends):  # linear between them
+            middle = 0.5 * (first + last)
+            limit = self.voltage(middle) if self.time <= middle < back else math.inf
+            total += (last - first) * min(share, limit)
+        return total / dt
+
+
 def _check_blade(blade: object, drives: Drives, what: str) -> None:
     """Refuse a blade that the turbine does not have."""
     n = drives.pitch.n_blades
@@ -297,11 +366,11 @@ class _SlippedPitch(_PitchInPlace):
 
 
 @dataclass(frozen=True)
-class _FailingGenerator:
-    """A generator under a fault; a `wt_gym.simulation.drivetrain.drives.GeneratorLaw`."""
+class _GeneratorInPlace:
+    """A generator in the place of a sound one; a `wt_gym.simulation.drivetrain.drives.GeneratorLaw`."""
 
     law: GeneratorLaw
-    fault: ShutDown | GeneratorLoss
+    fault: Any
     clock: Callable[[], float] = field(repr=False)
 
     @property
@@ -317,13 +386,6 @@ class _FailingGenerator:
         """See `GeneratorLaw.balance`."""
         return self.law.balance(moment, speed)
 
-    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
-        """Move the command as far as the fault lets it."""
-        if self.fault.begun(self.clock(), dt):
-            self.fault.move_torque(self.law, command, demand, dt, speed)
-        else:
-            self.law.follow(command, demand, dt, speed)
-
     def moment(self, command: NDArray[np.float64]) -> float:
         """See `GeneratorLaw.moment`."""
         return self.law.moment(command)
@@ -331,6 +393,37 @@ class _FailingGenerator:
     def torque(self, command: NDArray[np.float64], speed: float) -> float:
         """See `GeneratorLaw.torque`."""
         return self.law.torque(command, speed)
+
+
+@dataclass(frozen=True)
+class _FailingGenerator(_GeneratorInPlace):
+    """A generator under a fault that acts from its time on."""
+
+    fault: ShutDown | GeneratorLoss
+
+    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
+        """Move the command as far as the fault lets it."""
+        if self.fault.begun(self.clock(), dt):
+            self.fault.move_torque(self.law, command, demand, dt, speed)
+        else:
+            self.law.follow(command, demand, dt, speed)
+
+
+@dataclass(frozen=True)
+class _DippedGenerator(_GeneratorInPlace):
+    """A generator on a grid whose voltage dips."""
+
+    fault: VoltageDip
+    drivetrain: Drivetrain
+
+    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
+        """Move the command, and cut it to what the grid takes."""
+        self.law.follow(command, demand, dt, speed)
+        now, drivetrain = self.clock(), self.drivetrain
+        if now + dt <= self.fault.time or now >= self.fault.recovered or speed <= 0.0:
+            return
+        full = drivetrain.rated_power / (drivetrain.generator_efficiency * speed * drivetrain.gear_ratio)
+        command[0] = full * self.fault.mean_limited(command.item(0) / full, now, dt)
 
 
 @cache
@@ -423,8 +516,8 @@ def checked_faults(
             fault.places(n_blades)
         elif not isinstance(fault, DriveFault):
             raise ActionError(
-                "a fault is a StuckPitch, SlowPitch, PitchMisalignment, ShutDown, GeneratorLoss or SensorBias, got "
-                f"{fault!r}"
+                "a fault is a StuckPitch, SlowPitch, PitchMisalignment, ShutDown, GeneratorLoss, VoltageDip or "
+                f"SensorBias, got {fault!r}"
             )
     return given
 

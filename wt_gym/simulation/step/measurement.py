@@ -10,6 +10,7 @@ from wt_gym.compiled import compiled_for
 from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.model.turbine_structure import rotation_x, rotation_y
 from wt_gym.simulation.step import measurement_kernels
+from wt_gym.turbines.electrical import electrical_power
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -139,7 +140,7 @@ class Measurement:
         self._structure = structure
         self.gauges = Gauges.of(turbine, structure) if gauges is None else gauges
         self.values = self.gauges.values
-        self._efficiency = float(self.gauges.indices.generator_efficiency)
+        self._efficiency, self._drivetrain = float(self.gauges.indices.generator_efficiency), turbine.drivetrain
         self._measure: Callable[..., None] | None = None  # compiled for the types of this turbine
         self._complete: tuple[Callable[..., None], Callable[..., None]] | None = None
 
@@ -166,7 +167,16 @@ class Measurement:
             self._measure = compiled_for(measurement_kernels.measure, arguments)
         self._measure(*arguments)
         g = self.gauges
-        measurement_kernels.measure_rest(float(time), float(torque), self._efficiency, command, self.values, g.at)
+        efficiency = self._present_efficiency(torque)
+        measurement_kernels.measure_rest(float(time), float(torque), efficiency, command, self.values, g.at)
+
+    def _present_efficiency(self, torque: float) -> float:
+        """Efficiency of the generator with a torque [N m] at the speed that is among the values [-]."""
+        if self._drivetrain.losses is None:
+            return self._efficiency
+        speed = float(self.values[self.gauges.at[measurement_kernels.GENERATOR_SPEED]])
+        shaft = speed * torque
+        return self._efficiency if shaft == 0.0 else electrical_power(self._drivetrain, speed, torque) / shaft
 
     def complete(self, time: float, torque: float, command: NDArray[np.float64], extremes: Extremes) -> None:
         """Fill in what the compiled step has left.
@@ -179,7 +189,7 @@ class Measurement:
             Since the last sample.
         """
         values, at = self.values, self.gauges.at
-        laws = float(time), float(torque), self._efficiency, command, values, at
+        laws = float(time), float(torque), self._present_efficiency(torque), command, values, at
         seen = extremes, values, at
         if self._complete is None:
             rest, extreme = measurement_kernels.measure_rest, measurement_kernels.measure_extremes

@@ -1,0 +1,202 @@
+"""Generator and converter: lag of the torque, map of losses, dips of the voltage, against closed forms."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wt_gym.control.operating_point import operating_point, rotor_inertia
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.errors import ActionError, TurbineDefinitionError
+from wt_gym.simulation import Simulator
+from wt_gym.simulation.drivetrain.drives import Drives, LaggedTorque, TorqueCommand
+from wt_gym.simulation.drivetrain.faults import VoltageDip
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines.electrical import LossShares, electrical_power, with_electrical
+from wt_gym.wind import SteadyInflow
+
+TURBINE = load_turbine("nrel_5mw")
+DRIVE = TURBINE.drivetrain
+RATED, N, ETA = DRIVE.rated_rotor_speed, DRIVE.gear_ratio, DRIVE.generator_efficiency
+FULL = DRIVE.rated_power / (ETA * RATED * N)
+WIND = SteadyInflow(15.0)
+
+
+def torques(drives, demand, steps, dt, faults=(), speed=RATED, first=20e3):
+    """Torque after each step [N m]."""
+    drives.start(0.1, 0.0, speed, first)
+    clock, found = [0.0], []
+    drives.fail(faults, lambda: clock[0])
+    for k in range(steps):
+        drives.follow(np.full(3, 0.1), 0.0, demand, dt, speed)
+        found.append(drives.command.item(0))
+        clock[0] = (k + 1) * dt
+    return np.array(found)
+
+
+# ---- lag ----
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.1])
+def test_the_step_response_is_that_of_first_order(dt):
+    lagged = with_electrical(TURBINE, torque_lag=0.3)
+    found = torques(Drives(lagged), 21e3, 50, dt)
+    time = dt * np.arange(1, 51)
+    np.testing.assert_allclose(found, 20e3 + 1e3 * (1.0 - np.exp(-time / 0.3)), rtol=1e-12)
+
+
+def test_limits_of_rate_and_torque_hold_with_a_lag_too():
+    lagged = Drives(with_electrical(TURBINE, torque_lag=0.05))
+    found = torques(lagged, 60e3, 100, 0.1)
+    assert np.diff(found).max() == pytest.approx(0.1 * DRIVE.max_torque_rate)
+    assert found[-1] == pytest.approx(DRIVE.max_generator_torque)
+    assert torques(lagged, -1e4, 100, 0.1)[-1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_without_options_the_law_and_the_turbine_are_those_of_before():
+    assert with_electrical(TURBINE) is TURBINE
+    assert type(Drives(TURBINE).generator) is TorqueCommand
+    assert type(Drives(with_electrical(TURBINE, 0.1)).generator) is LaggedTorque
+    assert WindTurbineEnv(inflow=WIND).turbine.drivetrain is not None
+
+
+# ---- losses ----
+
+
+def test_rated_losses_are_those_of_the_efficiency_and_parts_add_up():
+    for shares in (LossShares(), LossShares(1.0, 0.0, 0.0), LossShares(0.2, 0.3, 0.5)):
+        mapped = with_electrical(TURBINE, losses=shares).drivetrain
+        assert electrical_power(mapped, RATED * N, FULL) == pytest.approx(DRIVE.rated_power)
+        assert electrical_power(mapped, RATED * N, 0.0) == 0.0
+    assert electrical_power(DRIVE, 100.0, 1e4) == pytest.approx(100.0 * 1e4 * ETA)
+
+
+def test_copper_losses_go_with_the_square_of_the_torque_and_iron_losses_with_the_speed():
+    lost = (1.0 / ETA - 1.0) * DRIVE.rated_power
+    copper = with_electrical(TURBINE, losses=LossShares(1.0, 0.0, 0.0)).drivetrain
+    iron = with_electrical(TURBINE, losses=LossShares(0.0, 1.0, 0.0)).drivetrain
+    converter = with_electrical(TURBINE, losses=LossShares(0.0, 0.0, 1.0)).drivetrain
+    for x, t in ((0.6, 0.4), (0.9, 1.0)):
+        speed, torque = x * RATED * N, t * FULL
+        found = [(speed * torque - electrical_power(one, speed, torque)) / lost for one in (copper, iron, converter)]
+        p = x * t
+        known = [t**2, 0.5 * (x + x**2), (1.0 + 10.0 * (t + p) + 5.0 * (t**2 + p**2)) / 31.0]
+        np.testing.assert_allclose(found, known, rtol=1e-9)
+
+
+def test_power_in_the_simulation_is_that_of_the_map_and_nothing_else_changes():
+    """Energy: what the shaft gives is what the grid gets and what is lost."""
+    runs = []
+    for turbine in (TURBINE, with_electrical(TURBINE, losses=LossShares())):
+        simulator = Simulator(turbine, inflow=WIND)
+        simulator.reset(rotor_speed=0.9 * RATED, pitch=0.15, generator_torque=30e3)
+        runs.append([simulator.advance(0.1, 0.15, 0.0, 30e3 + 500.0 * k) for k in range(20)])
+    mapped = with_electrical(TURBINE, losses=LossShares()).drivetrain
+    for sound, own in zip(*runs, strict=True):
+        shaft = own["generator_speed"] * own["generator_torque"]
+        assert own["generator_power"] == pytest.approx(
+            electrical_power(mapped, own["generator_speed"], own["generator_torque"]), rel=1e-12
+        )
+        assert own["generator_power"] < 0.99 * shaft
+        assert abs(own["generator_power"] / sound["generator_power"] - 1.0) > 1e-4
+        assert {name for name in sound if sound[name] != own[name]} == {"generator_power"}
+
+
+# ---- dips ----
+
+
+def test_the_torque_has_the_impulse_of_the_dip_whatever_the_step():
+    """Zero for 150 ms, then a ramp of the power of 2 a second up to the torque: its area in closed form."""
+    dip, share = VoltageDip(0.23, 0.1, 0.15, 2.0), 0.8
+    lost = 0.15 * (share - 0.1) + 0.5 * (share - 0.1) ** 2 / 2.0
+    for dt in (0.01, 0.05, 0.1, 1.0):
+        means = [dip.mean_limited(share, k * dt, dt) for k in range(round(2.0 / dt))]
+        assert dt * (share - np.array(means)).sum() == pytest.approx(lost, rel=1e-9)
+    assert dip.mean_limited(1.1, 0.0, 0.1) == pytest.approx(1.1)  # an overload before is no matter of the grid
+    assert [dip.voltage(t) for t in (0.2, 0.3, 0.43, 2.0)] == pytest.approx([1.0, 0.1, 0.2, 1.0])
+
+
+def test_a_dip_is_felt_at_once_and_leaves_at_the_greatest_rate():
+    found = torques(Drives(TURBINE), 20e3, 40, 0.1, [VoltageDip(1.0, 0.2, 0.2, 5.0)])
+    np.testing.assert_array_equal(found[:10], 20e3)
+    np.testing.assert_allclose(found[10:12], 0.2 * FULL)
+    assert np.diff(found[12:]).max() <= 0.1 * DRIVE.max_torque_rate * (1.0 + 1e-9)
+    assert found[-1] == 20e3
+
+
+@pytest.mark.parametrize("remaining", [0.0, 0.5])
+def test_the_rotor_speeds_up_by_the_torque_that_is_missing(remaining):
+    """J (omega - omega_0) = int [N (T_0 - T) + M - M_0] dt of a rigid shaft, against a run without the dip.
+
+    Blades swing edgewise once a second beside the hub: the last second is averaged.
+    """
+    stiff = replace(TURBINE, drivetrain=replace(DRIVE, spring=1e13))
+    point, runs = operating_point(TURBINE, 15.0), []
+    for faults in ((), (VoltageDip(0.5, remaining, 0.15, 10.0),)):
+        simulator = Simulator(stiff, inflow=WIND)
+        simulator.faults = faults
+        simulator.reset(rotor_speed=point.rotor_speed, pitch=point.pitch, generator_torque=point.generator_torque)
+        found = [simulator.advance(0.1, point.pitch, 0.0, point.generator_torque) for _ in range(30)]
+        names = "rotor_speed", "generator_torque", "aero_torque"
+        runs.append(np.array([[signals[name] for name in names] for signals in found]))
+    assert not simulator.structure.shaft_flexible
+    rise, more_torque, more_moment = (runs[1] - runs[0]).T
+    assert np.all(rise[:5] == 0.0)
+    moment = np.concatenate([[0.0], 0.5 * (more_moment[1:] + more_moment[:-1])])
+    impulse = 0.1 * np.cumsum(moment - N * more_torque / DRIVE.gearbox_efficiency)
+    assert rotor_inertia(TURBINE) * rise[-10:].mean() == pytest.approx(impulse[-10:].mean(), rel=0.03)
+    assert rise[-1] > 0.005
+
+
+# ---- environment ----
+
+
+def test_options_reach_simulator_controller_alone_and_info():
+    env = WindTurbineEnv(
+        inflow=WIND, action_mode="residual", action_components=("pitch",), control_dt=0.1, relative_reward=True,
+        torque_lag=0.2, loss_map=True, fault_kinds=("none", "voltage_dip"),
+    )  # fmt: skip
+    _, info = env.reset(seed=0, options={"fault": {"kind": "voltage_dip", "time": 0.5, "size": 0.3}})
+    assert env.simulator.turbine.drivetrain.torque_lag == 0.2
+    assert env.simulator.turbine.drivetrain.losses == LossShares()
+    assert info["grid_voltage"] == 1.0
+    rows = [env.step(np.zeros(1)) for _ in range(12)]
+    assert [row[4]["grid_voltage"] for row in rows][5] == pytest.approx(0.3)
+    assert all(row[1] == 0.0 for row in rows)
+    powers = [row[4]["generator_power"] for row in rows]
+    assert min(powers) < 0.5 * powers[0]
+    kept = env.snapshot()
+    first = [env.step(np.ones(1))[0] for _ in range(5)]
+    env.restore(kept)
+    np.testing.assert_array_equal(first, [env.step(np.ones(1))[0] for _ in range(5)])
+    _, info = env.reset(seed=0, options={"fault": "none"})
+    assert "grid_voltage" not in info
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"torque_lag": -0.1}, "torque_lag must be from 0 to 2 s"),
+        ({"torque_lag": math.nan}, "torque_lag must be a finite number"),
+        ({"loss_map": 1.0}, "loss_map must be True or False"),
+        ({"electrical": {"lag": 1.0}}, "electrical has no option 'lag'"),
+    ],
+)
+def test_options_without_meaning_are_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        WindTurbineEnv(**given)
+
+
+def test_what_has_no_meaning_is_refused():
+    with pytest.raises(TurbineDefinitionError, match=r"LossShares: got .* must be shares whose sum is 1"):
+        LossShares(0.5, 0.5, 0.5)
+    with pytest.raises(TurbineDefinitionError, match=r"Drivetrain.torque_lag"):
+        with_electrical(TURBINE, torque_lag=3.0)
+    for values, message in (
+        ((0.0, -0.1), "remaining voltage"),
+        ((0.0, 1.1), "at most 1"),
+        ((0.0, 0.5, 0.0), "duration"),
+    ):
+        with pytest.raises(ActionError, match=message):
+            VoltageDip(*values)

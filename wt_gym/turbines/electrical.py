@@ -1,0 +1,101 @@
+"""Generator and converter beyond a torque that is there at once and one efficiency: lag of the torque, map of losses.
+
+*Lag.* The converter controls the currents, and with them the torque T, towards the demand T_d by a closed loop whose
+lag is of first order: tau dT/dt = T_d - T. The current loops of full converters have bandwidths of tens to hundreds of
+rad/s; reference turbines model the whole path from demand to torque by such a lag (DTU Wind Energy Controller: Hansen
+and Henriksen, DTU Wind Energy E-0028, 2013). `Drivetrain.max_torque_rate` still limits the rate.
+
+*Losses.* The difference between shaft power and electrical power, with the speed x and the torque t of the generator
+over their rated values and the losses L at rated operation, is
+
+    L [c t^2 + i (x + x^2) / 2 + k (1 + 10 t + 5 t^2 + 10 x t + 5 x^2 t^2) / 31],   c + i + k = 1:
+
+copper losses with the square of the current and so of the torque; iron losses of hysteresis and eddy currents, in
+proportion to the frequency and to its square; converter losses, a part that is always there, one in proportion to the
+current of generator and grid, and one with their squares (Polinder et al., IEEE Trans. Energy Convers. 21 (2006) 725,
+sections II.C and II.D, for direct-drive and geared generators with full converters). The current of the grid side is
+taken in proportion to the shaft power. L follows from the efficiency of the turbine's generator, which is that at rated
+operation; a generator without torque is off and has no losses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from wt_gym.turbines.checks import check_number, fail
+
+if TYPE_CHECKING:
+    from wt_gym.turbines.model import Drivetrain, Turbine
+
+__all__ = ["LossShares", "electrical_power", "with_electrical"]
+
+LONGEST_LAG = 2.0
+"""Of a generator torque [s]."""
+
+
+@dataclass(frozen=True)
+class LossShares:
+    """What the losses of generator and converter consist of at rated operation.
+
+    Attributes
+    ----------
+    copper, iron, converter : float
+        c, i and k; their sum is 1 [-].
+    """
+
+    copper: float = 0.45
+    iron: float = 0.15
+    converter: float = 0.4
+
+    def __post_init__(self) -> None:
+        for name in ("copper", "iron", "converter"):
+            check_number(f"LossShares.{name}", getattr(self, name), 0.0, 1.0)
+        if abs(self.copper + self.iron + self.converter - 1.0) > 1e-9:
+            raise fail("LossShares", self, "shares whose sum is 1")
+
+
+def electrical_power(drivetrain: Drivetrain, speed: float, torque: float) -> float:
+    """Electrical power [W] of a generator with a map of losses.
+
+    Parameters
+    ----------
+    drivetrain : Drivetrain
+        With ``losses``.
+    speed : float
+        Of the generator, high-speed shaft [rad/s].
+    torque : float
+        [N m].
+    """
+    shares, efficiency = drivetrain.losses, drivetrain.generator_efficiency
+    if shares is None:
+        return speed * torque * efficiency
+    if torque == 0.0:
+        return 0.0
+    shaft = drivetrain.rated_power / efficiency
+    rated_speed = drivetrain.rated_rotor_speed * drivetrain.gear_ratio
+    x, t = speed / rated_speed, torque * rated_speed / shaft
+    p = x * t
+    of_converter = (1.0 + 10.0 * t + 5.0 * t**2 + 10.0 * p + 5.0 * p**2) / 31.0
+    losses = shares.copper * t**2 + 0.5 * shares.iron * (x + x**2) + shares.converter * of_converter
+    return shaft * (p - (1.0 - efficiency) * losses)
+
+
+def with_electrical(turbine: Turbine, torque_lag: float = 0.0, losses: LossShares | None = None) -> Turbine:
+    """Return a turbine with a lag of the generator torque and a map of losses; without either the turbine itself.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    torque_lag : float
+        tau [s].
+    losses : LossShares, optional
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If a value is out of range, or the generator takes no torque.
+    """
+    if torque_lag == 0.0 and losses is None:
+        return turbine
+    return replace(turbine, drivetrain=replace(turbine.drivetrain, torque_lag=torque_lag, losses=losses))
