@@ -2,6 +2,7 @@
 """What controllers and a shipped agent keep of their gain in each fault, for the page of the task Faults.
 
     scripts/fault_study.py run --folder runs/faults      # all faults, some ten minutes on a free core
+    scripts/fault_study.py run --conditions fault-dead-moment   # some of them: the others keep their figures
     scripts/fault_study.py pages                         # put the table into docs/tasks/faults.md
 
 Runs are kept in the folder as soon as they are done, the record in docs/data/fault_study.json. The gain is that of the
@@ -36,8 +37,8 @@ WITHOUT_YAW = ("fault-biased-vane", "fault-dead-vane")
 """Conditions that controllers without yaw do not feel."""
 
 
-def run(folder: Path, speeds: list[float], seeds: list[int], duration: float) -> None:
-    """Measure all conditions."""
+def run(folder: Path, names: list[str], speeds: list[float], seeds: list[int], duration: float) -> None:
+    """Measure conditions; the record keeps its figures of others."""
     from wt_gym.agents.evaluation import evaluate
     from wt_gym.agents.evaluation_config import EvaluationConfig
     from wt_gym.agents.evaluation_winds import winds_for
@@ -52,8 +53,12 @@ def run(folder: Path, speeds: list[float], seeds: list[int], duration: float) ->
     winds = winds_for(DEFAULT_ENV, {}, speeds, seeds, None, duration)
     config = EvaluationConfig(DEFAULT_ENV, STEADY, winds, duration=duration, skip=30.0, replay=0.0)
     rows = []
-    for one in chosen(["faults"]):
-        if one.name in WITHOUT_YAW:
+    every = [one for one in chosen(["faults"]) if one.name not in WITHOUT_YAW]
+    for one in every:
+        if names and one.name not in names:
+            rows += [
+                row for row in json.loads(RECORD.read_text(encoding="utf-8"))["runs"] if row["condition"] == one.name
+            ]
             continue
         print(one.text, flush=True)
         own = replace(config, env_kwargs=STEADY | one.arguments)
@@ -133,12 +138,13 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("command", choices=("run", "pages", "show"))
     parser.add_argument("--folder", type=Path, default=ROOT / "runs" / "faults", help="of the runs")
+    parser.add_argument("--conditions", nargs="+", default=[], metavar="NAME", help="as of wt-gym robustness --list")
     parser.add_argument("--speeds", type=float, nargs="+", default=[15.0, 18.0], help="mean winds, m/s")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1001, 1002], help="of the turbulence")
     parser.add_argument("--duration", type=float, default=120.0, help="of a run, s")
     arguments = parser.parse_args(words)
     if arguments.command == "run":
-        run(arguments.folder, arguments.speeds, arguments.seeds, arguments.duration)
+        run(arguments.folder, arguments.conditions, arguments.speeds, arguments.seeds, arguments.duration)
     record = json.loads(RECORD.read_text(encoding="utf-8"))
     if arguments.command == "pages":
         from wt_gym.files import write_text_whole

@@ -42,7 +42,7 @@ struct ahead {
 /* Supervisor of faults: models of the drives, last readings, and what was found to fail. */
 struct guard {
     double share, command[N_BLADES], model[N_BLADES], pitch[N_BLADES], off_for[N_BLADES];
-    double moment[N_BLADES], same_for[N_BLADES], shift[N_BLADES], vane, wind, vane_same_for;
+    double moment[N_BLADES], same_for[N_BLADES], shift[N_BLADES], slow, vane, wind, vane_same_for;
     int drive[N_BLADES], encoder[N_BLADES], gauge[N_BLADES], shifted[N_BLADES], vane_bad;
 };
 #endif
@@ -856,6 +856,7 @@ static void guard_start(struct state *s, const struct demand *present) {
     memcpy(g->model, present->pitch, sizeof g->model);
     memcpy(g->pitch, s->now.pitch, sizeof g->pitch);
     memcpy(g->moment, s->now.flap, sizeof g->moment);
+    g->slow = mean_of(s->now.flap);
     g->vane = s->now.yaw_error;
     g->wind = NAN;
 }
@@ -915,8 +916,9 @@ static void guard_read(const struct parameters *p, struct state *s, double dt) {
         sum += r->flap[b] - g->shift[b];
         good++;
     }
+    if (good > 0) g->slow = low_pass(g->slow, sum / good, dt, 5.0);
     for (int b = 0; b < N_BLADES; b++) {
-        if (g->gauge[b]) r->flap[b] = good > 0 ? sum / good : 0.0;
+        if (g->gauge[b]) r->flap[b] = (N_BLADES * g->slow - sum) / (N_BLADES - good);
         else if (g->shifted[b]) r->flap[b] -= g->shift[b];
         if (g->encoder[b]) r->pitch[b] = g->model[b];
     }

@@ -56,6 +56,15 @@ def test_kinds_blades_times_and_sizes_are_drawn_in_their_ranges(sizes):
     assert found[3] == draws.draw(np.random.default_rng(3))
 
 
+def test_the_mirror_image_has_the_mirrored_fault():
+    image = FaultDraws(load_turbine("nrel_5mw", rotation="counter-clockwise"), FaultOptions(kinds="all"))
+    for kind, sign in (("biased_vane", -1.0), ("biased_moment", 1.0), ("biased_pitch", 1.0)):
+        (own,) = FaultDraws(TURBINE, FaultOptions(kinds=kind)).draw(np.random.default_rng(1)).faults
+        (other,) = image.draw(np.random.default_rng(1), kind).faults
+        assert other.offset == sign * own.offset
+        assert (other.time, other.channels) == (own.time, own.channels)
+
+
 def test_one_number_is_drawn_whatever_breaks():
     draws = FaultDraws(TURBINE, FaultOptions(kinds=("none", "dead_vane")))
     rest = set()
@@ -92,6 +101,7 @@ def test_what_is_chosen_without_meaning_is_refused(chosen, message):
         ({"fault_kinds": "all", "fault_sizes": "large"}, "fault_sizes must be one of train, held_back, got 'large'"),
         ({"fault_kinds": "all", "fault_time": (3.0, 1.0)}, r"fault_time must be a number or a range"),
         ({"fault_sizes": "train"}, "fault_sizes must be left out, or given with fault_kinds"),
+        ({"fault_kinds": "voltage_dip", "generator": "damper", "turbine": "gebhardt_45m"}, "without voltage_dip where"),
         ({"fault_kinds": "all", "simulator": "openfast"}, "fault_kinds must be without iced_blade"),
     ],
 )

@@ -72,6 +72,11 @@ AGENTS = {
         "pitch": "collective", "action_components": ["pitch"], "controller": "discon", "history": 2,
         "observation": ["rotor", "lidar"], "lidar": Lidar((80.0, 150.0), 0.3, 5),
     }),
+    "guarded": ("PPO", torch.nn.Tanh, {
+        "pitch": "fixed-frame", "action_components": ["pitch"], "observation": ["measurable"], "control_dt": 0.1,
+        # a drive that lags half a step behind is a fault to it
+        "controller": "linear_optimal+yaw+fault_supervisor:pitch_tolerance=0.002,pitch_time=0.3",
+    }),
     "yaw": ("PPO", torch.nn.Tanh, {
         "action_components": ["yaw"], "controller": "discon+yaw",
         "observation": ["rotor", "wind", "previous_action", "dead_band"],

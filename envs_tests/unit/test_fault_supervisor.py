@@ -132,6 +132,34 @@ def test_a_dead_gauge_ends_individual_pitch(base):
         assert linear_part(guarded)._sum[1:] == pytest.approx(0.0, abs=1e-4)
 
 
+def test_with_a_dead_gauge_the_mean_moment_does_not_swing_with_the_rotor():
+    """Of two blades in a shear the mean swings once a revolution, which a law on the mean would answer."""
+    seen = []
+
+    class Listener:
+        channels = ()
+
+        def start(self, signals):
+            pass
+
+        def step(self, signals, dt, demand):
+            seen.append([signals[f"root_flap_moment_{b + 1}"] / REFERENCE for b in range(3)])
+            return demand
+
+    made = make_controller("discon+fault_supervisor", TURBINE)
+    guarded = type(made)(made.parameters, made.base, Listener())
+    pitch = np.full(3, 0.2)
+    for k in range(300):
+        signals = readings(k, pitch)
+        put("root_flap_moment_3", 0.0)(k, signals)
+        if k == 0:
+            guarded.start(signals, Demand(pitch.copy(), 0.0, 40e3))
+        pitch = guarded.step(signals, DT).pitch
+    mean, two = np.mean(seen, axis=1)[150:], np.mean(np.array(seen)[150:, :2], axis=1)
+    assert mean.mean() == pytest.approx(0.5, abs=0.01)
+    assert np.ptp(mean) < 0.25 * np.ptp(two)
+
+
 @pytest.mark.parametrize(("rate", "noticed"), [(0.0, True), (0.01, True), (0.14, False)])
 def test_a_drive_that_does_not_follow_is_found_by_its_model(rate, noticed):
     def follow(k, pitch, moved):

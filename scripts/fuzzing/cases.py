@@ -10,6 +10,7 @@ import numpy as np
 
 from wt_gym.control.actions import ACTION_MODES
 from wt_gym.envs.observations import OBSERVATION_GROUPS
+from wt_gym.envs.options.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import GUSTS
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import load_turbine
@@ -72,6 +73,10 @@ class FuzzCase:
     def __str__(self) -> str:
         mode, pitch = self.arguments["action_mode"], self.arguments["pitch"]
         return f"case {self.number}: {self.turbine}, {self.wind}, {mode} {pitch}, {self.policy}"
+
+
+_FAULTS = tuple(kind for kind in FAULT_KINDS if kind != "iced_blade")
+"""What may break; a blade with ice is another model, which would be kept."""
 
 
 def _operating(turbine: Turbine, **more: Any) -> dict[str, Any]:
@@ -143,7 +148,10 @@ def draw_case(number: int, turbines: Sequence[str], fidelity: str = "training") 
         **_drawn_action(turbine, name in _WITH_TABLES, policy, rng),
         **WINDS[wind](turbine, rng),
     }
-    return FuzzCase(number, name, wind, policy, arguments, odd_starts=bool(rng.random() < 0.3))
+    odd_starts = bool(rng.random() < 0.3)
+    if rng.random() < 0.25:
+        arguments |= {"fault_kinds": _FAULTS, "fault_time": (0.0, 5.0)}
+    return FuzzCase(number, name, wind, policy, arguments, odd_starts)
 
 
 def _drawn_action(turbine: Turbine, has_table: bool, policy: str, rng: np.random.Generator) -> dict[str, Any]:

@@ -203,4 +203,6 @@ class FaultDraws:
             return (SensorBias(time, channels, 1.0, size * reference_flap_moment(self._turbine)),)
         if sensor in ("rotor_speed", "generator_speed"):
             return (SensorBias(time, channels, 1.0 + size),)
-        return (SensorBias(time, channels[:2] if sensor == "pitch" else channels, 1.0, size),)
+        if sensor == "vane":  # that of the mirror image is turned to the other side
+            return (SensorBias(time, channels, 1.0, size if self._turbine.rotation == "clockwise" else -size),)
+        return (SensorBias(time, channels[:2], 1.0, size),)

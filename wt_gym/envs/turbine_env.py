@@ -38,6 +38,7 @@ from wt_gym.envs.options.environment import (
     plain_spec,
     signature,
 )
+from wt_gym.envs.options.faults import GRID_KINDS
 from wt_gym.envs.options.variation import STRUCTURAL
 from wt_gym.envs.power_reference import AHEAD, PowerReferenceDraws
 from wt_gym.envs.readers import ObservationContext
@@ -214,6 +215,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             return None
         if ICED in kinds and options.simulator != OWN:
             raise ValueError(f"fault_kinds must be without {ICED} where another simulator has the blades")
+        if set(GRID_KINDS) & set(kinds) and not self.turbine.drivetrain.takes_torque:
+            raise ValueError(f"fault_kinds must be without {', '.join(GRID_KINDS)} where the generator is a damper")
         return FaultDraws(self.turbine, options.faults)
 
     def _late_steps(self) -> int:

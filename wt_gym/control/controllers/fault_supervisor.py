@@ -5,9 +5,9 @@ It stands around a whole controller with all additions. What it watches is what 
 - *speeds*: rotor speed, generator speed over the gear ratio, and electrical power over efficiency and torque are three
   measurements of one speed. One that is farther than ``speed_tolerance`` of rated speed from the middle one is replaced
   by that. Without torque there are two, and the greater one stands where they disagree;
-- *flapwise moments*: a gauge that reads the same number for ``frozen_time`` is dead; the mean of the others stands for
-  it. A jump of more than ``moment_jump`` reference moments in one step is none of the wind's: it is taken off the
-  readings from then on;
+- *flapwise moments*: a gauge that reads the same number for ``frozen_time`` is dead. What makes the mean of all blades
+  the slow mean of the others stands for it: the mean of two blades would swing once per revolution. A jump of more than
+  ``moment_jump`` reference moments in one step does not come from the wind; later readings are shifted back by it;
 - *pitch*: the reading of each blade is compared with a model of its drive that follows the demands with the greatest
   rate. A reading that jumps faster than a drive turns is a failing encoder, and the model stands for it. A reading that
   is off by ``pitch_tolerance`` for ``pitch_time`` is a failing drive;
@@ -63,6 +63,8 @@ _LEAST_TORQUE = 0.1
 """Torque over rated from which on power over torque is a measurement of the speed [-]."""
 _FASTER = 1.5
 """Change of a pitch reading that no drive makes, over that at the greatest rate [-]."""
+_SLOW = 5.0
+"""Time constant of the slow mean of the flapwise moments [s]."""
 _ROUNDING = 1e-9
 
 
@@ -133,7 +135,7 @@ class FaultSupervisor(Combined):
         self._moments = tuple(f"root_flap_moment_{b}" for b in blades)
         self._pitches = tuple(f"pitch_{b}" for b in blades)
         self._lags = [LowPass(parameters.pitch_lag) for _ in blades]
-        self.share = 1.0
+        self._slow, self.share = LowPass(_SLOW), 1.0
         self._forget([0.0] * parameters.n_blades, [0.0] * parameters.n_blades, 0.0)
 
     @classmethod
@@ -212,6 +214,7 @@ class FaultSupervisor(Combined):
         self._demand, self._command, self._pitch = list(pitch), list(pitch), list(pitch)
         self._off_for = [0.0] * n
         self._moment, self._same_for, self._shift = list(moments), [0.0] * n, [0.0] * n
+        self._slow.reset(sum(moments) / n)
         self._flags = {name: [False] * n for name in ("drive", "encoder", "gauge", "gauge_shift")}
         self._vane, self._wind, self._vane_same_for, self._vane_bad = vane, math.nan, 0.0, False
         self._speeds_bad = {"rotor_speed": False, "generator_speed": False}
@@ -288,9 +291,12 @@ class FaultSupervisor(Combined):
             self._moment[b] = now
             if not dead[b]:
                 good.append(now - self._shift[b])
-        mean = sum(good) / len(good) if good else 0.0
+        if good:
+            self._slow.update(sum(good) / len(good), dt)
+        missing = len(dead) - len(good)
+        instead = (len(dead) * self._slow.value - sum(good)) / missing if missing else 0.0
         return {
-            name: mean if dead[b] else self._moment[b] - self._shift[b]
+            name: instead if dead[b] else self._moment[b] - self._shift[b]
             for b, name in enumerate(self._moments)
             if dead[b] or shifted[b]
         }
