@@ -37,7 +37,9 @@ WITHOUT_YAW = ("fault-biased-vane", "fault-dead-vane")
 """Conditions that controllers without yaw do not feel."""
 
 
-def run(folder: Path, names: list[str], speeds: list[float], seeds: list[int], duration: float) -> None:
+def run(
+    folder: Path, names: list[str], measured: list[str], speeds: list[float], seeds: list[int], duration: float
+) -> None:
     """Measure conditions; the record keeps its figures of others."""
     from wt_gym.agents.evaluation import evaluate
     from wt_gym.agents.evaluation_config import EvaluationConfig
@@ -61,8 +63,11 @@ def run(folder: Path, names: list[str], speeds: list[float], seeds: list[int], d
             ]
             continue
         print(one.text, flush=True)
-        own = replace(config, env_kwargs=STEADY | one.arguments)
-        found = evaluate(AGENTS, own, folder=folder / one.name, progress=False)
+        own, agents = replace(config, env_kwargs=STEADY | one.arguments), {name: AGENTS[name] for name in measured}
+        if len(agents) < len(AGENTS):
+            kept = json.loads(RECORD.read_text(encoding="utf-8"))["runs"]
+            rows += [row for row in kept if row["condition"] == one.name and row["agent"] not in agents]
+        found = evaluate(agents, own, folder=folder / one.name, progress=False)
         for made in found.runs:
             complete = made.ending == "time"
             data = made.data.isel(time=slice(1, None))
@@ -139,12 +144,20 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("command", choices=("run", "pages", "show"))
     parser.add_argument("--folder", type=Path, default=ROOT / "runs" / "faults", help="of the runs")
     parser.add_argument("--conditions", nargs="+", default=[], metavar="NAME", help="as of wt-gym robustness --list")
+    parser.add_argument("--agents", nargs="+", default=list(AGENTS), choices=AGENTS, help="the others are kept too")
     parser.add_argument("--speeds", type=float, nargs="+", default=[15.0, 18.0], help="mean winds, m/s")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1001, 1002], help="of the turbulence")
     parser.add_argument("--duration", type=float, default=120.0, help="of a run, s")
     arguments = parser.parse_args(words)
     if arguments.command == "run":
-        run(arguments.folder, arguments.conditions, arguments.speeds, arguments.seeds, arguments.duration)
+        run(
+            arguments.folder,
+            arguments.conditions,
+            arguments.agents,
+            arguments.speeds,
+            arguments.seeds,
+            arguments.duration,
+        )
     record = json.loads(RECORD.read_text(encoding="utf-8"))
     if arguments.command == "pages":
         from wt_gym.files import write_text_whole

@@ -443,7 +443,7 @@ def _guard(parts: Parts, guard: FaultSupervisor) -> None:
     parts.values |= {f"guard_{name}": getattr(p, name) for name in names}
     parts.reads["GUARD"] = {
         "pitch", "out_of_plane", "in_plane", "rotor_speed", "generator_speed", "generator_torque", "power", "yaw_error",
-        "wind",
+        "wind", "azimuth",
     }  # fmt: skip
 
 

@@ -42,7 +42,7 @@ struct ahead {
 /* Supervisor of faults: models of the drives, last readings, and what was found to fail. */
 struct guard {
     double share, command[N_BLADES], model[N_BLADES], pitch[N_BLADES], off_for[N_BLADES];
-    double moment[N_BLADES], same_for[N_BLADES], shift[N_BLADES], slow, vane, wind, vane_same_for;
+    double moment[N_BLADES], same_for[N_BLADES], shift[N_BLADES], tilt, yaw, vane, wind, vane_same_for;
     int drive[N_BLADES], encoder[N_BLADES], gauge[N_BLADES], shifted[N_BLADES], vane_bad;
 };
 #endif
@@ -856,7 +856,6 @@ static void guard_start(struct state *s, const struct demand *present) {
     memcpy(g->model, present->pitch, sizeof g->model);
     memcpy(g->pitch, s->now.pitch, sizeof g->pitch);
     memcpy(g->moment, s->now.flap, sizeof g->moment);
-    g->slow = mean_of(s->now.flap);
     g->vane = s->now.yaw_error;
     g->wind = NAN;
 }
@@ -894,7 +893,8 @@ static void guard_watch(const struct parameters *p, struct state *s, double dt) 
 static void guard_read(const struct parameters *p, struct state *s, double dt) {
     struct guard *g = &s->guard;
     struct readings *r = &s->now;
-    double speeds[3] = {r->rotor_speed, r->generator_speed / p->gear_ratio, 0.0}, best, sum = 0.0, reach, lag;
+    double speeds[3] = {r->rotor_speed, r->generator_speed / p->gear_ratio, 0.0}, best, mean = 0.0, reach, lag;
+    double cosine[N_BLADES], sine[N_BLADES], tilt = 0.0, yaw = 0.0;
     int good = 0;
     best = fmax(speeds[0], speeds[1]);
     if (r->generator_torque > p->guard_least_torque) {
@@ -912,25 +912,39 @@ static void guard_read(const struct parameters *p, struct state *s, double dt) {
     }
     if (!(s->bad_users & FOR_GUARD)) guard_watch(p, s, dt);
     for (int b = 0; b < N_BLADES; b++) {
+        cosine[b] = cos(r->azimuth + 2.0 * PI * b / N_BLADES);
+        sine[b] = sin(r->azimuth + 2.0 * PI * b / N_BLADES);
         if (g->gauge[b]) continue;
-        sum += r->flap[b] - g->shift[b];
+        mean += r->flap[b] - g->shift[b] - g->tilt * cosine[b] - g->yaw * sine[b];
         good++;
     }
-    if (good > 0) g->slow = low_pass(g->slow, sum / good, dt, 5.0);
+    if (good > 0) mean /= good;
     for (int b = 0; b < N_BLADES; b++) {
-        if (g->gauge[b]) r->flap[b] = (N_BLADES * g->slow - sum) / (N_BLADES - good);
+        double error = r->flap[b] - g->shift[b] - mean - g->tilt * cosine[b] - g->yaw * sine[b];
+        if (g->gauge[b]) continue;
+        tilt += error * cosine[b];
+        yaw += error * sine[b];
+    }
+    g->tilt += dt / 1.5 * tilt;
+    g->yaw += dt / 1.5 * yaw;
+    for (int b = 0; b < N_BLADES; b++) {
+        if (g->gauge[b]) r->flap[b] = mean + g->tilt * cosine[b] + g->yaw * sine[b];
         else if (g->shifted[b]) r->flap[b] -= g->shift[b];
         if (g->encoder[b]) r->pitch[b] = g->model[b];
     }
     if (g->vane_bad) r->yaw_error = 0.0;
 }
 
-/* With a drive or a gauge that fails, all blades go over to the mean of the demands. */
+/* With a drive that fails, or gauges of less than two blades, all blades go over to the mean of the demands. */
 static void guard_act(const struct parameters *p, struct state *s, struct demand *d, double dt) {
     struct guard *g = &s->guard;
     double goal = 1.0, reach = dt / p->guard_fade_time, mean = mean_of(d->pitch);
-    for (int b = 0; b < N_BLADES; b++)
-        if (g->drive[b] || g->gauge[b]) goal = 0.0;
+    int gauges = 0;
+    for (int b = 0; b < N_BLADES; b++) {
+        if (g->drive[b]) goal = 0.0;
+        gauges += !g->gauge[b];
+    }
+    if (gauges < 2) goal = 0.0;
     g->share += clip(goal - g->share, -reach, reach);
     if (g->vane_bad) d->yaw_rate = 0.0;
     if (g->share < 1.0) {

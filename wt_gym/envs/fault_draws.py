@@ -126,7 +126,7 @@ class FaultDraws:
         rng : numpy.random.Generator
             One number is drawn of it, whatever breaks.
         chosen : str or mapping, optional
-            Kind, or ``kind``, ``blade``, ``time`` and ``size``, of which what is left out is drawn.
+            Kind, or ``kind``, ``blade``, ``time`` and ``size``; what is left out is drawn.
 
         Raises
         ------

@@ -20,39 +20,15 @@ operation; a generator without torque is off and has no losses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from wt_gym.turbines.checks import check_number, fail
+from wt_gym.turbines.loss_shares import LONGEST_LAG, LossShares
 
 if TYPE_CHECKING:
     from wt_gym.turbines.model import Drivetrain, Turbine
 
-__all__ = ["LossShares", "electrical_power", "with_electrical"]
-
-LONGEST_LAG = 2.0
-"""Of a generator torque [s]."""
-
-
-@dataclass(frozen=True)
-class LossShares:
-    """What the losses of generator and converter consist of at rated operation.
-
-    Attributes
-    ----------
-    copper, iron, converter : float
-        c, i and k; their sum is 1 [-].
-    """
-
-    copper: float = 0.45
-    iron: float = 0.15
-    converter: float = 0.4
-
-    def __post_init__(self) -> None:
-        for name in ("copper", "iron", "converter"):
-            check_number(f"LossShares.{name}", getattr(self, name), 0.0, 1.0)
-        if abs(self.copper + self.iron + self.converter - 1.0) > 1e-9:
-            raise fail("LossShares", self, "shares whose sum is 1")
+__all__ = ["LONGEST_LAG", "LossShares", "electrical_power", "with_electrical"]
 
 
 def electrical_power(drivetrain: Drivetrain, speed: float, torque: float) -> float:

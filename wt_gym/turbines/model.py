@@ -31,8 +31,8 @@ from wt_gym.turbines.checks import (
     fail,
 )
 from wt_gym.turbines.control_data import ControlData
-from wt_gym.turbines.electrical import LONGEST_LAG, LossShares
 from wt_gym.turbines.icing import BladeIce
+from wt_gym.turbines.loss_shares import LONGEST_LAG, LossShares
 from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
 from wt_gym.turbines.site import with_site
 from wt_gym.turbines.support import Support

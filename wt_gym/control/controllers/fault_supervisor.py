@@ -5,20 +5,23 @@ It stands around a whole controller with all additions. What it watches is what 
 - *speeds*: rotor speed, generator speed over the gear ratio, and electrical power over efficiency and torque are three
   measurements of one speed. One that is farther than ``speed_tolerance`` of rated speed from the middle one is replaced
   by that. Without torque there are two, and the greater one stands where they disagree;
-- *flapwise moments*: a gauge that reads the same number for ``frozen_time`` is dead. What makes the mean of all blades
-  the slow mean of the others stands for it: the mean of two blades would swing once per revolution. A jump of more than
-  ``moment_jump`` reference moments in one step does not come from the wind; later readings are shifted back by it;
+- *flapwise moments*: a gauge that reads the same number for ``frozen_time`` is dead. The others tell the mean M_0 of
+  all blades, which is fast, and tilt and yaw (a, b) in the fixed frame, which are slow: with the errors
+  e_i = M_i - M_0 - a cos psi_i - b sin psi_i of the sound blades, whose mean M_0 makes zero, (a, b) grow by
+  (sum e_i cos psi_i, sum e_i sin psi_i) in 1.5 s. M_0 + a cos psi + b sin psi stands for the dead one. A jump of more
+  than ``moment_jump`` reference moments in one step does not come from the wind; later readings are shifted back by it;
 - *pitch*: the reading of each blade is compared with a model of its drive that follows the demands with the greatest
   rate. A reading that jumps faster than a drive turns is a failing encoder, and the model stands for it. A reading that
   is off by ``pitch_tolerance`` for ``pitch_time`` is a failing drive;
 - *wind vane*: a reading that stays for ``frozen_time`` while that of the anemometer changes, or that jumps by
   ``vane_jump``, is not believed any more: the nacelle is held.
 
-With a failing drive or a dead gauge the individual part of the pitch fades out over ``fade_time``: all blades get the
-mean of the demands. Where a failing drive is off by ``stop_deviation`` and a supervisor (`supervisor`) is among the
-parts, that stops the turbine. Faults of drives, gauges and vane are latched; while nothing is wrong the demands are
-exactly those of the controller. Structures of this kind are the usual answers to the benchmark of Odgaard, Stoustrup
-and Kinnaert (IEEE Trans. Control Syst. Technol. 21 (2013) 1168): redundancy, models of drives, reconfiguration.
+With a failing drive, or gauges of less than two blades, the individual part of the pitch fades out over ``fade_time``:
+all blades get the mean of the demands. Where a failing drive is off by ``stop_deviation`` and a supervisor
+(`supervisor`) is among the parts, that stops the turbine. Faults of drives, gauges and vane are latched; while nothing
+is wrong the demands are exactly those of the controller. Structures of this kind are the usual answers to the benchmark
+of Odgaard, Stoustrup and Kinnaert (IEEE Trans. Control Syst. Technol. 21 (2013) 1168): redundancy, models of drives,
+reconfiguration.
 """
 
 from __future__ import annotations
@@ -63,8 +66,10 @@ _LEAST_TORQUE = 0.1
 """Torque over rated from which on power over torque is a measurement of the speed [-]."""
 _FASTER = 1.5
 """Change of a pitch reading that no drive makes, over that at the greatest rate [-]."""
-_SLOW = 5.0
-"""Time constant of the slow mean of the flapwise moments [s]."""
+_CYCLIC = 1.5
+"""Time constant of the estimate of tilt and yaw of the flapwise moments [s]."""
+_LEAST_GAUGES = 2
+"""From which tilt and yaw of the moments follow."""
 _ROUNDING = 1e-9
 
 
@@ -135,7 +140,7 @@ class FaultSupervisor(Combined):
         self._moments = tuple(f"root_flap_moment_{b}" for b in blades)
         self._pitches = tuple(f"pitch_{b}" for b in blades)
         self._lags = [LowPass(parameters.pitch_lag) for _ in blades]
-        self._slow, self.share = LowPass(_SLOW), 1.0
+        self.share = 1.0
         self._forget([0.0] * parameters.n_blades, [0.0] * parameters.n_blades, 0.0)
 
     @classmethod
@@ -191,16 +196,9 @@ class FaultSupervisor(Combined):
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the signals that any part reads, and of those that are watched."""
-        watched = (
-            "rotor_speed",
-            "generator_speed",
-            "generator_torque",
-            "generator_power",
-            "yaw_error",
-            "wind_x",
-            "wind_y",
-        )
-        return tuple(dict.fromkeys((*super().channels, *watched, *self._pitches, *self._moments)))
+        watched = ("rotor_speed", "generator_speed", "generator_torque", "generator_power", "yaw_error", "azimuth")
+        others = ("wind_x", "wind_y", *self._pitches, *self._moments)
+        return tuple(dict.fromkeys((*super().channels, *watched, *others)))
 
     @property
     def alarms(self) -> tuple[str, ...]:
@@ -214,7 +212,7 @@ class FaultSupervisor(Combined):
         self._demand, self._command, self._pitch = list(pitch), list(pitch), list(pitch)
         self._off_for = [0.0] * n
         self._moment, self._same_for, self._shift = list(moments), [0.0] * n, [0.0] * n
-        self._slow.reset(sum(moments) / n)
+        self._tilt = self._yaw = 0.0
         self._flags = {name: [False] * n for name in ("drive", "encoder", "gauge", "gauge_shift")}
         self._vane, self._wind, self._vane_same_for, self._vane_bad = vane, math.nan, 0.0, False
         self._speeds_bad = {"rotor_speed": False, "generator_speed": False}
@@ -244,7 +242,7 @@ class FaultSupervisor(Combined):
             off = zip(self._flags["drive"], self._deviation(signals), strict=True)
             supervisor.stopped = supervisor.stopped or any(bad and d > p.stop_deviation for bad, d in off)
         demand = super().step(read, dt)
-        rests = any(self._flags["drive"]) or any(self._flags["gauge"])
+        rests = any(self._flags["drive"]) or self._flags["gauge"].count(False) < _LEAST_GAUGES
         reach = dt / p.fade_time
         self.share += min(max((0.0 if rests else 1.0) - self.share, -reach), reach)
         if self.share < 1.0 or self._vane_bad:
@@ -280,7 +278,8 @@ class FaultSupervisor(Combined):
     def _moment_repairs(self, signals: Readings, dt: float) -> dict[str, float]:
         """Flapwise moments in the place of those that fail."""
         p, dead, shifted = self.parameters, self._flags["gauge"], self._flags["gauge_shift"]
-        good = []
+        good: list[tuple[float, float, float]] = []
+        turns = self._directions(signals["azimuth"])
         for b, name in enumerate(self._moments):
             now, before = signals[name], self._moment[b]
             self._same_for[b] = self._same_for[b] + dt if now == before else 0.0
@@ -290,16 +289,25 @@ class FaultSupervisor(Combined):
             dead[b] = dead[b] or self._same_for[b] > p.frozen_time - _ROUNDING
             self._moment[b] = now
             if not dead[b]:
-                good.append(now - self._shift[b])
+                good.append((now - self._shift[b], *turns[b]))
+        mean = 0.0
         if good:
-            self._slow.update(sum(good) / len(good), dt)
-        missing = len(dead) - len(good)
-        instead = (len(dead) * self._slow.value - sum(good)) / missing if missing else 0.0
+            mean = sum(moment - self._tilt * cos - self._yaw * sin for moment, cos, sin in good) / len(good)
+            errors = [moment - mean - self._tilt * cos - self._yaw * sin for moment, cos, sin in good]
+            self._tilt += dt / _CYCLIC * sum(e * cos for e, (_, cos, _) in zip(errors, good, strict=True))
+            self._yaw += dt / _CYCLIC * sum(e * sin for e, (_, _, sin) in zip(errors, good, strict=True))
+        instead = [mean + self._tilt * cos + self._yaw * sin for cos, sin in turns]
         return {
-            name: instead if dead[b] else self._moment[b] - self._shift[b]
+            name: instead[b] if dead[b] else self._moment[b] - self._shift[b]
             for b, name in enumerate(self._moments)
             if dead[b] or shifted[b]
         }
+
+    def _directions(self, azimuth: float) -> list[tuple[float, float]]:
+        """Cosine and sine of the azimuth of each blade."""
+        n = self.parameters.n_blades
+        angles = [azimuth + 2.0 * math.pi * b / n for b in range(n)]
+        return [(math.cos(angle), math.sin(angle)) for angle in angles]
 
     def _pitch_repairs(self, signals: Readings, dt: float) -> dict[str, float]:
         """Compare each pitch with the model of its drive; what stands for the readings of encoders that fail."""

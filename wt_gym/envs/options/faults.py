@@ -31,7 +31,7 @@ class FaultOptions(OptionGroup):
 
     kinds: Sequence[str] | None = option(
         "str or sequence of str, optional",
-        f'Kinds of faults, of which each episode draws one: {", ".join(FAULT_KINDS)}; "all" of them; and '
+        f'Kinds of faults; each episode draws one of them: {", ".join(FAULT_KINDS)}; "all" of them; and '
         f"{', '.join(GRID_KINDS)}. None: nothing breaks",
         default=None,
         flat="fault_kinds",
