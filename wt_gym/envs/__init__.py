@@ -19,6 +19,7 @@ from wt_gym.envs.rewards import (
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.variation import Variation
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
+from wt_gym.envs.vector_reward import VectorReward
 
 __all__ = [
     "EVALUATION_WIND_SEEDS",
@@ -38,6 +39,7 @@ __all__ = [
     "TowerSideSideFatigue",
     "Transition",
     "Variation",
+    "VectorReward",
     "WindTurbineEnv",
     "WindTurbineVectorEnv",
     "layout_of",
