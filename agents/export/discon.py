@@ -173,6 +173,9 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
         "reads a checkpoint: the file that is named in place of the parameter file, as by OpenFAST, else "
         "`OUTNAME.MILLISECONDS.checkpoint`.",
     ]  # fmt: skip
+    if "dial" in parts.groups:
+        lines += ["", f"The agent keeps to the factors on fatigue, power and travel of `dial` in `{parameters}`; their "
+                  "ratios count."]  # fmt: skip
     if parts.lidar is not None:
         lines += _lidar_page(parts, library)
     if held:

@@ -9,6 +9,7 @@ learned latent state do likewise (Hafner et al., arXiv:1912.01603); here the mod
 from __future__ import annotations
 
 import json
+import math
 import time
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -163,16 +164,20 @@ def pretrain(
 
     check = check or (lambda: None)
     work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say, check)
+    names, dials = plain.layout.observation.names, plain.dials
+    dial_at = [] if dials is None else [names.index(f"dial_{name}") for name in DIAL_NAMES]
     with torch.no_grad():
         policy.action_net.weight.zero_()
         policy.action_net.bias.zero_()
+        if isinstance(plain.options.dial.weights, str):
+            # few of many inputs: as strong together as the others, so that they bend the policy from the start
+            size = math.sqrt((len(names) - len(dial_at)) / len(dial_at))
+            policy.mlp_extractor.policy_net[0].weight[:, dial_at] *= size
     (plants, explained, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
     high = plain.operation.action.pitch_high
     limits = Limits(float(high[0]), float(high[1]), plain.options.controller.residual_washout)
     torch.manual_seed(seed)
     rng, rounds = np.random.default_rng(seed), []
-    names, dials = plain.layout.observation.names, plain.dials
-    dial_at = [] if dials is None else [names.index(f"dial_{name}") for name in DIAL_NAMES]
     for number in range(options.rounds):
         began = time.monotonic()
         recorded = first

@@ -2,6 +2,7 @@
 
 import copy
 import math
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -9,9 +10,12 @@ import pytest
 from gymnasium.error import ResetNeeded
 from scripted_simulator import ScriptedSimulator, use
 
+import wt_gym.agents
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.export.flight import fly
 from wt_gym.agents.export.openfast_folder import Scene
+from wt_gym.agents.trained_agent import TrainedAgent
+from wt_gym.agents.trained_environment import trained_arguments
 from wt_gym.envs import VectorReward, reward_store
 from wt_gym.envs.costs import Costs, violated
 from wt_gym.envs.dial import factor_of
@@ -172,6 +176,41 @@ def test_a_relative_reward_needs_one_record_for_all_dials(tmp_path, monkeypatch)
     for _ in range(5):
         assert resting.step(np.zeros(3, dtype=np.float32))[1] == 0.0
     reward_store._courses.clear()
+
+
+SHIPPED = Path(wt_gym.agents.__file__).parent / "trained" / "dial_on_linear_optimal"
+
+
+def shipped(rows, seconds):
+    """Offsets of the shipped agent [rad], travel of a blade [rad] and its environment, in a held-out wind."""
+    agent = TrainedAgent.load(SHIPPED)
+    arguments = trained_arguments(agent.record) | {"relative_reward": False, "start": "steady", "dial_weights": rows}
+    env = WindTurbineEnv(**arguments)
+    observation, _ = env.reset(seed=0, options={"wind_speed": 17.0, "wind_seed": 1001, "azimuth": 0.0})
+    offsets, travel = [np.array(env.setpoint.pitch)], 0.0
+    for _ in range(round(seconds / env.control_dt)):
+        observation, _, terminated, _, _ = env.step(agent.predict(observation)[0])
+        assert not terminated
+        offsets.append(np.array(env.setpoint.pitch))
+        travel += float(env.signals["pitch_travel"][0])
+    return np.array(offsets), travel, env
+
+
+def test_pitch_does_not_jump_where_the_dial_does():
+    """Offsets move at no more than their greatest rate, before, at and after a change between the ends of the range."""
+    rows = [[0.0, 4.0, 1.0, 0.25], [8.0, 0.25, 1.0, 4.0], [12.0, 4.0, 1.0, 0.25]]
+    offsets, _, env = shipped(rows, 16.0)
+    steps = np.abs(np.diff(offsets, axis=0))
+    most = env.options.actions.spans["pitch_rate"] * env.control_dt
+    assert steps[:, 0].max() <= most * (1.0 + 1e-9)
+    assert np.hypot(steps[:, 1], steps[:, 2]).max() <= math.sqrt(2.0) * most * (1.0 + 1e-9)
+    change = round(8.0 / env.control_dt)
+    assert steps[change : change + 5].max() > 1e-6  # it acts
+
+
+def test_the_shipped_agent_travels_less_where_travel_counts_more():
+    much, little = (shipped({"travel": factor}, 40.0)[1] for factor in (0.25, 4.0))
+    assert little < 0.9 * much
 
 
 def test_flights_need_a_constant_dial(tmp_path):

@@ -16,6 +16,7 @@ from wt_gym.envs.rewards import (
     TowerSideSideFatigue,
     Transition,
 )
+from wt_gym.envs.safety_filter import SafetyFilter
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.variation import Variation
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
@@ -33,6 +34,7 @@ __all__ = [
     "Overspeed",
     "Power",
     "RewardTerm",
+    "SafetyFilter",
     "TipDeflection",
     "TowerForeAftFatigue",
     "TowerLoad",
