@@ -70,47 +70,75 @@ def measured(agent: str, weights: dict[str, float]) -> list[dict[str, float]]:
     return [{name: float(f"{run.metrics[name]:.6g}") for name in sorted(kept)} for run in runs]
 
 
+def forecast(folder: Path, name: str | None = None) -> dict[str, list[float]]:
+    """Parts of the cost that a pretraining forecast in its held-out winds, by setting."""
+    from wt_gym.agents.trained_agent import TrainedAgent
+
+    front = TrainedAgent.load(folder).record["pretraining"]["front"]
+    return front if name is None else {name: front["own"]}
+
+
 def run(out: Path, dial: Path) -> None:
     """Measure all policies and keep the record."""
     from wt_gym.files import write_text_whole
 
+    folders = {name: out / name.replace(" ", "_") for name in SETTINGS}
+    single = [forecast(folder, name) for name, folder in folders.items()]
     record = {
         "winds": [list(wind) for wind in WINDS], "duration": DURATION, "skip": SKIP,
+        "forecast": {"dial": forecast(dial), "single": {name: row for one in single for name, row in one.items()}},
         "base": measured(BASE, {}),
         "dial": {name: measured(str(dial), weights) for name, weights in TURNED.items()},
-        "single": {name: measured(str(out / name.replace(" ", "_")), weights) for name, weights in SETTINGS.items()},
+        "single": {name: measured(str(folders[name]), weights) for name, weights in SETTINGS.items()},
     }  # fmt: skip
+    write_text_whole(RECORD, text_of(record))
+
+
+def text_of(record: dict) -> str:
+    """JSON, a line an entry."""
     lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in record.items())
-    write_text_whole(RECORD, f"{{\n{lines}\n}}\n")
+    return f"{{\n{lines}\n}}\n"
 
 
-def points(record: dict, kind: str) -> dict[str, np.ndarray]:
-    """Mean parts of the cost over the winds, per cent, by setting."""
+def measured_parts(record: dict, kind: str) -> dict[str, np.ndarray]:
+    """Mean parts of the cost over the winds of the simulator, by setting."""
     return {
-        name: 100.0 * np.mean([cost_parts(m, b) for m, b in zip(rows, record["base"], strict=True)], axis=0)
+        name: np.mean([cost_parts(m, b) for m, b in zip(rows, record["base"], strict=True)], axis=0)
         for name, rows in record[kind].items()
     }
 
 
+def shares(dial: dict, single: dict) -> tuple[float, str]:
+    """Hypervolume of the one policy over that of the five, and rows of their parts in per cent."""
+    one, several = (np.array([points[name] for name in SETTINGS]) for points in (dial, single))
+    reference = nadir(np.vstack([one, several]))
+    rows = [
+        f"| {name} | "
+        + " | ".join(f"{100 * a:+.2f} % | {100 * b:+.2f} %" for a, b in zip(mine, own, strict=True))
+        + " |"
+        for name, mine, own in zip(SETTINGS, one, several, strict=True)
+    ]
+    return hypervolume(one, reference) / hypervolume(several, reference), "\n".join(rows)
+
+
 def tables(record: dict) -> str:
     """Markdown: parts by setting of both kinds of policies, the hypervolumes, and each part over its own factor."""
-    dial, single = points(record, "dial"), points(record, "single")
+    head = "| factors | " + " | ".join(f"{part}, one policy | {part}, own policy" for part in PARTS) + " |"
+    forecast_dial = record["forecast"]["dial"]
+    of_model, rows = shares(forecast_dial, record["forecast"]["single"])
+    simulated = measured_parts(record, "dial")
+    of_simulator, _ = shares(simulated, measured_parts(record, "single"))
     lines = [
-        "| setting | " + " | ".join(f"{part}, one policy | {part}, own policy" for part in PARTS) + " |",
-        "|---" * (1 + 2 * len(PARTS)) + "|",
-    ]
-    for name in SETTINGS:
-        cells = [f"{dial[name][k]:+.2f} % | {single[name][k]:+.2f} %" for k in range(len(PARTS))]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    one, several = np.array([dial[name] for name in SETTINGS]), np.array(list(single.values()))
-    reference = nadir(np.vstack([one, several]))
-    share = hypervolume(one, reference) / hypervolume(several, reference)
-    lines += ["", f"Hypervolume of the one policy over that of the five: {100.0 * share:.0f} %.", ""]
-    lines += ["| part of the cost | factor at a quarter | equal | at four times |", "|---|---|---|---|"]
+        head, "|---" * (1 + 2 * len(PARTS)) + "|", rows, "",
+        f"Hypervolume of the one policy over that of the five: {100.0 * of_model:.0f} % on the model, "
+        f"{100.0 * of_simulator:.0f} % in the simulator.", "",
+        "| part of the cost | where | factor at a quarter | equal | at four times |", "|---|---|---|---|---|",
+    ]  # fmt: skip
     for k, name in enumerate(PARTS):
-        cells = [f"{dial[setting][k]:+.2f} %" for setting in (f"little {name}", "equal", name)]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines).replace("-", "−").replace("|−−−", "|---")
+        for where, points in (("model", forecast_dial), ("simulator", simulated)):
+            cells = [f"{100.0 * points[setting][k]:+.2f} %" for setting in (f"little {name}", "equal", name)]
+            lines.append(f"| {name} | {where} | " + " | ".join(cells) + " |")
+    return "\n".join(line if line.startswith("|---") else line.replace("-", "−") for line in lines)
 
 
 def main() -> None:

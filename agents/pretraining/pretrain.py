@@ -18,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 import torch
 
+from wt_gym.agents.dial_front import TURNED
 from wt_gym.agents.export.network import network_of
 from wt_gym.agents.linear_design.identification import explained_share, identify
 from wt_gym.agents.linear_design.recording import Excitation
@@ -39,12 +40,13 @@ from wt_gym.agents.pretraining.objective import (
 )
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
+from wt_gym.envs.dial import scaled
 from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -54,7 +56,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.runs.executors import Executor
 
-__all__ = ["Round", "pretrain"]
+__all__ = ["Round", "forecast_front", "pretrain"]
 
 _MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
 _JUDGED = 4
@@ -198,11 +200,52 @@ def pretrain(
             f"recorded, {100 * rounds[-1].forecast:+.2f} % forecast"
         )
     env.close()
-    return {
+    record = {
         "options": asdict(options),
         "explained": {f"{speed:g} m/s": shares for speed, shares in explained.items()},
         "rounds": [asdict(one) for one in rounds],
     }
+    if dials is not None and rounds:
+        drawn = isinstance(plain.options.dial.weights, str)
+        record["front"] = forecast_front(actor, made[: options.held_out], TURNED if drawn else None)
+    return record
+
+
+def forecast_front(
+    actor: Callable[[torch.Tensor], torch.Tensor],
+    held_out: Sequence[LinearizedEpisode],
+    settings: Mapping[str, Mapping[str, float]] | None,
+) -> dict[str, list[float]]:
+    """Parts of the lifetime cost that a policy is forecast to have, less those of the base controller alone.
+
+    Parameters
+    ----------
+    actor : callable
+        Actions of observations.
+    held_out : sequence of LinearizedEpisode
+    settings : mapping of str to mapping, optional
+        Factors of the dial by name of a setting; None: those of the recordings, called "own".
+
+    Returns
+    -------
+    dict of list
+        Fatigue, power and travel by setting, means over the episodes.
+    """
+    alone = np.eye(len(DIAL_NAMES)).tolist()
+
+    def parts(one: LinearizedEpisode, offsets: torch.Tensor) -> list[float]:
+        return [float(one.cost(offsets, dial=tuple(unit))) for unit in alone]
+
+    dials = {"own": None} if settings is None else {
+        name: scaled(chosen.get(of, 1.0) for of in DIAL_NAMES) for name, chosen in settings.items()
+    }  # fmt: skip
+    with torch.no_grad():
+        base = np.array([parts(one, torch.zeros(3, one.steps)) for one in held_out])
+        found = {
+            name: np.mean([parts(one, one.offsets(actor, dial=dial)) for one in held_out] - base, axis=0)
+            for name, dial in dials.items()
+        }
+    return {name: [float(f"{value:.4g}") for value in values] for name, values in found.items()}
 
 
 def _before_any_policy(

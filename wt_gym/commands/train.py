@@ -5,7 +5,7 @@
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
     wt-gym train --engine ray --address ray-head:6379 --n-envs 64 --out runs/rllib
     wt-gym train --pretrain --out runs/pretrained
-    wt-gym train --budget pitch_travel=600 rotor_speed=1.1 --out runs/budget
+    wt-gym train --budget pitch_travel=1200 rotor_speed=1.1 --out runs/budget
     wt-gym train --resume runs/ppo --steps 500000
     wt-gym train --config mine.yml --resume-if-exists
 
