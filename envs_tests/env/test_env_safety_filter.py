@@ -31,7 +31,7 @@ def fastest(env, action=PUSHED, steps=60):
 
 def test_an_agent_that_runs_the_rotor_up_is_held_within_the_limit():
     free, *_ = fastest(WindTurbineEnv(**LIMITED))
-    env = SafetyFilter(WindTurbineEnv(**LIMITED), horizon=4.0)
+    env = SafetyFilter(WindTurbineEnv(**LIMITED), horizon=6.0, watch=0.1)
     held, _, told = fastest(env)
     assert free > LIMIT + 0.005
     assert held <= LIMIT
