@@ -242,9 +242,9 @@ STUDIES: dict[str, Study] = {
     "Dial": Study(
         "Dial",
         ("discon", RANDOM, "linear_optimal", f"{_TRAINED}dial_on_linear_optimal"),
-        (Part(_winds((14.0, 18.0), 1), arguments={"start": "steady"}),),
+        (Part(_winds((14.0, 18.0), 2), arguments={"start": "steady"}),),
         _LOADS,
-        duration=150.0,
+        duration=90.0,
     ),
 }  # fmt: skip
 """What the pages of the tasks show, by the name of the table."""
