@@ -63,7 +63,9 @@ def nadir(points: NDArray[np.float64], margin: float = 0.1) -> NDArray[np.float6
     margin : float
     """
     worst: NDArray[np.float64] = points.max(axis=0)
-    return worst + margin * (worst - points.min(axis=0))
+    best: NDArray[np.float64] = points.min(axis=0)
+    found: NDArray[np.float64] = worst + margin * (worst - best)
+    return found
 
 
 def hypervolume(points: NDArray[np.float64] | Sequence[Sequence[float]], reference: NDArray[np.float64]) -> float:
