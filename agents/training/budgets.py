@@ -6,8 +6,8 @@ With the cost c_i of a step over what its budget allows and a multiplier u_i, PP
 
 so that rewards keep their size (Stooke, Achiam, Abbeel, ICML 2020, arXiv:2007.03964). After each rollout the multiplier
 moves by its mean cost J_i: u_i <- max(0, u_i + rate (J_i - 1) / (J_i + 1)), a bounded step that is zero where the
-budget is just used up. One value function learns the sum, as in reward-constrained policy optimization (Tessler,
-Mankowitz, Mannor, ICLR 2019, arXiv:1805.11074): the multipliers change more slowly than it learns.
+budget is just used up. One value function learns the sum, as in reward-constrained policy optimization (Tessler et
+al., ICLR 2019, arXiv:1805.11074): the multipliers change more slowly than it learns.
 """
 
 from __future__ import annotations
