@@ -218,7 +218,7 @@ def test_the_dial_of_a_library_is_a_parameter_of_its_file(tmp_path):
 
 
 @pytest.mark.parametrize("duration", [20.0, pytest.param(600.0, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["load_reduction", "load_reduction_on_ipc", "load_reduction_on_lidar"])
+@pytest.mark.parametrize("name", ["load_reduction", "load_reduction_on_tuned_lidar"])
 def test_a_shipped_agent_with_held_channels_does_too(name, duration, tmp_path):
     agent = TrainedAgent.load(TRAINED / name)
     made = export_discon(str(TRAINED / name), tmp_path, hold_missing=True)
@@ -226,8 +226,7 @@ def test_a_shipped_agent_with_held_channels_does_too(name, duration, tmp_path):
     page = Path(made["files"][3]).read_text(encoding="utf-8")
     base = {
         "load_reduction": "discon",
-        "load_reduction_on_ipc": "constrained_ipc+tower_dampers",
-        "load_reduction_on_lidar": "lidar+constrained_ipc+tower_dampers",
+        "load_reduction_on_tuned_lidar": "tuned_lidar:constrained_ipc__level=0.1",
     }[name]
     assert page.startswith(f"# The agent {name} on the controller {base}, NREL 5-MW")
     assert "does not have tip_out_of_plane_mean" in page
