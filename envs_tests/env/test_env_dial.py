@@ -12,10 +12,14 @@ from scripted_simulator import ScriptedSimulator, use
 
 import wt_gym.agents
 from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.export.flight import fly
 from wt_gym.agents.export.openfast_folder import Scene
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.agents.trained_environment import trained_arguments
+from wt_gym.agents.uniform import UniformAgent
+from wt_gym.analysis.results import Wind
+from wt_gym.analysis.summary import results_table
 from wt_gym.envs import VectorReward, reward_store
 from wt_gym.envs.costs import Costs, violated
 from wt_gym.envs.dial import factor_of
@@ -198,16 +202,17 @@ def shipped(rows, seconds):
 
 def test_pitch_does_not_jump_where_the_dial_does():
     """Offsets move at no more than their greatest rate, before, at and after a change between the ends of the range."""
-    rows = [[0.0, 4.0, 1.0, 0.25], [8.0, 0.25, 1.0, 4.0], [12.0, 4.0, 1.0, 0.25]]
-    offsets, _, env = shipped(rows, 16.0)
+    rows = [[0.0, 4.0, 1.0, 0.25], [4.0, 0.25, 1.0, 4.0], [6.0, 4.0, 1.0, 0.25]]
+    offsets, _, env = shipped(rows, 8.0)
     steps = np.abs(np.diff(offsets, axis=0))
     most = env.options.actions.spans["pitch_rate"] * env.control_dt
     assert steps[:, 0].max() <= most * (1.0 + 1e-9)
     assert np.hypot(steps[:, 1], steps[:, 2]).max() <= math.sqrt(2.0) * most * (1.0 + 1e-9)
-    change = round(8.0 / env.control_dt)
+    change = round(4.0 / env.control_dt)
     assert steps[change : change + 5].max() > 1e-6  # it acts
 
 
+@pytest.mark.slow
 def test_the_shipped_agent_travels_less_where_travel_counts_more():
     much, little = (shipped({"travel": factor}, 40.0)[1] for factor in (0.25, 4.0))
     assert little < 0.9 * much
@@ -329,6 +334,23 @@ def test_a_run_has_the_sum_of_each_cost():
     assert found.steps == 40
     assert found.costs == {"pitch_travel": found.cost}
     assert math.isfinite(found.cost)
+
+
+def test_an_evaluation_counts_the_runs_beyond_a_limit():
+    """One agent moves the blades, one does not; without limits there is nothing to count."""
+    arguments = STEADY | {"observation": ["rotor"]}
+    del arguments["episode_length"]
+    config = EvaluationConfig(
+        "wt_gym/NREL5MW-Steady-v1", arguments | {"cost_limits": {"pitch_travel": 800.0}}, (Wind(15.0),), 4.0, 0.0
+    )
+    layout = WindTurbineEnv(**STEADY | {"observation": ["rotor"]}).layout
+    agents = {"resting": ConstantAgent(layout), "moving": UniformAgent(layout, seed=0)}
+    found = evaluate(agents, config, progress=False)
+    shares = {run.agent: run.metrics["limits_violated"] for run in found.runs}
+    assert shares == {"resting": 0.0, "moving": 1.0}
+    head, _, resting, moving, *_ = results_table(found)
+    place = [cell.strip() for cell in head.split("|")].index("beyond a limit")
+    assert [line.split("|")[place].strip() for line in (resting, moving)] == ["0.0 %", "+100.0 %"]
 
 
 @pytest.mark.parametrize(
