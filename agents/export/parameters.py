@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from wt_gym.agents.export.controller_parts import LONGEST_LIDAR_DELAY
+from wt_gym.envs.options.dial import LEAST_FACTOR, MOST_FACTOR
 
 __all__ = ["PARAMETERS", "Entry", "parameter_file"]
 
@@ -154,6 +155,8 @@ PARAMETERS = (
     Entry("yaw_slow_time", "s", "time constant at rest", "yaw", 0.0),
     Entry("yaw_fast_time", "s", "time constant while turning", "yaw", 0.0),
     Entry("agent", "-", "1: the agent acts; 0: the controller alone", "agent", 0.0, 1.0),
+    Entry("dial", "-", "factors on the weights of fatigue, power and travel for the agent; their ratios count",
+          "dial", LEAST_FACTOR, MOST_FACTOR),
     Entry("offset_pitch_limit", "rad", "greatest residual pitch, by coordinate", "agent", 0.0, math.pi),
     Entry("offset_pitch_rate", "rad/s", "greatest rate of residual pitch", "agent", 1e-9),
     Entry("offset_torque_limit", "N m", "greatest residual torque", "agent", 0.0),

@@ -72,6 +72,10 @@ AGENTS = {
         "pitch": "collective", "action_components": ["pitch"], "controller": "discon", "history": 2,
         "observation": ["rotor", "lidar"], "lidar": Lidar((80.0, 150.0), 0.3, 5),
     }),
+    "dial": ("PPO", torch.nn.Tanh, {
+        "pitch": "fixed-frame", "action_components": ["pitch"], "controller": "discon",
+        "observation": ["rotor", "offsets", "dial"], "dial_weights": {"fatigue": 3.0, "travel": 0.5},
+    }),
     "yaw": ("PPO", torch.nn.Tanh, {
         "action_components": ["yaw"], "controller": "discon+yaw",
         "observation": ["rotor", "wind", "previous_action", "dead_band"],
@@ -195,6 +199,22 @@ def test_an_agent_demands_what_it_demands_in_its_environment(kind, tmp_path):
     pitch, yaw_rate, torque, offset = fly_both(env, agent, *files[1:3], 9.0)
     assert max(pitch, yaw_rate, torque) < 1e-6
     assert offset > 1e-3
+
+
+def test_the_dial_of_a_library_is_a_parameter_of_its_file(tmp_path):
+    """An agent that was trained with drawn factors keeps to equal ones until the file says others."""
+    path, agent, env = untrained(tmp_path, "dial")
+    card = path.with_suffix(".json")
+    told = json.loads(card.read_text(encoding="utf-8"))
+    told["env_kwargs"]["dial_weights"] = "log_uniform"
+    card.write_text(json.dumps(told), encoding="utf-8")
+    library, parameters = (Path(file) for file in export_discon(str(path), tmp_path / "exported")["files"][1:3])
+    line = next(one for one in parameters.read_text(encoding="utf-8").splitlines() if one.startswith("dial ="))
+    assert line.startswith("dial = 1.0 1.0 1.0  # -, factors on the weights of fatigue, power and travel")
+    assert max(fly_both(env, agent, library, parameters, 3.0)[:3]) > 1e-5  # the environment has others
+    turned = parameters.read_text(encoding="utf-8").replace(line, "dial = 6 2 1")
+    parameters.write_text(turned, encoding="utf-8")
+    assert max(fly_both(env, agent, library, parameters, 3.0)[:3]) < 1e-6
 
 
 @pytest.mark.parametrize("duration", [20.0, pytest.param(600.0, marks=pytest.mark.slow)])

@@ -99,7 +99,9 @@ def straight(name, controller=None):
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n.startswith("IEA") else n for n in TASKS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n.startswith(("IEA", "Dial")) else n for n in TASKS]
+)
 def test_a_turned_world_is_the_same_task(name, angle):
     assert_same(straight(name), play(task_env(name), {"yaw": math.radians(angle)}))
 

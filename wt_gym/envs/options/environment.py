@@ -16,6 +16,7 @@ import gymnasium as gym
 from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
+from wt_gym.envs.options.dial import DialOptions
 from wt_gym.envs.options.grid import GridOptions
 from wt_gym.envs.options.group import Described, OptionGroup, described, option, option_group, plain_value, section
 from wt_gym.envs.options.limits import LimitOptions
@@ -63,6 +64,7 @@ GROUPS: dict[str, type[OptionGroup]] = {
         LimitOptions,
         ControllerOptions,
         GridOptions,
+        DialOptions,
         Variation,
     )
 }
@@ -137,6 +139,7 @@ class EnvOptions(OptionGroup):
     limits: LimitOptions = LimitOptions()
     controller: ControllerOptions = ControllerOptions()
     grid: GridOptions = GridOptions()
+    dial: DialOptions = DialOptions()
     variation: Variation = Variation()
 
     def check(self) -> None:
@@ -166,6 +169,9 @@ class EnvOptions(OptionGroup):
         if self.grid.reference is None and (alone := [name for name in self.grid.given if name != "reference"]):
             names = ", ".join(f"power_reference_{name}" for name in alone)
             raise ValueError(f"{names} must be left out, or given with a power_reference: nothing is asked for")
+        if self.dial.weights is None and (alone := [name for name in self.dial.given if name != "weights"]):
+            names = ", ".join(f"dial_{name}" for name in alone)
+            raise ValueError(f"{names} must be left out, or given with dial_weights: there is no dial")
 
     @property
     def given(self) -> dict[str, Any]:
