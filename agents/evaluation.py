@@ -21,6 +21,7 @@ from wt_gym.agents.training_notes import training_notes
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.results import Evaluation, Run, Wind
+from wt_gym.envs.costs import violated
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.files import json_values
@@ -188,11 +189,15 @@ def _run(pool: AgentPool, job: tuple[str, Wind], config: EvaluationConfig, line:
     found = play(env, agent, seed=config.seed_in(asked), options=options, replay=replay, on_step=shown)
     wind = actual_wind(turbine_env, asked, config.winds)
     seed = int(turbine_env.episode_wind.wind_seed)
+    metrics = _metrics(found.after_start, turbine_env.turbine, config.skip, found.time)
+    if metrics and turbine_env.options.limits.costs is not None:
+        beyond = violated({name: cost / found.steps for name, cost in found.costs.items()})
+        metrics["limits_violated"] = float(bool(beyond))
     return Run(
         agent=name,
         wind=wind,
         data=found.data.assign_attrs(agent=name, wind_speed=wind.speed, wind_seed=seed),
-        metrics=_metrics(found.after_start, turbine_env.turbine, config.skip, found.time),
+        metrics=metrics,
         episode_return=found.episode_return,
         reward_terms=found.reward_terms,
         planned_duration=config.duration,

@@ -73,6 +73,7 @@ _SCORED = {
     "IEA22MW-LoadReduction": 0,
     "FullOperation": 0,
     "PowerTracking": 0,
+    "Dial": 0,
     "Faults": 0,
 }
 """Version of the id in which the studies of a task run: it changes together with the record."""
@@ -239,6 +240,13 @@ STUDIES: dict[str, Study] = {
          Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
          _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
         duration=150.0,
+    ),
+    "Dial": Study(
+        "Dial",
+        ("discon", RANDOM, "linear_optimal", f"{_TRAINED}dial_on_linear_optimal"),
+        (Part(_winds((14.0, 18.0), 2), arguments={"start": "steady"}),),
+        _LOADS,
+        duration=90.0,
     ),
     "Faults": Study(
         "Faults",

@@ -18,6 +18,7 @@ import wt_gym
 from wt_gym.agents.pretraining.options import PretrainingOptions
 from wt_gym.agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, RECORD_FILE, TrainedAgent
 from wt_gym.agents.trained_environment import resolved_arguments, with_pay
+from wt_gym.agents.training.budgets import BudgetUpdates, budgeted_of
 from wt_gym.agents.training.callbacks import Checkpoints, Evaluations, Watch, stop_on_signals
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.environments import make_training_env
@@ -198,6 +199,8 @@ class _Session:
         evaluated = _entry(before, "evaluation", dict, None) or {}
         self._evaluation_seconds = _entry(evaluated, "seconds", float, 0.0)
         self._pretraining = before.get("pretraining")
+        budgeted = budgeted_of(venv)
+        self._budgets = None if budgeted is None else BudgetUpdates(budgeted, before.get("budgets"))
         self._evaluation = self._evaluations = None
         if config.eval_every:
             self._evaluation = SelectionEvaluation(config, self._wind, evaluated)
@@ -244,6 +247,8 @@ class _Session:
         with stop_on_signals() if stop is None else nullcontext(stop) as self._stop, self._logger():
             self._watch = Watch(config, self._layout.control_dt, self._curve, self._stop, progress)
             callbacks = [self._watch, *self._learner.figures]
+            if self._budgets is not None:
+                callbacks.append(self._budgets)
             if self._evaluations is not None:
                 callbacks.append(self._evaluations)
             callbacks.append(Checkpoints(config.checkpoint_steps, config.checkpoint_minutes, self._checkpoint))
@@ -314,6 +319,7 @@ class _Session:
             "config": config.to_json(),
             "environment": resolved_arguments(config.env_id, config.env_kwargs),
             "pretraining": self._pretraining,
+            "budgets": None if self._budgets is None else self._budgets.record(config.budgets or {}),
             "curve": self._curve,
             "evaluation": self._evaluation_record(),
             "sessions": [*self._sessions, session],

@@ -2,7 +2,7 @@
 """Time of one call of exported controllers, in a C program that hands over changing readings.
 
     scripts/bench_export.py                                   # discon, all parts, and a shipped agent
-    scripts/bench_export.py tuned agents/trained/load_reduction_on_ipc
+    scripts/bench_export.py tuned agents/trained/load_reduction_on_linear_optimal
 
 Every call is a step of the controller; of an agent every second one is a step of its policy too.
 """
@@ -19,7 +19,7 @@ DEFAULT = (
     "discon",
     "tsr_tracking+constrained_ipc+tower_dampers+yaw",
     "linear_optimal",
-    str(ROOT / "agents/trained/load_reduction_on_ipc"),
+    str(ROOT / "agents/trained/load_reduction_on_linear_optimal"),
 )
 PROGRAM = r"""
 #include <time.h>

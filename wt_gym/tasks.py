@@ -261,6 +261,22 @@ TASKS = {
             },
         ),
         Task(
+            "Dial",
+            "Load reduction whose weights of fatigue, power and travel change within an episode and are observed: one "
+            "policy for every compromise.",
+            "hypervolume of fatigue, power and pitch travel against policies for single weights; monotone in each",
+            60.0,
+            {
+                **_LOAD_REDUCTION,
+                **_ABOVE_RATED,
+                "wind_speed": (12.0, 20.0),
+                "observation": ("measurable", "dial"),
+                "dial_weights": "log_uniform",
+                # with all of the dial on fatigue the worst second costs 11, and the discount looks 20 s ahead
+                "termination_penalty": 250.0,
+            },
+        ),
+        Task(
             "Faults",
             "Less blade fatigue while drives, sensors and blades fail: detect what is broken, keep what can be kept, "
             "and fall back.",

@@ -45,6 +45,8 @@ def check_settings(config: TrainingConfig) -> None:
     """
     if config.algorithm not in _ALGORITHMS:
         raise ValueError(f"with Ray the algorithm must be one of {', '.join(_ALGORITHMS)}, got {config.algorithm!r}")
+    if config.budgets:
+        raise ValueError(f"with Ray budgets must be left out, got {config.budgets!r}")
     values, unknown = config.resolved, _UNKNOWN[config.algorithm]
     for name, value in values.items():
         if name in unknown and value not in unknown[name]:

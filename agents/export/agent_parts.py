@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from wt_gym.control import NacelleAnemometer
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.optimal.measured import OUTPUTS
+from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.rewards import available_power
 
 if TYPE_CHECKING:
@@ -74,7 +76,7 @@ _FIXED_FRAME = {
 }
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "HELD",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "DIAL", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
 
@@ -149,6 +151,8 @@ def _seen(channel: Any, layout: EnvLayout) -> Seen:
         return Seen("LINEAR_PITCH", _LINEAR[parted[1]], channel, LINEAR_READS)
     if parted := re.fullmatch(r"lidar_(\d+)", name):
         return Seen("LIDAR", int(parted[1]) - 1, channel, {"lidar", "nacelle_yaw"})
+    if parted := re.fullmatch(rf"dial_({'|'.join(DIAL_NAMES)})", name):
+        return Seen("DIAL", DIAL_NAMES.index(parted[1]), channel, set())
     if numbered := re.fullmatch(r"(.+)_(\d)", name):
         index = int(numbered[2]) - 1
         if numbered[1] == "pitch_offset":
@@ -209,6 +213,12 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "N_LAYERS": len(network.layers),
         "WIDTH": max(len(layout.observation), *(max(layer.weight.shape) for layer in network.layers)),
     }
+    if any(one.kind == "DIAL" for one in seen):
+        parts.groups.add("dial")
+        parts.constants["WITH_DIAL"] = 1
+        weights = env.options.dial.weights  # of drawn ones an export keeps to equal ones
+        chosen = weights if isinstance(weights, Mapping) else {}
+        parts.values["dial"] = [float(chosen.get(name, 1.0)) for name in DIAL_NAMES]
     parts.constants["PITCH_FORM"] = ("NONE", *forms.values()).index(forms[action.pitch] if n_pitch else "NONE")
     if n_pitch and action.pitch != "collective":
         parts.constants["INDIVIDUAL_BLADES"] = 1

@@ -13,11 +13,14 @@ from wt_gym.agents.export.parameters import parameter_file
 from wt_gym.agents.export.source import c_source, readings
 from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control.controllers import make_controller, parse_name
+from wt_gym.envs.options.dial import checked_dial
 from wt_gym.files import write_text_whole
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from wt_gym.agents.export.agent_parts import Seen
     from wt_gym.agents.export.network import Network
 
@@ -33,6 +36,7 @@ def export_discon(
     target: str | None = None,
     hold_missing: bool = False,
     drive: bool = False,
+    dial: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """Write a controller or a trained agent on its controller as C source, library and parameter file.
 
@@ -51,6 +55,9 @@ def export_discon(
         Whether channels that the interface does not have are held at the middle of their scale.
     drive : bool
         Whether the library has pitch drives and limits the rates, for codes that have none.
+    dial : mapping, optional
+        Constant ``dial_weights`` that an agent with a dial keeps to; by default those of its training where they are
+        constant, else equal ones.
 
     Returns
     -------
@@ -85,6 +92,8 @@ def export_discon(
             f"what is exported must be a trained agent or a controller of {', '.join(SUPPORTED)}, got {choice!r}"
         )
     parts.values["drive"] = float(drive)
+    if dial is not None and "dial" in parts.values:
+        parts.values["dial"] = list(checked_dial(dial).values())
     stem = re.sub(r"\W+", "_", stem)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -165,6 +174,9 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
         "reads a checkpoint: the file that is named in place of the parameter file, as by OpenFAST, else "
         "`OUTNAME.MILLISECONDS.checkpoint`.",
     ]  # fmt: skip
+    if "dial" in parts.groups:
+        lines += ["", f"The agent keeps to the factors on fatigue, power and travel of `dial` in `{parameters}`; their "
+                  "ratios count."]  # fmt: skip
     if parts.lidar is not None:
         lines += _lidar_page(parts, library)
     if held:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -139,7 +140,7 @@ def fly(
     ------
     ValueError, CompilerError
         As of `wt_gym.agents.export.discon.export_discon`; a ValueError where a power is demanded, which OpenFAST does
-        not tell a library.
+        not tell a library, or a dial changes.
     SimulationError
         If a run fails.
     """
@@ -148,9 +149,15 @@ def fly(
             f"power_reference must be left out of a flight, got {shown(reference)}: OpenFAST writes no demanded power "
             "into record 13, so that the library would make full power there while Python follows the reference"
         )
+    dial = flat_arguments(scene.arguments).get("dial_weights")
+    if dial is not None and not isinstance(dial, Mapping):
+        raise ValueError(
+            f"dial_weights must be constant in a flight, as the parameters of a library are, got {shown(dial)}: give "
+            '--env-kwargs \'{"dial_weights": {"fatigue": 1.0}}\''
+        )
     folder, name = Path(folder), parse_name(choice)
     own = name.kind == "trained"
-    where: dict[str, Any] = {} if own else {"turbine": scene.turbine, "interval": scene.step}
+    where: dict[str, Any] = {"dial": dial} if own else {"turbine": scene.turbine, "interval": scene.step}
     exported = export_discon(choice, folder / "wt_gym", hold_missing=hold_missing, **where)
     in_openfast = export_openfast(choice, folder / "openfast", scene, duration=duration, hold_missing=hold_missing)
     primary, held = Path(in_openfast["files"][0]), exported["held"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from wt_gym.agents.trained_environment import training_arguments
 from wt_gym.bridges.openfast import PointLidar, ServedController, write_driver_run
 from wt_gym.control import Lidar
 from wt_gym.control.controllers import parse_name
+from wt_gym.envs.options import flat_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.tasks import DEFAULT_ENV
 
@@ -143,6 +145,8 @@ def export_openfast(
     """
     folder, trained = Path(folder), parse_name(choice).kind == "trained"
     where: dict[str, Any] = {} if trained else {"turbine": scene.turbine, "interval": scene.step}
+    dial = flat_arguments(scene.arguments).get("dial_weights")
+    where |= {"dial": dial} if isinstance(dial, Mapping) else {}
     made = export_discon(choice, folder, drive=True, hold_missing=hold_missing, **where)
     _, library, parameters, page = (Path(file) for file in made["files"])
     lidar = None if made["lidar"] is None else PointLidar.of(Lidar(**made["lidar"]))

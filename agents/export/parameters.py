@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from wt_gym.agents.export.controller_parts import LONGEST_LIDAR_DELAY
+from wt_gym.envs.options.dial import LEAST_FACTOR, MOST_FACTOR
 
 __all__ = ["PARAMETERS", "Entry", "parameter_file"]
 
@@ -164,6 +165,8 @@ PARAMETERS = (
     Entry("guard_efficiency", "-", "electrical power over that on the shaft of the generator", "guard", 1e-6, 1.0),
     Entry("guard_least_torque", "N m", "torque from which on power over torque is a speed", "guard", 0.0),
     Entry("agent", "-", "1: the agent acts; 0: the controller alone", "agent", 0.0, 1.0),
+    Entry("dial", "-", "factors on the weights of fatigue, power and travel for the agent; their ratios count",
+          "dial", LEAST_FACTOR, MOST_FACTOR),
     Entry("offset_pitch_limit", "rad", "greatest residual pitch, by coordinate", "agent", 0.0, math.pi),
     Entry("offset_pitch_rate", "rad/s", "greatest rate of residual pitch", "agent", 1e-9),
     Entry("offset_torque_limit", "N m", "greatest residual torque", "agent", 0.0),

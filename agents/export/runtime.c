@@ -1074,6 +1074,9 @@ static double observed(const struct parameters *p, const struct state *s, const 
     case SEE_ROTOR_ENERGY: return 0.5 * p->rotor_inertia * r->rotor_speed * r->rotor_speed;
     case SEE_POWER_HEADROOM:
         return fmin(p->headroom_factor * pow(s->sensor_wind, 3.0), p->headroom_most) - demanded_power(p, s);
+#if WITH_DIAL
+    case SEE_DIAL: return log2(N_DIAL * p->dial[i] / (p->dial[0] + p->dial[1] + p->dial[2]));
+#endif
 #if WITH_LINEAR
     case SEE_DISTURBANCE: return s->known[i / MOST_SEEN_BINS * N_SEEN_BINS + i % MOST_SEEN_BINS];
     case SEE_LINEAR_PITCH: return s->known[N_OUTPUTS * N_SEEN_BINS + i];

@@ -15,6 +15,7 @@ from wt_gym.agents.export.parameters import PARAMETERS
 from wt_gym.control.bladed.records import LIDAR_SENSOR, LIDAR_SPEEDS, MOST_LIDAR_POINTS
 from wt_gym.control.controllers.lidar_feedforward import SPACING
 from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.envs.options.dial import DIAL_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -46,7 +47,7 @@ _FIRST = {
 """Names of the first reading of each kind in the C source."""
 
 _LISTS = {
-    "power_shares", "power_pitch",
+    "power_shares", "power_pitch", "dial",
     "gain_pitch", "proportional_gains", "integral_gains", "schedule_wind", "schedule_pitch", "ipc_integral_gain",
     "ipc_proportional_gain", "ipc_level", "ipc_leak", "ipc_limit", "ipc_rate_limit", "offset_pitch_limit",
     "ipc_fade_pitch", "ipc_fade_speed", "fore_aft_fade_pitch", "fore_aft_fade_speed", "offset_fade_pitch",
@@ -228,6 +229,8 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
         "N_BLADES": parts.turbine.n_blades,
         "WITH_AGENT": int(network is not None),
         "SENSES_WIND": 0,
+        "WITH_DIAL": 0,
+        "N_DIAL": len(DIAL_NAMES),
         "WITH_LINEAR": int(parts.linear is not None),
         "WITH_LIDAR": int(parts.lidar is not None),
         "WITH_FEEDFORWARD": int(parts.feedforward is not None),

@@ -14,6 +14,7 @@ from wt_gym.agents.constant import ConstantAgent
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.control.optimal.measured import side_sign
+from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import SimulationError
 from wt_gym.runs.playing import play
@@ -96,6 +97,8 @@ class EpisodeJob:
         None: actions of zero.
     baseline : bool
         Under the published controller instead of the base controller.
+    dial : tuple of float or None
+        Factors of `wt_gym.envs.dial`, for the whole episode.
     """
 
     env_id: str
@@ -105,6 +108,7 @@ class EpisodeJob:
     duration: float
     agent: Agent | None = None
     baseline: bool = False
+    dial: tuple[float, ...] | None = None
 
 
 class PlayedActions:
@@ -163,9 +167,10 @@ def check_environment(env: WindTurbineEnv) -> None:
             "effect of the agent's offsets off what is measured"
         )
     names = env.layout.observation.names
-    if foreign := [name for name in names if not name.startswith(("disturbance_", "linear_pitch_"))]:
+    if foreign := [name for name in names if not name.startswith(("disturbance_", "linear_pitch_", "dial_"))]:
         raise ValueError(
-            "pretraining needs observations that do not depend on the actions: observation=['disturbances'], got "
+            "pretraining needs observations that do not depend on the actions: observation=['disturbances'], "
+            f"with a dial ['disturbances', 'dial'], got "
             f"{', '.join(foreign[:5])}"
         )
     if env.operation.count != 1:
@@ -206,7 +211,9 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
         share.append(1.0 if operation.residual is None else operation.residual.share)
         demands.append((operation.base, operation.demand))
 
-    options = {"wind_speed": job.speed, "wind_seed": job.seed, "time_offset": 0.0}
+    options: dict[str, Any] = {"wind_speed": job.speed, "wind_seed": job.seed, "time_offset": 0.0}
+    if job.dial is not None:
+        options["dial"] = dict(zip(DIAL_NAMES, job.dial, strict=True))
     done = play(env, agent, seed=job.seed, options=options, duration=job.duration, on_step=told)
     if done.ending != "time":
         raise SimulationError(

@@ -6,7 +6,8 @@ About the offsets u of the policy that was recorded, loads are linear in the off
 
 with impulse responses G that were identified under the same base controller. The cost is the weighted lifetime cost
 (`wt_gym.analysis.lifetime_cost`) over that of the published controller in the same wind speed, with the fatigue as
-rainflow counting gives it, so it is exact for the recorded policy and its gradient is that of the model.
+rainflow counting gives it, so it is exact for the recorded policy and its gradient is that of the model. With a dial
+(`wt_gym.envs.dial`) its factors weigh the parts of the cost as they weigh those of the reward.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ import torch
 from wt_gym.agents.pretraining.fatigue import damage_equivalent_load
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
+from wt_gym.envs.options.dial import DIAL_NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -35,6 +37,11 @@ OUTPUTS = ("flap_mean", "flap_tilt", "flap_yaw", "tower_fore_aft", "tower_side_s
 """What impulse responses give [MN m, MW]."""
 
 _MEGA = 1e6
+_DIALED = {
+    "blade_flap_del": "fatigue", "tower_fore_aft_del": "fatigue", "tower_side_side_del": "fatigue",
+    "captured_power": "power", "pitch_duty_cycle": "travel",
+}  # fmt: skip
+"""What of a dial weighs a metric."""
 
 
 def plant_outputs(episode: RecordedEpisode) -> NDArray[np.float64]:
@@ -176,6 +183,8 @@ class LinearizedEpisode:
         [W].
     skip : float
         Start that does not count [s].
+    dial_at : sequence of int
+        Places of the factors of a dial in an observation, in the order of `DIAL_NAMES`; none without a dial.
     """
 
     def __init__(
@@ -188,7 +197,9 @@ class LinearizedEpisode:
         full_rate: float,
         rated_power: float,
         skip: float,
+        dial_at: Sequence[int] = (),
     ) -> None:
+        self._dial_at = list(dial_at)
         self.speed, self.seed, self.steps, self._dt = episode.speed, episode.seed, episode.steps, episode.dt
         self._limits, self._baseline, self._full_rate = limits, baseline, full_rate
         self._skip = round(skip / episode.dt)
@@ -208,7 +219,12 @@ class LinearizedEpisode:
         with torch.no_grad():
             self._acted = limits.offsets(actor(self.observations), self._share, self._dt)
 
-    def offsets(self, actor: Callable[[torch.Tensor], torch.Tensor], noise: float = 0.0) -> torch.Tensor:
+    def offsets(
+        self,
+        actor: Callable[[torch.Tensor], torch.Tensor],
+        noise: float = 0.0,
+        dial: tuple[float, ...] | None = None,
+    ) -> torch.Tensor:
         """Offsets (3, n) of a policy [rad].
 
         Parameters
@@ -216,10 +232,15 @@ class LinearizedEpisode:
         actor : callable
         noise : float
             Standard deviation of what is added to the observations.
+        dial : tuple of float, optional
+            Factors that the policy sees instead of those of the recording.
         """
         seen = self.observations
         if noise > 0.0:
             seen = seen + noise * torch.randn_like(seen)
+        if dial is not None:
+            seen = seen.clone()
+            seen[:, self._dial_at] = torch.tensor([math.log2(factor) for factor in dial])
         return self._limits.offsets(actor(seen), self._share, self._dt)
 
     def metrics(self, offsets: torch.Tensor, exponents: tuple[float, float]) -> dict[str, torch.Tensor]:
@@ -237,7 +258,10 @@ class LinearizedEpisode:
         return found
 
     def cost(
-        self, offsets: torch.Tensor, exponents: tuple[float, float] = (BLADE_EXPONENT, TOWER_EXPONENT)
+        self,
+        offsets: torch.Tensor,
+        exponents: tuple[float, float] = (BLADE_EXPONENT, TOWER_EXPONENT),
+        dial: tuple[float, ...] | None = None,
     ) -> torch.Tensor:
         """Lifetime cost under offsets less that of the published controller.
 
@@ -248,6 +272,8 @@ class LinearizedEpisode:
         exponents : (float, float)
             Of blades and tower. With others than those of the metrics, loads are scaled to agree with them for the
             recorded policy: a smaller exponent spreads the gradient over more cycles.
+        dial : tuple of float, optional
+            Factors on the parts of the cost.
         """
         now = self.metrics(offsets, exponents)
         true = (BLADE_EXPONENT, TOWER_EXPONENT)
@@ -258,7 +284,8 @@ class LinearizedEpisode:
         for name, value in now.items():
             before = self._baseline[name]
             size = 1.0 if name == "pitch_duty_cycle" else before
-            total = total + LIFETIME_COST_WEIGHTS[name] * (value - before) / size
+            part = LIFETIME_COST_WEIGHTS[name] * (value - before) / size
+            total = total + (part if dial is None else dial[DIAL_NAMES.index(_DIALED[name])] * part)
         return total
 
     def _scales(self, exponents: tuple[float, float]) -> dict[str, float]:

@@ -59,7 +59,8 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
     turbine = whole.get("turbine", argument_default("turbine"))
     limit, rate = default_limits(load_turbine(turbine) if isinstance(turbine, str) else turbine)
     spans = {"pitch": _SPAN * limit, "pitch_mean": _SPAN * limit, "pitch_rate": rate}
-    return {**_ENVIRONMENT, "action_spans": spans, **env_kwargs}
+    seen = ["disturbances", "dial"] if whole.get("dial_weights") is not None else ["disturbances"]
+    return {**_ENVIRONMENT, "observation": seen, "action_spans": spans, **env_kwargs}
 
 
 @dataclass(frozen=True)

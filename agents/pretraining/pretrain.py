@@ -9,6 +9,7 @@ learned latent state do likewise (Hafner et al., arXiv:1912.01603); here the mod
 from __future__ import annotations
 
 import json
+import math
 import time
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 import torch
 
+from wt_gym.agents.dial_front import TURNED
 from wt_gym.agents.export.network import network_of
 from wt_gym.agents.linear_design.identification import explained_share, identify
 from wt_gym.agents.linear_design.recording import Excitation
@@ -38,22 +40,27 @@ from wt_gym.agents.pretraining.objective import (
 )
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
+from wt_gym.envs.dial import scaled
+from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     from wt_gym.agents.export.network import Network
     from wt_gym.agents.pretraining.options import PretrainingOptions
+    from wt_gym.envs.dial import DialDraws
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.runs.executors import Executor
 
-__all__ = ["Round", "pretrain"]
+__all__ = ["Round", "forecast_front", "pretrain"]
 
 _MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
+_JUDGED = 4
+"""Factors of a dial with which each held-out wind is judged."""
 _untrained: dict[tuple[Any, ...], tuple[Any, list[RecordedEpisode]]] = {}
 """Runs before any policy, of the last pretraining of this process: those of another seed are the same."""
 
@@ -159,9 +166,15 @@ def pretrain(
 
     check = check or (lambda: None)
     work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say, check)
+    names, dials = plain.layout.observation.names, plain.dials
+    dial_at = [] if dials is None else [names.index(f"dial_{name}") for name in DIAL_NAMES]
     with torch.no_grad():
         policy.action_net.weight.zero_()
         policy.action_net.bias.zero_()
+        if isinstance(plain.options.dial.weights, str):
+            # few of many inputs: as strong together as the others, so that they bend the policy from the start
+            size = math.sqrt((len(names) - len(dial_at)) / len(dial_at))
+            policy.mlp_extractor.policy_net[0].weight[:, dial_at] *= size
     (plants, explained, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
     high = plain.operation.action.pitch_high
     limits = Limits(float(high[0]), float(high[1]), plain.options.controller.residual_washout)
@@ -176,29 +189,71 @@ def pretrain(
         made = [
             LinearizedEpisode(
                 one, actor, plants, limits, _between(baselines, one.speed), plain.turbine.pitch.max_rate,
-                plain.turbine.drivetrain.rated_power, options.skip,
+                plain.turbine.drivetrain.rated_power, options.skip, dial_at,
             )
             for one in recorded
         ]  # fmt: skip
-        found = _optimized(actor, policy, made, options, rng, say, check)
+        found = _optimized(actor, policy, made, options, rng, say, check, dials)
         rounds.append(Round(*found, seconds=round(time.monotonic() - began, 1)))
         say(
             f"round {number + 1} of {options.rounds}: held-out winds {100 * rounds[-1].recorded:+.2f} % of the cost as "
             f"recorded, {100 * rounds[-1].forecast:+.2f} % forecast"
         )
     env.close()
-    return {
+    record = {
         "options": asdict(options),
         "explained": {f"{speed:g} m/s": shares for speed, shares in explained.items()},
         "rounds": [asdict(one) for one in rounds],
     }
+    if dials is not None and rounds:
+        drawn = isinstance(plain.options.dial.weights, str)
+        record["front"] = forecast_front(actor, made[: options.held_out], TURNED if drawn else None)
+    return record
+
+
+def forecast_front(
+    actor: Callable[[torch.Tensor], torch.Tensor],
+    held_out: Sequence[LinearizedEpisode],
+    settings: Mapping[str, Mapping[str, float]] | None,
+) -> dict[str, list[float]]:
+    """Parts of the lifetime cost that a policy is forecast to have, less those of the base controller alone.
+
+    Parameters
+    ----------
+    actor : callable
+        Actions of observations.
+    held_out : sequence of LinearizedEpisode
+    settings : mapping of str to mapping, optional
+        Factors of the dial by name of a setting; None: those of the recordings, called "own".
+
+    Returns
+    -------
+    dict of list
+        Fatigue, power and travel by setting, means over the episodes.
+    """
+    alone = np.eye(len(DIAL_NAMES)).tolist()
+
+    def parts(one: LinearizedEpisode, offsets: torch.Tensor) -> list[float]:
+        return [float(one.cost(offsets, dial=tuple(unit))) for unit in alone]
+
+    dials = {"own": None} if settings is None else {
+        name: scaled(chosen.get(of, 1.0) for of in DIAL_NAMES) for name, chosen in settings.items()
+    }  # fmt: skip
+    with torch.no_grad():
+        base = np.array([parts(one, torch.zeros(3, one.steps)) for one in held_out])
+        found = {
+            name: np.mean([parts(one, one.offsets(actor, dial=dial)) for one in held_out] - base, axis=0)
+            for name, dial in dials.items()
+        }
+    return {name: [float(f"{value:.4g}") for value in values] for name, values in found.items()}
 
 
 def _before_any_policy(
     work: _Work, env_id: str, env_kwargs: dict[str, Any], options: PretrainingOptions
 ) -> tuple[Any, list[RecordedEpisode]]:
     """Plants, and episodes under the base controller alone."""
-    key = (env_id, json.dumps(env_kwargs, sort_keys=True), options)
+    told = {name: value for name, value in env_kwargs.items() if not name.startswith("dial_")}
+    key = (env_id, json.dumps(told, sort_keys=True), options)
     if key not in _untrained:
         _untrained.clear()
         _untrained[key] = work.identified(), work.recorded(None, 0)
@@ -292,10 +347,14 @@ class _Work:
         low, high = self._speeds
         order = np.random.default_rng(options.first_wind_seed).permutation(options.episodes)
         winds = low + (high - low) * (order + 0.5) / options.episodes
+        dials, rng = self._env.dials, np.random.default_rng((options.first_wind_seed, number))
         jobs = [
-            self._job(round(speed, 2), options.first_wind_seed + n, agent=agent)
+            self._job(
+                round(speed, 2), options.first_wind_seed + n, agent=agent,
+                dial=None if dials is None else dials.factors(rng),
+            )
             for n, speed in enumerate(winds.tolist())
-        ]
+        ]  # fmt: skip
         return self._record(jobs, f"episodes of round {number + 1}")
 
 
@@ -311,9 +370,17 @@ def _optimized(
     rng: np.random.Generator,
     say: Callable[[str], None],
     check: Callable[[], None],
+    dials: DialDraws | None = None,
 ) -> tuple[float, float, float, int]:
-    """Follow the gradient; keep what is best in the held-out winds."""
+    """Follow the gradient; keep what is best in the held-out winds.
+
+    With a dial each episode of a batch has other factors, and held-out winds are judged with the same few of each.
+    """
     held, fitted = made[: options.held_out], made[options.held_out :]
+    judges = np.random.default_rng(options.first_wind_seed)
+    judged: list[tuple[float, ...] | None] = [None]
+    if dials is not None:
+        judged = [dials.factors(judges) for _ in range(_JUDGED * options.held_out)]
     parts = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters()]  # type: ignore[union-attr]
     optimizer = torch.optim.AdamW(parts, lr=options.learning_rate, weight_decay=options.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
@@ -323,15 +390,18 @@ def _optimized(
 
     def mean_cost(episodes: Sequence[LinearizedEpisode]) -> float:
         with torch.no_grad():
-            return float(np.mean([float(one.cost(one.offsets(actor))) for one in episodes]))
+            several = max(len(judged) // max(len(episodes), 1), 1)
+            pairs = [(one, judged[(several * k + j) % len(judged)]) for k, one in enumerate(episodes)
+                     for j in range(several)]  # fmt: skip
+            return float(np.mean([float(one.cost(one.offsets(actor, dial=d), dial=d)) for one, d in pairs]))
 
     recorded = mean_cost(held)
     best = (recorded, 0, [part.detach().clone() for part in parts])
     every = max(options.iterations // 10, 1)
     for number in range(1, options.iterations + 1):
         for k in rng.choice(len(fitted), min(options.batch, len(fitted)), replace=False):
-            one = fitted[k]
-            cost = one.cost(one.offsets(actor, options.noise), exponents)
+            one, dial = fitted[k], None if dials is None else dials.factors(rng)
+            cost = one.cost(one.offsets(actor, options.noise, dial), exponents, dial)
             (cost / options.batch).backward()
         torch.nn.utils.clip_grad_norm_(parts, 0.5)
         optimizer.step()

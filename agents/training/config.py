@@ -54,6 +54,9 @@ class TrainingConfig:
         Options of `wt_gym.agents.pretraining.options.PretrainingOptions`, those left out by default; None for no
         pretraining. With it, what ``env_kwargs`` leaves out is that of
         `wt_gym.agents.pretraining.options.pretraining_environment`.
+    budgets : dict or None
+        Limits of costs that the policy is to keep, as ``cost_limits`` of the environment, which they become: see
+        `wt_gym.agents.training.budgets`.
     tensorboard : bool or None
         Write figures for TensorBoard; None: if it is installed.
 
@@ -77,6 +80,7 @@ class TrainingConfig:
     eval_winds: int = 2
     eval_seconds: float = 60.0
     pretraining: dict[str, Any] | None = None
+    budgets: dict[str, float] | None = None
     tensorboard: bool | None = None
 
     def __post_init__(self) -> None:
@@ -96,6 +100,8 @@ class TrainingConfig:
             raise ValueError("tensorboard is not installed; it comes with the extra 'train'")
         if not isinstance(self.env_kwargs, dict):
             raise ValueError(f"env_kwargs must map names to values, got {self.env_kwargs!r}")
+        if self.budgets is not None:
+            object.__setattr__(self, "env_kwargs", self._with_limits(self.budgets))
         if self.pretraining is not None:
             object.__setattr__(self, "env_kwargs", pretraining_environment(self.env_id, self.env_kwargs))
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
@@ -109,6 +115,18 @@ class TrainingConfig:
         object.__setattr__(self, "hyperparameters", check_hyperparameters(self.algorithm, self.hyperparameters))
         if self.pretraining is not None and self.resolved["normalize_observations"]:
             raise ValueError("pretraining needs normalize_observations: false")
+
+    def _with_limits(self, budgets: Any) -> dict[str, Any]:
+        """Arguments of the environment with the limits of the budgets."""
+        if self.algorithm != "PPO":
+            raise ValueError(f"budgets need the algorithm PPO, got {self.algorithm!r}")
+        if not isinstance(budgets, dict) or not budgets:
+            raise ValueError(f"budgets must map names of costs to limits, got {budgets!r}")
+        if self.env_kwargs.get("cost_limits", budgets) != budgets:
+            raise ValueError(
+                f"cost_limits must be the budgets or left out, got {self.env_kwargs['cost_limits']!r} and {budgets!r}"
+            )
+        return {**self.env_kwargs, "cost_limits": dict(budgets)}
 
     @property
     def resolved(self) -> dict[str, Any]:

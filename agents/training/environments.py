@@ -12,6 +12,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from wt_gym.agents.compilation import compile_kernels
+from wt_gym.agents.training.budgets import BudgetedVecEnv, allowed_costs
 from wt_gym.agents.training.turbine_vec_env import TurbineVecEnv
 from wt_gym.deprecated import renamed_names
 
@@ -53,6 +54,8 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
     else:
         compile_kernels(first)
         venv = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * config.n_envs, start_method=START_METHOD)
+    if config.budgets:
+        venv = BudgetedVecEnv(venv, allowed_costs(config.budgets))
     return normalized(venv, config)
 
 

@@ -22,7 +22,7 @@ from wt_gym.agents.pool import load_agent
 from wt_gym.agents.train import TrainingConfig, train
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.lifetime import WindClimate
-from wt_gym.analysis.metrics import METRICS, TRACKING_METRICS
+from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.analysis.summary import summarize
@@ -246,7 +246,10 @@ def test_evaluation_covers_agents_and_winds(evaluation):
     base = result.run(BASELINE, Wind(16.0, 1002))
     assert base.complete
     np.testing.assert_allclose(base.data["time"], np.arange(76) * 0.2)
-    assert set(base.metrics) == set(METRICS) - set(TRACKING_METRICS)  # no power is demanded
+    assert set(base.metrics) == set(METRICS) - {
+        *TRACKING_METRICS,
+        *LIMIT_METRICS,
+    }  # no power is demanded, nothing limited
     replay = result.run("PPO", Wind(12.0, 1001)).replay
     assert replay.blades.shape[:3] == (75, 3, 2)  # shorter than the replay: all of it
     np.testing.assert_allclose(replay.time[[0, -1]], [0.2, 15.0])

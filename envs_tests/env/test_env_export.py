@@ -74,11 +74,11 @@ def test_statistics_of_the_training_are_inside(tmp_path):
 
 
 def test_the_card_says_what_the_agent_is_made_for(tmp_path, capsys):
-    main([str(TRAINED / "load_reduction_on_ipc"), "--out", str(tmp_path), "--json"])
+    main([str(TRAINED / "load_reduction"), "--out", str(tmp_path), "--json"])
     printed = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {Path(file).name for file in printed["files"]} == {"policy.onnx", "card.json", "README.md"}
     card = json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))
-    assert card["base_controller"] == "constrained_ipc+tower_dampers"
+    assert card["base_controller"] == "discon"
     assert card["control_step_s"] == 0.2
     assert [channel["name"] for channel in card["channels"]][:2] == ["rotor_speed", "generator_speed"]
     text = (tmp_path / "README.md").read_text(encoding="utf-8")

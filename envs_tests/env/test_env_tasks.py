@@ -21,6 +21,7 @@ from wt_gym.control import ACTION_MODES, PITCH_FORMS
 from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs import rewards
+from wt_gym.envs.dial import factor_of
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
@@ -81,6 +82,13 @@ def test_tasks_start_step_and_tell_their_length(name):
     assert not truncated
 
 
+def _worst(env, dial):
+    """Lower bound of the reward of a second with these factors."""
+    most = sum(factor_of(t.name, dial) * 2.0 * t.weight for t in env.reward_terms if t.name == "power")
+    worst = sum(factor_of(t.name, dial) * rewards.worst_rate([t]) for t in env.reward_terms)
+    return worst - most * env.options.rewards.relative
+
+
 @pytest.mark.parametrize("name", TASKS)
 def test_ending_a_task_early_never_pays(name):
     """The worst operation for ever, discounted as in training, costs less than the end of the episode.
@@ -88,8 +96,8 @@ def test_ending_a_task_early_never_pays(name):
     Of a reward relative to the controller goes what that earns at most: twice the weight of the power.
     """
     env = gym.make(TASKS[name].ids[-1]).unwrapped
-    most = sum(2.0 * term.weight for term in env.reward_terms if term.name == "power")
-    worst = rewards.worst_rate(env.reward_terms) - most * env.options.rewards.relative
+    dials = [(1.0, 1.0, 1.0)] if env.dials is None else [(3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 3.0)]
+    worst = min(_worst(env, dial) for dial in dials)  # the reward is linear in the factors: at a corner
     gamma = hyperparameters_for("PPO", TASKS[name].ids[-1])["gamma"]
     assert -worst * env.control_dt / (1.0 - gamma) < env.termination_penalty
 
@@ -102,18 +110,22 @@ def test_what_tasks_pay():
         weights = [term.weight for term in env.reward_terms if term.weight]
         paid[name] = (*weights, env.termination_penalty)
     load_reduction, full = (1.0, 1.5, 1.0, 1.0, 0.5, 0.4, 200.0), (1.0, 1.5, 1.0, 1.0, 0.1, 0.4, 200.0)
-    assert paid == {
-        "LoadReduction": load_reduction,
-        "FullRange": full,
-        "MaxPower": (1.0, 0.3, 0.2, 0.05, 0.1, 0.4, 150.0),
-        "Yaw": (1.0, 0.3, 0.2, 0.05, 0.02, 0.4, 800.0),
-        "Gusts": full,
-        "IEA15MW-LoadReduction": load_reduction,
-        "IEA22MW-LoadReduction": load_reduction,
-        "FullOperation": (1.0, 0.5, 0.3, 0.1, 0.02, 1.0, 1.0, 600.0),  # extreme loads behind overspeed
-        "PowerTracking": (1.5, 1.0, 1.0, 0.5, 0.5, 1000.0),
-        "Faults": load_reduction,
-    }
+    assert (
+        paid
+        == {
+            "LoadReduction": load_reduction,
+            "FullRange": full,
+            "MaxPower": (1.0, 0.3, 0.2, 0.05, 0.1, 0.4, 150.0),
+            "Yaw": (1.0, 0.3, 0.2, 0.05, 0.02, 0.4, 800.0),
+            "Gusts": full,
+            "IEA15MW-LoadReduction": load_reduction,
+            "IEA22MW-LoadReduction": load_reduction,
+            "FullOperation": (1.0, 0.5, 0.3, 0.1, 0.02, 1.0, 1.0, 600.0),  # extreme loads behind overspeed
+            "PowerTracking": (1.5, 1.0, 1.0, 0.5, 0.5, 1000.0),
+            "Dial": (*load_reduction[:-1], 250.0),
+            "Faults": load_reduction,
+        }
+    )
     plain = gym.make("wt_gym/NREL5MW-Steady-v1").unwrapped
     assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == (
         *full[:-1],
@@ -128,7 +140,7 @@ def test_the_time_limit_of_a_task_is_a_truncation():
     assert ends == [(False, False)] * 3 + [(False, True)]
 
 
-@pytest.mark.parametrize("vector", [False, True])
+@pytest.mark.parametrize("vector", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
     """Made with episode_length=120 a task of 60 s stays at 60 s, which shows when its first episode has ended there."""
     use(monkeypatch, ScriptedSimulator)

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from wt_gym.analysis.crosscheck import SERIES, Crosscheck
-from wt_gym.analysis.crosscheck_page import _changes_figure, page, tables, write_page
+from wt_gym.analysis.crosscheck_page import changes_figure, page, tables, write_page
 from wt_gym.analysis.crosscheck_report import write_crosscheck_report
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.results import Evaluation, Run, Wind
@@ -100,7 +100,7 @@ def test_the_page(check, tmp_path):
 
 
 def test_changes_of_both_are_the_coordinates_of_a_point(check):
-    flap = _changes_figure(check).axes[0]
+    flap = changes_figure(check.to_json()).axes[0]
     points = {(round(float(line.get_xdata()[0]), 6), round(float(line.get_ydata()[0]), 6))
               for line in flap.lines if len(line.get_xdata()) == 1}  # fmt: skip
     assert {(-20.0, -15.0), (-30.0, -25.0)} <= points

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.analysis.metrics import METRICS, TRACKING_METRICS, damage_equivalent_load, measured_metrics, run_metrics
+from wt_gym.analysis.metrics import (
+    LIMIT_METRICS,
+    METRICS,
+    TRACKING_METRICS,
+    damage_equivalent_load,
+    measured_metrics,
+    run_metrics,
+)
 from wt_gym.analysis.spectra import power_spectral_density
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.turbines import load_turbine
@@ -86,7 +93,7 @@ def run(turbine):
 
 def test_metrics_of_a_made_up_run(run, turbine):
     metrics = run_metrics(run, turbine)
-    assert set(metrics) == set(METRICS) - set(TRACKING_METRICS) == set(measured_metrics([metrics]))
+    assert set(metrics) == set(METRICS) - {*TRACKING_METRICS, *LIMIT_METRICS} == set(measured_metrics([metrics]))
     assert metrics["mean_power"] == 2e6
     assert metrics["energy"] == pytest.approx(2e6 * 100.0)
     assert metrics["power_std"] == 0.0
@@ -112,7 +119,8 @@ def test_metrics_of_a_tracked_power(run, turbine):
     demanded, available = np.where(early, 1.9e6, 2.4e6), np.where(early, 5e6, 2.1e6)
     added = {"demanded_power": ("time", demanded), "available_power": ("time", available)}
     metrics = run_metrics(run.assign(added), turbine)
-    assert set(metrics) == set(METRICS) == set(measured_metrics([{}, metrics]))
+    assert set(metrics) == set(METRICS) - set(LIMIT_METRICS) == set(measured_metrics([{}, metrics]))
+    assert set(measured_metrics([metrics, {"limits_violated": 0.0}])) == set(METRICS)
     assert metrics["tracking_mean"] == pytest.approx(250e3)
     assert metrics["tracking_rms"] == pytest.approx(math.sqrt((100e3**2 + 400e3**2) / 2))
     assert metrics["tracking_rms_share"] == pytest.approx(metrics["tracking_rms"] / turbine.drivetrain.rated_power)

@@ -175,6 +175,19 @@ def test_reference_numbers_take_the_fingerprint_of_sources_that_change_no_number
     assert confirmed.fingerprint == PRESENT
     assert confirmed.baseline == reference.baseline
     assert confirmed.best_improvement == reference.best_improvement
+    assert confirmed.equal == [PRINT]
+    again = confirm_reference(TASK, confirmed, rounded, best, PRESENT)
+    assert again.equal == [PRINT]
+
+
+def test_results_of_sources_that_gave_the_same_numbers_keep_their_score(reference):
+    made = results(TASK, BETTER)
+    before = score(TASK, made, reference)
+    confirmed = dataclasses.replace(reference, fingerprint=PRESENT, equal=[PRINT])
+    assert score(TASK, made, confirmed) == before
+    other = results(TASK, BETTER, fingerprint=PRINT | {"wind": "x"})
+    with pytest.raises(BenchmarkError, match="another"):
+        score(TASK, other, confirmed)
 
 
 @pytest.mark.parametrize(

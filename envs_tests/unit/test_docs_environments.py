@@ -39,7 +39,7 @@ def left(tmp_path_factory):
 
 
 def test_examples_run(left):
-    grouped, demanded, broken, parked, read, drawn, many, planned, offshore, soil, boundary = left
+    grouped, demanded, broken, parked, read, drawn, many, vector, planned, offshore, soil, boundary = left
     assert boundary["env"].action_space.shape == (1,)
     assert 12.0 < boundary["info"]["wind_speed"] < 16.1  # at the hub
     assert offshore["env"].unwrapped.turbine.tower.support.base_height == -20.0
@@ -55,6 +55,7 @@ def test_examples_run(left):
     assert 13.0 < drawn["info"]["wind_speed"] < 15.0
     assert many["observations"].shape == many["envs"].observation_space.shape
     assert many["infos"]["time"] == pytest.approx(0.1)
+    assert vector["scalar"] == pytest.approx(vector["info"]["scalar_reward"], rel=1e-5)
     value, rate = planned["best"]
     assert np.isfinite(value)
     assert rate in (-1.0, 0.0, 1.0)

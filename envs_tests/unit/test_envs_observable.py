@@ -15,6 +15,7 @@ from wt_gym.control.controllers.supervisor import STATES
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.observable import OBSERVATION_GROUPS, Observable
 from wt_gym.envs.observations import Observer
+from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext
 from wt_gym.envs.start import Trail
@@ -54,14 +55,16 @@ def context(now):
     return ObservationContext(
         now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]), None, turning(),
         np.arange(6.0 * len(LINEAR.bins) + 5.0), supervisor=SUPERVISOR, demanded_power=DEMANDED,
+        dial=(0.5, 2.0, 0.5),
     )  # fmt: skip
 
 
 def observable():
     """With all that a controller can have."""
     return Observable(
-        TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR, supervisor=SUPERVISOR, follows_power=True
-    )
+        TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR, supervisor=SUPERVISOR, follows_power=True,
+        has_dial=True,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +78,7 @@ def observer():
         linear=LINEAR,
         supervisor=SUPERVISOR,
         follows_power=True,
+        has_dial=True,
     )
 
 
@@ -116,6 +120,7 @@ def test_each_channel_is_read_from_what_it_names(observer):
     assert values["azimuth_sin"] == math.sin(now["azimuth"])
     assert values["azimuth_cos"] == math.cos(now["azimuth"])
     assert [values["dead_band_error"], values["dead_band_turning"]] == [-0.2, -1.0]
+    assert [values[f"dial_{name}"] for name in DIAL_NAMES] == [-1.0, 1.0, -1.0]
     assert [values[f"state_{name}"] for name in STATES] == [float(k == 2) for k in range(len(STATES))]
     assert [values["mean_wind"], values["set_point"], values["load_share"]] == [9.5, 0.9, 0.4]
     assert [values["demanded_power"], *(values[f"demanded_power_in_{ahead:g}_s"] for ahead in AHEAD)] == list(DEMANDED)

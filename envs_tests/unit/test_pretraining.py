@@ -3,6 +3,7 @@
 import json
 import math
 import signal
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -181,6 +182,36 @@ def test_power_above_the_recorded_one_earns_nothing():
     assert min(both) < now - 1e-3
 
 
+def test_a_dial_weighs_the_parts_of_the_cost_and_is_what_the_policy_sees():
+    """Of a policy whose mean offset is the logarithm of the factor on travel."""
+    recorded = simulated(np.zeros((3, STEPS)), 15.0)
+    rows = np.zeros((STEPS, 4), dtype=np.float32)
+    rows[:, 1:] = np.log2([1.5, 1.0, 0.5])
+    recorded = replace(recorded, observations=rows)
+
+    def by_travel(observations):
+        return torch.stack([0.1 * observations[:, 3], torch.zeros(STEPS), torch.zeros(STEPS)], dim=1)
+
+    base = {"blade_flap_del": 9.0, "tower_fore_aft_del": 30.0, "tower_side_side_del": 10.0, "pitch_duty_cycle": 0.01}
+    episode = LinearizedEpisode(
+        recorded, by_travel, plants(), limits(), base | {"captured_power": 4.0}, FULL, RATED, 5.0, dial_at=(1, 2, 3)
+    )
+    own, turned = episode.offsets(by_travel), episode.offsets(by_travel, dial=(1.0, 1.0, 1.0))
+    np.testing.assert_allclose(own[0], tensor(-0.1 * math.radians(1.0) * share()), rtol=1e-5)
+    assert not turned.any()
+    assert episode.observations[0, 3] == -1.0  # the recording stays
+    plain = float(episode.cost(turned))
+    assert float(episode.cost(turned, dial=(1.0, 1.0, 1.0))) == pytest.approx(plain, abs=1e-7)
+    alone = [float(episode.cost(turned, dial=dial)) for dial in np.eye(3).tolist()]
+    assert sum(alone) == pytest.approx(plain, abs=1e-6)
+    now = {name: float(value) for name, value in episode.metrics(turned, (10.0, 4.0)).items()}
+    expected = -(now["captured_power"] / 4.0 - 1.0), 0.1 * (now["pitch_duty_cycle"] - 0.01)
+    assert alone[1:] == pytest.approx(expected, abs=1e-6)
+    generator = torch.Generator().manual_seed(0)
+    noisy = episode.offsets(by_travel, noise=torch.rand(1, generator=generator).item(), dial=(1.0, 1.0, 1.0))
+    assert not noisy.any()  # what a user sets has no noise
+
+
 # ---------------------------------------------------------------- environments, options
 
 
@@ -260,7 +291,9 @@ def test_a_configuration_holds_the_options_and_needs_ppo():
         TrainingConfig(total_steps=0)
 
 
-@pytest.mark.parametrize("env_id", [task.ids[-1] for name, task in TASKS.items() if name.endswith("LoadReduction")])
+@pytest.mark.parametrize(
+    "env_id", [task.ids[-1] for name, task in TASKS.items() if name.endswith(("LoadReduction", "Dial"))]
+)
 def test_pretraining_brings_the_arguments_that_it_needs(env_id):
     config = TrainingConfig(env_id=env_id, pretraining={}, total_steps=0, env_kwargs={"wind_speed": 15.0})
     assert config.env_kwargs["wind_speed"] == 15.0

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from wt_gym.analysis.crosscheck import Crosscheck
 
-__all__ = ["figure_files", "page", "tables", "write_page"]
+__all__ = ["changes_figure", "figure_files", "page", "tables", "write_page"]
 
 _COLUMNS = {
     "blade_flap_del": "flap DEL",
@@ -133,7 +133,7 @@ def write_page(check: Crosscheck, folder: str | Path, command: str | None = None
     """
     folder = Path(folder)
     (folder / "figures").mkdir(parents=True, exist_ok=True)
-    _changes_figure(check).savefig(folder / _CHANGES_FILE)
+    changes_figure(check.to_json()).savefig(folder / _CHANGES_FILE)
     for agent in (check.baseline, *check.agents):
         _signals_figure(check, agent).savefig(folder / _file(check, agent, "signals"), dpi=110)
         _spectra_figure(check, agent).savefig(folder / _file(check, agent, "spectra"), dpi=110)
@@ -149,38 +149,48 @@ def figure_files(check: Crosscheck) -> dict[str, list[str]]:
             for agent in (check.baseline, *check.agents)}  # fmt: skip
 
 
-def _changes_figure(check: Crosscheck) -> Figure:
-    """Changes in the second simulator over those in the first, a point for each agent and wind speed."""
+def changes_figure(content: dict[str, Any]) -> Figure:
+    """Changes in the second simulator over those in the first, a point for each agent and wind speed.
+
+    Parameters
+    ----------
+    content : dict
+        As of `tables`.
+    """
     from matplotlib.figure import Figure
 
+    rows = {(row["wind_speed"], row["metric"]): row["changes"] for row in content["metrics"]}
+    speeds = [speed for speed in dict.fromkeys(speed for speed, _ in rows) if speed is not None]
+    agents = [name for name in content["sample_correlation"] if name != content["baseline"]]
     figure = Figure(figsize=(11.0, 6.6), layout="constrained")
     axes = figure.subplots(2, 2).ravel()
     for ax, key in zip(axes, _PLOTTED, strict=True):
         unchanged, scale, unit = (1.0, 1.0, "times") if key == "pitch_travel" else (0.0, 100.0, "change, %")
         ends = [unchanged, unchanged]
-        for k, agent in enumerate(check.agents):
-            for m, speed in enumerate(check.speeds):
-                first, second = check.changes(agent, key, speed)
-                if first is None or second is None or not (first.relative and second.relative):
+        for k, agent in enumerate(agents):
+            for m, speed in enumerate(speeds):
+                pair = rows[speed, key][agent]
+                if not all(change is not None and change["relative"] for change in pair):
                     continue
-                point = [unchanged + scale * change.value for change in (first, second)]
+                point = [unchanged + scale * change["value"] for change in pair]
                 ax.plot(
                     *point, _MARKERS[m % len(_MARKERS)], markersize=5,
                     color=_COLORS[k % len(_COLORS)], fillstyle="full" if k < len(_COLORS) else "none",
                 )  # fmt: skip
                 ends = [min(*ends, *point), max(*ends, *point)]
         ax.plot(ends, ends, color="0.6", linewidth=0.8, zorder=0)
-        ax.set_title(f"{_COLUMNS[key]} against {check.baseline} [{unit}]", fontsize=9)
+        ax.set_title(f"{_COLUMNS[key]} against {content['baseline']} [{unit}]", fontsize=9)
         ax.grid(alpha=0.3)
-    figure.supxlabel(check.names[0], fontsize=9)
-    figure.supylabel(check.names[1], fontsize=9)
+    first, second = content["simulators"]
+    figure.supxlabel(first, fontsize=9)
+    figure.supylabel(second, fontsize=9)
     handles = [
         axes[0].plot([], [], "o", color=_COLORS[k % len(_COLORS)], label=agent,
                      fillstyle="full" if k < len(_COLORS) else "none")[0]
-        for k, agent in enumerate(check.agents)
+        for k, agent in enumerate(agents)
     ] + [
         axes[0].plot([], [], _MARKERS[m % len(_MARKERS)], color="0.4", fillstyle="none", label=f"{speed:g} m/s")[0]
-        for m, speed in enumerate(check.speeds)
+        for m, speed in enumerate(speeds)
     ]  # fmt: skip
     figure.legend(handles=handles, loc="outside right upper", fontsize=8)
     return figure

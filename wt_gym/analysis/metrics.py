@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["BLADE_EXPONENT", "METRICS", "TOWER_EXPONENT", "TRACKING_METRICS", "Metric",
+__all__ = ["BLADE_EXPONENT", "LIMIT_METRICS", "METRICS", "TOWER_EXPONENT", "TRACKING_METRICS", "Metric",
            "damage_equivalent_load", "measured_metrics", "run_metrics"]  # fmt: skip
 
 BLADE_EXPONENT = 10.0
@@ -88,6 +88,7 @@ METRICS: dict[str, Metric] = {
     "time_without_power": Metric("Time without power", "%", 100.0, -1, 1),
     "time_at_standstill": Metric("Time at less than a tenth of rated rotor speed", "%", 100.0, -1, 1),
     "torque_rate": Metric("Generator torque rate, root mean square", "kN m/s", 1e-3, -1, 2),
+    "limits_violated": Metric("Runs beyond a cost limit", "%", 100.0, -1, 1),
     "tracking_rms": Metric("Tracking error of the power, root mean square", "kW", 1e-3, -1, 1),
     "tracking_mean": Metric("Tracking error of the power, mean size", "kW", 1e-3, -1, 1),
     "tracking_rms_share": Metric("Tracking error over rated power, root mean square", "%", 100.0, -1, 2),
@@ -97,18 +98,22 @@ METRICS: dict[str, Metric] = {
 }
 TRACKING_METRICS = tuple(METRICS)[tuple(METRICS).index("tracking_rms") :]
 """Metrics that only runs with a power reference have."""
+LIMIT_METRICS = ("limits_violated",)
+"""Metrics that only runs with limits of costs have."""
 
 
 def measured_metrics(tables: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
-    """Keys of `METRICS` without those of the tracked power where no run has a power reference.
+    """Keys of `METRICS` without those of the tracked power and of limits where no run has them.
 
     Parameters
     ----------
     tables : iterable of mapping
         Metrics of runs.
     """
-    tracked = any(TRACKING_METRICS[0] in table for table in tables)
-    return tuple(key for key in METRICS if tracked or key not in TRACKING_METRICS)
+    found = list(tables)
+    groups = (TRACKING_METRICS, LIMIT_METRICS)
+    absent = {key for keys in groups if not any(keys[0] in table for table in found) for key in keys}
+    return tuple(key for key in METRICS if key not in absent)
 
 
 def damage_equivalent_load(signal: NDArray[np.float64], duration: float, exponent: float) -> float:
@@ -216,7 +221,8 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         Largest and smallest values are those of the structural steps, which the channels ``*_max`` and ``*_min`` hold
         since the sample before. Fore-aft and side-side loads of the tower are those in the axes of the nacelle, which
         turn with it: what a controller sees and acts on. "tower_del" is what a point of the tower bears. Those of
-        `TRACKING_METRICS` are there where the run has the channels "demanded_power" and "available_power".
+        `TRACKING_METRICS` are there where the run has the channels "demanded_power" and "available_power"; those of
+        `LIMIT_METRICS` are not in the signals.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from urllib.parse import quote
 from wt_gym.analysis.comparison_plots import pareto_figure, verdict_figure
 from wt_gym.analysis.learning_plots import learning_figure, trainings
 from wt_gym.analysis.lifetime import wind_weights
-from wt_gym.analysis.metrics import METRICS, TRACKING_METRICS, measured_metrics
+from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS, measured_metrics
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS, Estimate, lifetime, lifetime_change, paired_change
 from wt_gym.analysis.plots import agent_styles, spectra_figure, time_series_figure
 from wt_gym.analysis.replay_section import replay_script, replay_section
@@ -70,6 +70,7 @@ _GROUPS = {
         "rotor_speed_max", "overspeed_count", "time_without_power", "time_at_standstill",
     ),
     "Power tracking": TRACKING_METRICS,
+    "Limits": LIMIT_METRICS,
     "Blades": ("blade_flap_del", "blade_edge_del", "blade_flap_max", "tip_deflection_max", _CLEARANCE),
     "Tower base": ("tower_fore_aft_del", "tower_side_side_del", "tower_del", "tower_base_max"),
     "Actuators": ("pitch_duty_cycle", "pitch_travel", "yaw_travel", "torque_rate"),

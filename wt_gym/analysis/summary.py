@@ -58,14 +58,15 @@ _TABLE = {
     "tip_clearance_min": "clearance min",
     "overspeed_count": "overspeeds",
 }
-_TRACKED = {
+_MORE = {
+    "limits_violated": "beyond a limit",
     "tracking_rms": "error rms",
     "tracking_mean": "error mean",
     "tracking_rms_share": "error rms/rated",
     "saturated_share": "saturated",
     "demanded_energy": "energy/demanded",
 }
-"""Further columns of runs with a power reference."""
+"""Further columns of runs with limits of costs or a power reference."""
 # More lost power than this does not count as a trade for lower loads.
 _TRADED_POWER = 0.05
 _MANY_WINDS = 6
@@ -488,7 +489,7 @@ def results_table(evaluation: Evaluation) -> list[str]:
     Greatest speed, smallest clearance and overspeeds are extremes and sums over the winds, not changes.
     """
     measured = measured_metrics(run.metrics for run in evaluation.runs)
-    table = _TABLE | {key: text for key, text in _TRACKED.items() if key in measured}
+    table = _TABLE | {key: text for key, text in _MORE.items() if key in measured}
     lines = ["| wind | agent | " + " | ".join(table.values()) + " |", "|---" * (len(table) + 2) + "|"]
     speeds = evaluation.speeds
     groups = [(f"{speed:g} m/s", speed) for speed in speeds] + ([("all", None)] if len(speeds) > 1 else [])

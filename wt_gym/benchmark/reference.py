@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,6 +44,8 @@ class Reference:
         Weighted mean over the winds of what scores 100.
     improvements : dict
         Mean improvement of every candidate; None for one that broke a limit.
+    equal : list of dict
+        Earlier fingerprints, of sources whose numbers are the same (`confirm_reference`).
     """
 
     definition: str
@@ -52,6 +54,7 @@ class Reference:
     best_agent: str
     best_improvement: float
     improvements: dict[str, float | None]
+    equal: list[dict[str, str]] = field(default_factory=list)
 
     def check(self, task: BenchmarkTask, definition: Mapping[str, Any]) -> None:
         """Refuse a result that cannot be compared with these numbers.
@@ -64,7 +67,7 @@ class Reference:
         if (definition["task"], definition["version"]) != (task.name, task.version):
             raise BenchmarkError(f"a result of {definition['task']}-v{definition['version']} has no score in {task.id}")
         parts = differing(definition["fingerprint"], self.fingerprint)
-        if parts:
+        if parts and definition["fingerprint"] not in self.equal:
             raise BenchmarkError(
                 f"a result of {task.id} was made with another {' and '.join(parts)} than the reference numbers: run "
                 f"the agent again, or, if the reference is the older one, wt-gym benchmark reference --task "
@@ -154,7 +157,8 @@ def confirm_reference(
     Returns
     -------
     Reference
-        The same numbers with the present fingerprint.
+        The same numbers with the present fingerprint; the earlier one counts as equal, so that results of other
+        agents keep their score.
 
     Raises
     ------
@@ -176,7 +180,8 @@ def confirm_reference(
             f"task {task.name}: {reference.best_agent} improves {found:.6g}, not {reference.best_improvement:.6g}: "
             f"{renew}"
         )
-    return replace(reference, fingerprint=dict(fingerprint))
+    equal = [one for one in (reference.fingerprint, *reference.equal) if one != dict(fingerprint)]
+    return replace(reference, fingerprint=dict(fingerprint), equal=equal)
 
 
 def _keeps(task: BenchmarkTask, result: Mapping[str, Any], baseline: Mapping[str, float]) -> bool:

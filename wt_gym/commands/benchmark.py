@@ -3,6 +3,8 @@
     wt-gym benchmark tasks
     wt-gym benchmark run baselines runs/ppo --task load-reduction-15 --out runs/benchmark --jobs 2
     wt-gym benchmark table runs/benchmark
+    wt-gym benchmark archive runs/benchmark --models runs/ppo --out entry.tar.xz
+    wt-gym benchmark verify entry.tar.xz --jobs 2       # repeats six of its runs
     wt-gym benchmark reference --task all --jobs 2      # after a change of the physics
     wt-gym benchmark reference --confirm --jobs 2       # after a change of the sources that changes no number
     wt-gym benchmark ceiling --task load-reduction      # what a score can be where the wind is known
@@ -44,6 +46,25 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     table = commands.add_parser("table", description="Scores of a folder of results: leaderboard.md and .json in it.")
     table.add_argument("folder", type=Path, metavar="DIR")
     table.add_argument("--page", type=Path, metavar="FILE", help="put the table into this page too")
+    archive = commands.add_parser("archive", description="Put results and the models that made them into one file.")
+    archive.add_argument("folder", type=Path, metavar="DIR")
+    archive.add_argument(
+        "--models", nargs="+", type=Path, default=[], metavar="PATH", help="trained models that made runs of the folder"
+    )
+    archive.add_argument("--out", type=Path, default=Path("benchmark.tar.xz"), metavar="FILE", help="%(default)s")
+    verify = commands.add_parser(
+        "verify",
+        description="Repeat some runs of an archive or a folder of results and compare every metric with the recorded "
+        "one; the exit status is 1 where one differs.",
+        epilog=UNSAFE,
+    )
+    verify.add_argument("source", type=Path, metavar="FILE_OR_DIR")
+    verify.add_argument("--sample", type=int, default=6, metavar="N", help="runs; 0: all (default: %(default)s)")
+    verify.add_argument("--seed", type=int, default=0, metavar="N", help="of the draw (default: %(default)s)")
+    verify.add_argument(
+        "--agents", nargs="+", default=[], metavar="NAME=AGENT", help="agents that are not in the archive"
+    )
+    add_engine_options(verify, "runs")
     reference = commands.add_parser("reference", description="Renew the reference numbers in the files of tasks.")
     reference.add_argument(
         "--confirm", action="store_true",
@@ -77,7 +98,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     pages = CLONE / "docs" / "data"
     front.add_argument("--data", type=Path, default=pages if pages.is_dir() else Path("runs/front"), metavar="DIR",
         help="folder of table and figure (default: docs/data of a clone, else runs/front)")  # fmt: skip
-    for command in (table, run, reference, front, ceiling):
+    for command in (table, run, reference, front, ceiling, archive, verify):
         command.add_argument("--json", action="store_true", help="print the figures as one JSON object last")
     return parser.parse_args(words)
 
@@ -165,6 +186,35 @@ def table(arguments: argparse.Namespace) -> dict[str, Any]:
         write_text_whole(arguments.page, into_page(text, arguments.page.read_text(encoding="utf-8")))
     print(text)
     return board
+
+
+def archive(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Pack a folder."""
+    from wt_gym.agents.benchmark_verification import pack
+    from wt_gym.benchmark import ResultFolder
+
+    found = pack(ResultFolder(arguments.folder), arguments.models, arguments.out)
+    print(f"{arguments.out}: {found['runs']} runs, {found['models']} models, {found['bytes'] / 1e3:.0f} kB")
+    if found["missing"]:
+        print(f"warning: without the models of {', '.join(found['missing'])}: name them with --models", file=sys.stderr)
+    return found
+
+
+def verify(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Repeat runs of others."""
+    from wt_gym.agents.benchmark_verification import opened
+    from wt_gym.agents.benchmark_verification import verify as repeat
+
+    if arguments.sample < 0:
+        raise ValueError(f"--sample must be at least 0, got {arguments.sample}")
+    with opened(arguments.source) as (folder, models), executor_of(arguments) as executor:
+        made = repeat(folder, models, arguments.agents, arguments.sample or None, arguments.seed, executor)
+    for one in made:
+        sources = f" (recorded with another {', '.join(one.other)})" if one.other else ""
+        print(f"{'same' if one.same else 'DIFFERS'}: {one.label}: at most {one.deviation:.1e} in {one.metric}{sources}")
+    wrong = [one.label for one in made if not one.same]
+    print(f"{len(made) - len(wrong)} of {len(made)} repeated runs have the recorded metrics")
+    return {"repeated": len(made), "different": wrong}
 
 
 def results(
@@ -295,9 +345,12 @@ def main(words: list[str] | None = None) -> None:
     """Do what the command says."""
     arguments = parse_arguments(words)
     commands = {
-        "tasks": tasks, "run": run, "table": table, "reference": reference, "ceiling": ceiling, "front": front,
+        "tasks": tasks, "run": run, "table": table, "archive": archive, "verify": verify, "reference": reference,
+        "ceiling": ceiling, "front": front,
     }  # fmt: skip
     with user_errors(), stoppable("the same command resumes with the runs that are kept"):
         found = commands[arguments.command](arguments)
     if getattr(arguments, "json", False):
         print(json.dumps(found))
+    if arguments.command == "verify" and isinstance(found, dict) and found["different"]:
+        raise SystemExit(1)

@@ -1,7 +1,7 @@
 """Run agents on turbines, with sensors and in winds that they were not made for, and show what is left of their gain.
 
-    wt-gym robustness ipc agents/trained/load_reduction_on_ipc
-    wt-gym robustness agents/trained/load_reduction_on_ipc --wind-speed 15 18 --conditions delay servo --jobs 2
+    wt-gym robustness ipc agents/trained/load_reduction_on_linear_optimal
+    wt-gym robustness runs/ppo --wind-speed 15 18 --conditions delay servo --jobs 2
     wt-gym robustness --list
 
 Agents are those of wt-gym evaluate. In every condition each is compared with the baseline controller (--reference) and

@@ -5,6 +5,7 @@
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
     wt-gym train --engine ray --address ray-head:6379 --n-envs 64 --out runs/rllib
     wt-gym train --pretrain --out runs/pretrained
+    wt-gym train --budget pitch_travel=1200 rotor_speed=1.1 --out runs/budget
     wt-gym train --resume runs/ppo --steps 500000
     wt-gym train --config mine.yml --resume-if-exists
 
@@ -55,6 +56,10 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--pretrain", nargs="*", metavar="NAME=VALUE", help="follow the gradient of the cost on an identified linear "
         "model, on top of linear_optimal, then PPO for --steps (default with it: 0); options such as rounds=3 "
         "episodes=192"
+    )  # fmt: skip
+    options.add_argument(
+        "--budget", nargs="+", metavar="NAME=LIMIT", help="costs that PPO is to keep by Lagrangian multipliers: "
+        "pitch_travel [rad/d], rotor_speed over rated [-], tip_clearance [m], tower_acceleration [m/s^2]"
     )  # fmt: skip
     options.add_argument("--max-seconds", type=float, metavar="S", help="stop after this wall time")
     seeds = options.add_mutually_exclusive_group()
@@ -108,6 +113,26 @@ def learner_of(arguments: argparse.Namespace) -> Learner | None:
     return None
 
 
+def budgets_of(words: list[str]) -> dict[str, float]:
+    """Limits of costs from ``name=limit``.
+
+    Raises
+    ------
+    ValueError
+        If there is no name or no number.
+    """
+    limits = {}
+    for word in words:
+        name, separator, limit = word.partition("=")
+        try:
+            limits[name] = float(limit)
+        except ValueError:
+            separator = ""
+        if not (name and separator):
+            raise ValueError(f"--budget must be NAME=LIMIT with a number, got {word!r}")
+    return limits
+
+
 def configuration(arguments: argparse.Namespace) -> TrainingConfig:
     """Configuration of a training from the options that were given."""
     given = vars(arguments)
@@ -119,6 +144,8 @@ def configuration(arguments: argparse.Namespace) -> TrainingConfig:
         from wt_gym.agents.training.hyperparameters import parse_override
 
         fields |= {"pretraining": dict(parse_override(text) for text in given["pretrain"]), "total_steps": 0}
+    if "budget" in given:
+        fields["budgets"] = budgets_of(given["budget"])
     fields |= {field: given[name] for name, field in names.items() if name in given}
     return config_from(arguments, **fields)
 

@@ -33,7 +33,7 @@ def words_of(path: str | Path, typed: Sequence[str] = ()) -> list[str]:
     ----------
     path : str or path
         YAML that maps names of options, with ``_`` or ``-``, to values: numbers, words, lists of them, true or false
-        for switches, a mapping for ``env_kwargs``, ``site``, ``hyper`` and ``pretrain``.
+        for switches, a mapping for ``env_kwargs``, ``site``, ``hyper``, ``pretrain`` and ``budget``.
     typed : sequence of str
         Words that come after them; what they exclude is left out, as ``seed`` by ``--seeds``.
 
@@ -80,7 +80,7 @@ def _option(name: str, value: Any, path: str | Path) -> list[str]:
             return [f"--{name}" if value else f"--no-{name}"] if value or name in _WITH_NO else []
         case dict() if name == "env-kwargs":
             return [f"--{name}={json.dumps(value)}"]
-        case dict() if name in ("hyper", "site", "pretrain"):
+        case dict() if name in ("hyper", "site", "pretrain", "budget"):
             return [f"--{name}", *(f"{key}={_word(entry)}" for key, entry in value.items())]
         case list():
             return [f"--{name}", *map(_word, value)]

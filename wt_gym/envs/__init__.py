@@ -16,9 +16,11 @@ from wt_gym.envs.rewards import (
     TowerSideSideFatigue,
     Transition,
 )
+from wt_gym.envs.safety_filter import SafetyFilter
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.variation import Variation
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
+from wt_gym.envs.vector_reward import VectorReward
 
 __all__ = [
     "EVALUATION_WIND_SEEDS",
@@ -32,12 +34,14 @@ __all__ = [
     "Overspeed",
     "Power",
     "RewardTerm",
+    "SafetyFilter",
     "TipDeflection",
     "TowerForeAftFatigue",
     "TowerLoad",
     "TowerSideSideFatigue",
     "Transition",
     "Variation",
+    "VectorReward",
     "WindTurbineEnv",
     "WindTurbineVectorEnv",
     "layout_of",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from wt_gym.control.controllers.supervisor import Supervisor
+    from wt_gym.envs.dial import DialCourse, DialDraws
     from wt_gym.envs.fault_draws import DrawnFault, FaultDraws
     from wt_gym.envs.power_reference import PowerReference, PowerReferenceDraws
     from wt_gym.envs.running_start import RunningStart
@@ -36,7 +37,7 @@ _NUMBERS = (*_POINT, "azimuth", "yaw")
 RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
     "faults", "start_number",
-    "power_reference", "fault",
+    "power_reference", "dial", "fault",
 )  # fmt: skip
 _FIRST_START = 40_000_000
 """Seed of the random numbers of a numbered beginning, beside its number."""
@@ -57,6 +58,8 @@ class Beginning:
         What the episode has of a variation.
     reference : PowerReference, optional
         What a grid operator asks for.
+    dial : DialCourse, optional
+        Factors on the weights of the reward.
     fault : DrawnFault, optional
         What of the faults of the environment breaks; its faults are among ``faults``.
     """
@@ -67,6 +70,7 @@ class Beginning:
     faults: tuple[DriveFault | SensorBias, ...]
     drawn: DrawnVariation | None = None
     reference: PowerReference | None = None
+    dial: DialCourse | None = None
     fault: DrawnFault | None = None
 
 
@@ -85,6 +89,8 @@ class EpisodeStarts:
         Of the base controller: in winds in which it does not run a turbine for long, the turbine starts parked.
     references : PowerReferenceDraws, optional
         Draws what a grid operator asks for.
+    dials : DialDraws, optional
+        Draws the factors on the weights of the reward.
     breakages : FaultDraws, optional
         Draws what breaks.
     """
@@ -97,10 +103,12 @@ class EpisodeStarts:
         count: int | None = None,
         supervisor: Supervisor | None = None,
         references: PowerReferenceDraws | None = None,
+        dials: DialDraws | None = None,
         breakages: FaultDraws | None = None,
     ):
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
-        self._supervisor, self._references, self._breakages = supervisor, references, breakages
+        self._supervisor, self._references, self._dials = supervisor, references, dials
+        self._breakages = breakages
 
     def draw(
         self,
@@ -129,7 +137,20 @@ class EpisodeStarts:
             If a wind is asked for that cannot be had.
         """
         given = _checked(options)
-        rng, number = self._numbered(rng, given)
+        numbered, number = self._numbered(rng, given)
+        beginning = self._drawn(numbered, number, given, length, draw)
+        # of the random numbers of the episode: a numbered beginning comes with any factors
+        return replace(beginning, dial=self._dial(rng, given))
+
+    def _drawn(
+        self,
+        rng: np.random.Generator,
+        number: int | None,
+        given: dict[str, Any],
+        length: float | None,
+        draw: Callable[[int | None], DrawnVariation | None] | None,
+    ) -> Beginning:
+        """Beginning without its dial."""
         drawn = None if draw is None else draw(number)
         faults = checked_faults(given.get("faults", ()), self._turbine.n_blades)
         yaw = check_number("yaw", given.get("yaw", 0.0), "rad")
@@ -150,7 +171,7 @@ class EpisodeStarts:
         iced = fault is not None and fault.ice is not None
         if iced or (drawn is not None and drawn.structural):  # the motion of a structure belongs to it
             start = replace(start, motion=None)
-        return Beginning(wind, start, yaw, faults, drawn, reference, fault)
+        return Beginning(wind, start, yaw, faults, drawn, reference, fault=fault)
 
     def _fault(self, rng: np.random.Generator, given: dict[str, Any]) -> DrawnFault | None:
         """What breaks in the episode."""
@@ -172,6 +193,17 @@ class EpisodeStarts:
             raise ValueError(
                 f"power_reference must be left out of a reset without a power_reference of the environment, got "
                 f"{shown(chosen)}"
+            )
+        return None
+
+    def _dial(self, rng: np.random.Generator, given: dict[str, Any]) -> DialCourse | None:
+        """Factors on the weights of the reward in the episode."""
+        chosen = given.get("dial")
+        if self._dials is not None:
+            return self._dials.draw(rng, chosen)
+        if chosen is not None:
+            raise ValueError(
+                f"dial must be left out of a reset without dial_weights of the environment, got {shown(chosen)}"
             )
         return None
 

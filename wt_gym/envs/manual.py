@@ -91,6 +91,7 @@ named in ``info["saturated"]``. ``observation`` names groups and single channels
 | power_reference | available power by the estimated wind less | 0.5    | 1.25   | -10    | 10     | MW      |
 | power_reference | kinetic energy of rotor and generator      | 35.2   | 7      | 0      | 141    | MJ      |
 | power_forecast  | demanded power in 2, 5 and 10 s            | 4      | 0.75   | 0      | 10     | MW      |
+| dial            | log2 of factors on fatigue, power, travel  | 0      | 1      | -12    | 2      | -       |
 
 By default residual actions see rotor, power, pitch, wind, fixed_frame, tower, controller and offsets, others rotor,
 power, pitch, wind, blades, tower, azimuth and previous_action. Single channels beyond the groups: the moments of
@@ -123,6 +124,9 @@ tower base; moments are those behind a high-pass filter of 10 s:
 With a ``power_reference`` the term ``power_tracking`` (weight 0 by default) costs ``w (sqrt(1 + x^2) - 1)`` with x =
 (P - P_demanded) / (0.05 R), and what kinetic energy the rotor ends with less than it began with.
 
+With ``dial_weights`` each term is multiplied by the factor of its kind, fatigue, power or travel, that the observation
+before the step showed (`wt_gym.envs.dial`); ``set_dial`` turns the dial from the next observation on.
+
 P_available is what the turbine can make of the rotor-effective wind of the episode, up to R: a turbine that takes
 what there is and feels no load earns 1 per second in any wind. Further terms, ``tip_deflection``, ``tower_load``,
 ``extreme_loads`` and ``damage`` (rainflow counting), have weight 0. See `wt_gym.envs.rewards` and ``docs/rewards.md``.
@@ -151,11 +155,12 @@ no torque; it needs a negative ``standstill_limit``, and no built-in base contro
 ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
 [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more
 than a generator can brake with at the rotor speed (`wt_gym.simulation.drivetrain.drives.available_torque`): none
-at standstill. ``power_reference`` replaces what a grid operator asks for, ``fault`` chooses the kind of what
-``fault_kinds`` would draw, or ``kind``, ``blade``, ``time`` and ``size`` in a mapping. Two more options hold for
-the episode: ``inflow``, an Inflow in place of the drawn wind, and ``faults``, what breaks in it and when
-(`wt_gym.simulation.drivetrain.faults`): blades that stick, turn slowly or slip, a generator that is lost, a shut-
-down, sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
+at standstill. ``power_reference`` replaces what a grid operator asks for, ``dial`` the factors on the weights of
+the reward, ``fault`` chooses the kind of what ``fault_kinds`` would draw, or ``kind``, ``blade``, ``time`` and
+``size`` in a mapping. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and
+``faults``, what breaks in it and when (`wt_gym.simulation.drivetrain.faults`): blades that stick, turn slowly or
+slip, a generator that is lost, a shut-down, sensors that read wrong. Actions, observations and the ends of
+episodes stay what they are.
 With ``starts`` episodes are drawn from so many beginnings, which are the same in every environment with the same
 wind, and ``start_number`` chooses one of them.
 
@@ -176,9 +181,10 @@ Truncated: ``episode_length`` is over. Either way the environment can be reset a
 ``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
 ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
 control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and for
-constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`). After a reset
-with a ``variation``, ``variation`` (dict of what was drawn), with ``fault_kinds``, ``fault`` (dict). With a
-``power_reference``, ``demanded_power`` [W]; with a voltage dip, ``grid_voltage`` over nominal;
+constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`); with a dial,
+``dial`` (dict of the present factors). After a reset with a ``variation``, ``variation`` (dict of what was drawn),
+with ``fault_kinds``, ``fault`` (dict). With a ``power_reference``, ``demanded_power`` [W]; with a voltage dip,
+``grid_voltage`` over nominal;
 with a supervisor, ``state`` (text, of `wt_gym.control.controllers.STATES`).
 ``env.unwrapped.signals`` has every signal of the simulator.
 """

@@ -17,6 +17,7 @@ from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs import readers
+from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Quantity
 from wt_gym.envs.rewards.power import available_power
@@ -38,7 +39,7 @@ __all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observabl
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
     "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances",
-    "supervisor", "power_reference", "power_forecast",
+    "supervisor", "power_reference", "power_forecast", "dial",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
@@ -85,6 +86,8 @@ class Observable:
         Supervisory control in the base controller.
     follows_power : bool
         Whether a grid operator asks for a power.
+    has_dial : bool
+        Whether factors on the weights of the reward change.
     """
 
     def __init__(
@@ -98,8 +101,9 @@ class Observable:
         linear: LinearOptimalPitch | None = None,
         supervisor: Supervisor | None = None,
         follows_power: bool = False,
+        has_dial: bool = False,
     ):
-        self._supervisor, self._follows_power = supervisor, follows_power
+        self._supervisor, self._follows_power, self._has_dial = supervisor, follows_power, has_dial
         self._turbine, self._action, self._lidar = turbine, action, lidar
         self._washout, self._yaw_drive, self._linear = washout, yaw_drive, linear
         self._fades = residual is not None and residual.fades
@@ -128,7 +132,7 @@ class Observable:
             "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
             "lidar": self._lidar_channels, "previous_action": self._previous_action, "measurable": self._measurable,
             "dead_band": self._dead_band, "disturbances": self._disturbances, "supervisor": self._states,
-            "power_reference": self._power_reference, "power_forecast": self._power_forecast,
+            "power_reference": self._power_reference, "power_forecast": self._power_forecast, "dial": self._dial,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
         others = (*self._pitch_forms(), self._every_fixed_frame(), self._out_of_plane(), self._more())
@@ -142,8 +146,8 @@ class Observable:
         empty = [group for group in groups if not builders[group]()]
         if empty:
             raise ValueError(
-                f"observation {empty} must be left out: with this action, base controller or power reference there "
-                "is no such quantity"
+                f"observation {empty} must be left out: with this action, base controller, power reference or dial "
+                "there is no such quantity"
             )
         # groups overlap, and a single channel may be in one of them
         chosen = {observed.channel.name: observed for group in groups for observed in builders[group]()}
@@ -489,6 +493,16 @@ class Observable:
             self._computed(EVEN, readers.demanded_power, f"demanded_power_in_{ahead:g}_s", "W", 0.8 * rated,
                            0.15 * rated, 0.0, 2 * rated, 0.0, f"power that is asked for in {ahead:g} s", index=k)
             for k, ahead in enumerate(AHEAD, start=1)
+        ]  # fmt: skip
+
+    def _dial(self) -> list[Observed]:
+        """Where the dial stands; not where it will."""
+        if not self._has_dial:
+            return []
+        return [
+            self._computed(EVEN, readers.dial, f"dial_{name}", "-", 0.0, 1.0, -12.0, 2.0, 0.0,
+                           f"binary logarithm of the factor on the weight of {name} in the reward", index=k)
+            for k, name in enumerate(DIAL_NAMES)
         ]  # fmt: skip
 
     def _more(self) -> list[Observed]:

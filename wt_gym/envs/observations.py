@@ -70,6 +70,8 @@ class Observer:
         That of the base controller, if it has one; its state can then be observed.
     follows_power : bool
         Whether a grid operator asks for a power, which can then be observed.
+    has_dial : bool
+        Whether there is a dial, which can then be observed.
 
     Attributes
     ----------
@@ -101,6 +103,7 @@ class Observer:
         linear: LinearOptimalPitch | None = None,
         supervisor: Supervisor | None = None,
         follows_power: bool = False,
+        has_dial: bool = False,
     ):
         if not 0.0 <= noise_level < math.inf:
             raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
@@ -114,7 +117,7 @@ class Observer:
         self._delay, self._history = int(delay), int(history)
         self.lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
         self.groups, observed = Observable(
-            turbine, action, self.lidar, residual, washout, yaw_drive, linear, supervisor, follows_power
+            turbine, action, self.lidar, residual, washout, yaw_drive, linear, supervisor, follows_power, has_dial
         ).choose(choice)
         channels = [one.channel for one in observed]
         layers = [channels] + [

@@ -65,6 +65,8 @@ class ObservationContext:
         Supervisory control in the base controller.
     demanded_power : tuple of float, optional
         That a grid operator asks for, now and in the times of `wt_gym.envs.power_reference.AHEAD` [W].
+    dial : tuple of float, optional
+        Present factors on the weights of the reward, see `wt_gym.envs.dial`.
     """
 
     signals: Signals
@@ -79,6 +81,7 @@ class ObservationContext:
     offsets: np.ndarray | None = None
     supervisor: Supervisor | None = None
     demanded_power: tuple[float, ...] | None = None
+    dial: tuple[float, ...] | None = None
 
 
 class Sensors:
@@ -372,3 +375,8 @@ def power_headroom(factor: float, most: float, sensors: Sensors, context: Observ
     """Power that the wind of the estimator allows less what is asked for [W]."""
     available = min(factor * sensors.estimator.wind**3, most)  # type: ignore[union-attr]
     return available - context.demanded_power[0]  # type: ignore[index]
+
+
+def dial(sensors: Sensors, context: ObservationContext, k: int) -> float:
+    """Binary logarithm of a factor of the dial."""
+    return math.log2(context.dial[k])  # type: ignore[index]

@@ -22,6 +22,7 @@ from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs import rewards
 from wt_gym.envs.arguments import check_whole_steps, shown
 from wt_gym.envs.costs import Costs
+from wt_gym.envs.dial import DialCourse, DialDraws, dialed
 from wt_gym.envs.ending import EpisodeLength, Limits, registered_limit, standstill_limit, tip_clearance
 from wt_gym.envs.episode_start import Beginning, EpisodeStarts
 from wt_gym.envs.fault_draws import ICED, FaultDraws
@@ -30,6 +31,7 @@ from wt_gym.envs.manual import manual
 from wt_gym.envs.observable import DEFAULT_GROUPS, RESIDUAL_GROUPS
 from wt_gym.envs.observations import Observer
 from wt_gym.envs.operation import Operation, make_simulator
+from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.options.environment import (
     RENDER_MODES,
     EnvOptions,
@@ -73,7 +75,7 @@ if TYPE_CHECKING:
 __all__ = ["WindTurbineEnv", "turbine_env_of"]
 
 # What an episode remembers beside the turbine in operation, the sensors and the random numbers
-_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed")
+_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed", "_dial")
 
 
 class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -136,13 +138,13 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._observer = observer = Observer(
             self.turbine, action, groups, observed.noise if apart else 0.0, late, observed.history, lidar, residual,
             observed.washout, yaw_drive_of(controller), linear_part(controller), supervisor_of(controller),
-            references is not None,
+            references is not None, options.dial.weights is not None,
         )  # fmt: skip
         self.operation = Operation(
             self.turbine, action, controller, residual, observer.lidar, self.fidelity, step, count, self._maker(),
             self._draws,
         )  # fmt: skip
-        self._costs = Costs(self.turbine, self.control_dt, limits.overspeed)
+        self._costs = Costs(self.turbine, self.control_dt, limits.overspeed, limits.costs)
         self.layout = EnvLayout(
             self.turbine, observer.layout, action, self.control_dt, late, observer.lidar, observer.washed
         )
@@ -163,8 +165,12 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
                 "action_components 'set_point' needs a base controller with a supervisor: 'discon+supervisor'"
             )
         running = self._running_start(controller, references)
+        self.dials: DialDraws | None = None  # draws the factors on the weights of the reward
+        if options.dial.weights is not None:
+            self.dials = DialDraws(options.dial, [term.name for term in self.reward_terms])
+        self._dial: DialCourse | None = None
         self._starts = EpisodeStarts(
-            self.turbine, self.wind, running, options.starts, supervisor, references, breakages
+            self.turbine, self.wind, running, options.starts, supervisor, references, self.dials, breakages
         )
         self._renderer = self._make_renderer()
         self._running = self._failed = self._seeded = False
@@ -344,6 +350,37 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         return self.limits.standstill
 
     @property
+    def dial(self) -> dict[str, float] | None:
+        """Factors on the weights of the reward that hold for the next step, by name; None without a dial."""
+        return None if self._dial is None else dict(zip(DIAL_NAMES, self._factors(self._dial), strict=True))
+
+    def set_dial(self, **factors: float) -> None:
+        """Turn the dial: from the next observation on to the end of the episode these factors hold.
+
+        Parameters
+        ----------
+        **factors : float
+            On the weights of ``fatigue``, ``power`` and ``travel``, 1 where left out; their ratios count.
+
+        Raises
+        ------
+        ValueError
+            If the environment has no dial, or a factor has no meaning.
+        gymnasium.error.ResetNeeded
+            If no episode is running.
+        """
+        if self.dials is None:
+            raise ValueError("the environment must have dial_weights to turn its dial, got None")
+        turned = DialCourse.of(factors)
+        if not self._running or self._dial is None:
+            raise ResetNeeded("the episode is over, or none was started: call reset() before set_dial()")
+        self._dial = self._dial.changed(self.signals["time"] + 0.5 * self.control_dt, turned.factors[0])
+
+    def _factors(self, dial: DialCourse) -> tuple[float, ...]:
+        """Factors of the present instant."""
+        return dial.at(self.signals["time"])
+
+    @property
     def observation_names(self) -> np.ndarray:
         """Name of every component of an observation."""
         return np.array(self.layout.observation.names)
@@ -429,6 +466,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         operation.begin(beginning)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running, self._failed = 0, True, False
+        self._dial = beginning.dial if self.dials is not None else None
         instruments = operation.instruments
         self._observer.reset(self._situation(), start.trail, None if instruments is None else instruments.offset)
         self._observation, self._saturated = None, ()
@@ -464,6 +502,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             raise ResetNeeded("the episode is over, or none was started: call reset() before step()")
         operation, meaning, dt = self.operation, self.layout.action, self.control_dt
         values, before = meaning.validate(action), operation.signals
+        factors = None if self._dial is None else self._factors(self._dial)
         try:
             after = operation.advance(meaning.decode(values, operation.setpoint))
         except SimulationError as error:
@@ -489,6 +528,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             reward, terms = self.limits.punish(reward, terms)
         if self._twin is not None:
             reward, terms = self._compared(self._twin, reward, terms)
+        if factors is not None:
+            terms = dialed(terms, factors)
+            reward = float(sum(terms.values()))
         observation, saturated = self._observe()
         most = self.length.steps
         truncated = ending is None and most is not None and self._steps >= most
@@ -536,6 +578,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         return ObservationContext(
             signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual, drive, known,
             supervisor=o.supervisor, demanded_power=demanded,
+            dial=None if self._dial is None else self._factors(self._dial),
         )  # fmt: skip
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -559,6 +602,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             info["grid_voltage"] = voltage
         if self.operation.reference is not None:
             info["demanded_power"] = self.operation.reference.at(signals["time"])
+        if (dial := self.dial) is not None:
+            info["dial"] = dial
         return info
 
     # ---- snapshots and pictures ----

@@ -55,6 +55,9 @@ __all__ = ["ControllerAlone", "Twin", "TwinSnapshot"]
 _OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs.rewards")
 """Whose objects are told from others by what they remember, and whose sources are known."""
 
+_NOT_OTHERS = ("wind", "start", "drawn", "dial")
+"""Of a beginning, what stands elsewhere in the name of a course, or does not change what the controller does."""
+
 
 class ControllerAlone(Protocol):
     """The turbine under the base controller alone, as `wt_gym.envs.turbine_env.WindTurbineEnv` is one."""
@@ -156,7 +159,7 @@ class Twin:
         drawn = beginning.drawn
         varied = None if drawn is None else (json.dumps(drawn.values, sort_keys=True), drawn.turbine, drawn.noise_seed)
         limits = self.env.limits.overspeed, self.env.limits.standstill
-        others = [getattr(beginning, f.name) for f in fields(beginning) if f.name not in ("wind", "start", "drawn")]
+        others = [getattr(beginning, f.name) for f in fields(beginning) if f.name not in _NOT_OTHERS]
         return fingerprint(self._identity, limits, wind, _start(beginning.start), others, varied)[:40]
 
     def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:

@@ -54,6 +54,9 @@ class Episode:
         Sum of each term.
     cost : float
         Sum of the costs.
+    costs : dict
+        Sum of each.
+    steps : int
     replay : Replay or None
         Shapes of the last seconds, if they were kept.
     """
@@ -65,6 +68,8 @@ class Episode:
     episode_return: float
     reward_terms: dict[str, float]
     cost: float
+    costs: dict[str, float]
+    steps: int
     replay: Replay | None
 
     @property
@@ -111,12 +116,14 @@ def play(
     disc = DiscWind(plain.turbine)
     asked = [_demanded_and_available(plain, disc)]
     most = None if duration is None else round(duration / plain.control_dt)
-    total, cost, terms = 0.0, 0.0, dict[str, float]()
+    total, cost, terms, costs = 0.0, 0.0, dict[str, float](), dict[str, float]()
     for count, step in enumerate(episode_steps(env, agent, observation), start=1):
         info = step.info
         total, cost = total + float(np.sum(step.reward)), cost + info["cost"]
         for name, value in info["reward_terms"].items():
             terms[name] = terms.get(name, 0.0) + value
+        for name, value in info["costs"].items():
+            costs[name] = costs.get(name, 0.0) + value
         if not step.failed:
             recorder.append(plain.signals)
             asked.append(_demanded_and_available(plain, disc, plain.control_dt))
@@ -128,7 +135,8 @@ def play(
             break
     return Episode(
         _with_demanded(recorder.to_dataset(), asked), float(info["time"]), info.get("termination", "time"),
-        info.get("failure"), float(total), terms, float(cost), shapes.to_replay(),
+        info.get("failure"), float(total), terms, float(cost), costs, count,
+        shapes.to_replay(),
     )  # fmt: skip
 
 

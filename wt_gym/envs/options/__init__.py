@@ -2,6 +2,7 @@
 
 from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
+from wt_gym.envs.options.dial import DialOptions
 from wt_gym.envs.options.electrical import ElectricalOptions
 from wt_gym.envs.options.environment import EnvOptions, env_arguments, flat_arguments, options_of, registered_arguments
 from wt_gym.envs.options.faults import FaultOptions
@@ -15,6 +16,7 @@ from wt_gym.envs.options.wind import WindOptions
 __all__ = [
     "ActionOptions",
     "ControllerOptions",
+    "DialOptions",
     "ElectricalOptions",
     "EnvOptions",
     "FaultOptions",

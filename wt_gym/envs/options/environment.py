@@ -16,6 +16,7 @@ import gymnasium as gym
 from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
+from wt_gym.envs.options.dial import DialOptions
 from wt_gym.envs.options.electrical import ElectricalOptions
 from wt_gym.envs.options.faults import FaultOptions
 from wt_gym.envs.options.grid import GridOptions
@@ -65,6 +66,7 @@ GROUPS: dict[str, type[OptionGroup]] = {
         LimitOptions,
         ControllerOptions,
         GridOptions,
+        DialOptions,
         ElectricalOptions,
         FaultOptions,
         Variation,
@@ -141,6 +143,7 @@ class EnvOptions(OptionGroup):
     limits: LimitOptions = LimitOptions()
     controller: ControllerOptions = ControllerOptions()
     grid: GridOptions = GridOptions()
+    dial: DialOptions = DialOptions()
     electrical: ElectricalOptions = ElectricalOptions()
     faults: FaultOptions = FaultOptions()
     variation: Variation = Variation()
@@ -172,6 +175,9 @@ class EnvOptions(OptionGroup):
         if self.grid.reference is None and (alone := [name for name in self.grid.given if name != "reference"]):
             names = ", ".join(f"power_reference_{name}" for name in alone)
             raise ValueError(f"{names} must be left out, or given with a power_reference: nothing is asked for")
+        if self.dial.weights is None and (alone := [name for name in self.dial.given if name != "weights"]):
+            names = ", ".join(f"dial_{name}" for name in alone)
+            raise ValueError(f"{names} must be left out, or given with dial_weights: there is no dial")
         if self.faults.kinds is None and (alone := [name for name in self.faults.given if name != "kinds"]):
             names = ", ".join(f"fault_{name}" for name in alone)
             raise ValueError(f"{names} must be left out, or given with fault_kinds: nothing breaks")
