@@ -252,7 +252,7 @@ def test_bang_bang_pitch_of_single_blades():
     assert np.isfinite(rewards).all()
 
 
-@pytest.mark.parametrize("mode", ["sync", "async"])
+@pytest.mark.parametrize("mode", ["sync", pytest.param("async", marks=pytest.mark.slow)])
 def test_gymnasium_vector_environment(mode):
     # other processes would record the running turbine at full length
     kwargs = {"vector_kwargs": {"context": "spawn"}, "start": "steady"} if mode == "async" else {}

@@ -79,6 +79,7 @@ def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, count_runs):
     assert (result.climate.mean_speed, weighed.climate.mean_speed) == (10.0, 7.5)
 
 
+@pytest.mark.slow  # test_env_compare_agents.py has a quicker table in two processes
 def test_two_processes_make_the_runs_of_one(tmp_path):
     with ProcessExecutor(2) as executor:
         two = evaluate(AGENTS, CONFIG, folder=tmp_path, executor=executor, progress=False)
@@ -417,22 +418,29 @@ def drawn_inflow(rng):
         ({"inflow": "extreme", "standstill_limit": -0.5}, r"70 m/s, draw [12]"),
     ],
 )
-def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch, tmp_path):
+def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch):
     """Asked for two seeds at 15 m/s, whatever the wind of the environment is."""
     use(monkeypatch, RecordedSimulator)
     monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
     winds = (Wind(15.0, 1001), Wind(15.0, 1002))
     config = EvaluationConfig(STEADY, kwargs, winds, duration=3.0, skip=1.0, replay=0.0)
     agents = {"a": "constant", "b": "constant"}
-    result = evaluate(agents, config, folder=tmp_path, progress=False)
+    result = evaluate(agents, config, progress=False)
     assert len(result.winds) == 2
     assert all(re.fullmatch(labels, wind.label) for wind in result.winds), [wind.label for wind in result.winds]
     for wind in result.winds:  # both agents met it, and its speed is recorded
         assert {result.run(name, wind).data.attrs["wind_speed"] for name in agents} == {wind.speed}
     in_operation = all(wind.speed < 25.0 for wind in result.winds)
     assert (result.climate is not None) == in_operation
+
+
+def test_labels_of_winds_are_kept(monkeypatch, tmp_path):
+    use(monkeypatch, RecordedSimulator)
+    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
+    config = EvaluationConfig(STEADY, {"inflow": drawn_inflow}, (Wind(15.0, 1001),), duration=3.0, skip=1.0, replay=0.0)
+    result = evaluate({"a": "constant"}, config, folder=tmp_path, progress=False)
     assert Evaluation.load(tmp_path).winds == result.winds
-    assert evaluate(agents, config, folder=tmp_path, progress=False).winds == result.winds
+    assert evaluate({"a": "constant"}, config, folder=tmp_path, progress=False).winds == result.winds
 
 
 def test_agents_that_did_not_meet_one_wind_are_not_compared(monkeypatch):

@@ -29,7 +29,7 @@ from wt_gym.wind import SteadyInflow
 NREL = ["nrel_5mw"]
 
 
-@pytest.mark.parametrize("least", [3_000, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("least", [1_000, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_thousands_of_steps_find_no_fault(least):
     faults, steps = [], 0
     for result in fuzz(least, NREL):

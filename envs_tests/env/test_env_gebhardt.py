@@ -47,7 +47,7 @@ def test_no_action_is_dead(env_id, generator, names):
         assert np.abs(moved - still).max() > 1e-3
 
 
-@pytest.mark.parametrize("kwargs", [{}, {"action_mode": "residual"}])
+@pytest.mark.parametrize("kwargs", [{}, pytest.param({"action_mode": "residual"}, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("generator", ["torque", "damper"])
 def test_random_actions_do_not_break_an_episode(generator, kwargs):
     truncated = random_episode(gym.make(IDS[1], generator=generator, wind_speed=14.0, **kwargs).unwrapped)

@@ -29,7 +29,7 @@ from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, Turbulent
 from wt_gym.wind.protocol import PointInflow
 
 AGENTS = sorted(path.parent for path in (Path(wt_gym.agents.__file__).parent / "trained").glob("*/model.zip"))
-ANGLES = (30.0, 90.0, 180.0, 237.0)
+ANGLES = (*(pytest.param(angle, marks=pytest.mark.slow) for angle in (30.0, 90.0, 180.0)), 237.0)
 STEPS = 25
 ROUNDING = 2e-4
 """Of observations, whose scale is about 1: float32 of a value of 10 rounds by 1e-6, and what it does grows since."""
@@ -116,14 +116,16 @@ VARIED = {
 def test_a_turned_world_is_the_same_with_a_variation():
     variation = {**VARIED, "yaw_error": 0.2, "shear_exponent": -0.1, "turbulence_class": ("A",)}
     env = gym.make(TASKS["LoadReduction"].ids[-1], wind_seeds=(1,), variation=variation, controller="constrained_ipc")
-    assert_same(play(env), play(env, {"yaw": math.radians(ANGLES[0])}))
+    assert_same(play(env), play(env, {"yaw": math.radians(30.0)}))
 
 
 # libraries get their readings in single precision
 OURS = [name for name in CONTROLLERS if name not in COMPILED]
+FEW = ("ipc", "tower_dampers", "lidar", "linear_optimal", "yaw")
+"""Controllers that read a direction each in their own way."""
 
 
-@pytest.mark.parametrize("name", OURS)
+@pytest.mark.parametrize("name", [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in OURS])
 def test_a_turned_world_is_the_same_for_every_controller(name):
     """Yaw acts in a wind from the side: the drive turns within the episode."""
     task, controller = ("Yaw", "discon+yaw") if name == "yaw" else ("LoadReduction", name)
@@ -278,9 +280,9 @@ def scaled(turbine, s, published=False):
 @pytest.mark.parametrize(
     ("task", "controller"),
     [
-        ("LoadReduction", "discon"),
+        pytest.param("LoadReduction", "discon", marks=pytest.mark.slow),
         ("LoadReduction", "ipc+tower_dampers"),
-        ("FullRange", "discon"),
+        pytest.param("FullRange", "discon", marks=pytest.mark.slow),
         ("MaxPower", "discon"),
     ],
 )

@@ -23,7 +23,7 @@ def test_snapshots_continue_bit_for_bit():
     snapshot_repeats(gym.make(IDS[1], wind_speed=8.0, sensor_noise=1.0).unwrapped)
 
 
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", [pytest.param(IDS[0], marks=pytest.mark.slow), IDS[1]])
 def test_random_actions_do_not_break_an_episode(env_id):
     random_episode(gym.make(env_id).unwrapped)
 
@@ -38,6 +38,7 @@ def test_mixed_coordinates_continue_bit_for_bit():
     assert len(env.simulator.structure.system.quaternions) == 3  # it is the mixed form that went on
 
 
+@pytest.mark.slow
 def test_random_actions_do_not_break_mixed_coordinates():
     """Ten turns of the rotor; the blades stay on their constraint equations."""
     env = gym.make(IDS[1], fidelity="mixed", generator="damper", episode_length=0.4).unwrapped

@@ -89,7 +89,7 @@ def test_the_base_of_an_agent():
 
 
 def test_runs_are_kept_and_the_same_call_resumes(tmp_path):
-    config = EvaluationConfig(TASK, {"start": "steady"}, (Wind(15.0, 1001), Wind(15.0, 1002)), duration=6.0, skip=1.0)
+    config = EvaluationConfig(TASK, {"start": "steady"}, (Wind(15.0, 1001), Wind(15.0, 1002)), duration=3.0, skip=1.0)
     agents, conditions, seen = {"discon": "discon", "still": "zero", "ipc": "ipc"}, chosen(["shear-low", "delay"]), []
     config = replace(config, env_kwargs={**config.env_kwargs, "controller": "ipc"})
     found = run_robustness(

@@ -139,7 +139,7 @@ def test_the_time_limit_of_a_task_is_a_truncation():
     assert ends == [(False, False)] * 3 + [(False, True)]
 
 
-@pytest.mark.parametrize("vector", [False, True])
+@pytest.mark.parametrize("vector", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
     """Made with episode_length=120 a task of 60 s stays at 60 s, which shows when its first episode has ended there."""
     use(monkeypatch, ScriptedSimulator)

@@ -192,6 +192,7 @@ def flow_through(lattice, state):
     return np.sum((lattice.induced_velocity(state, middle) + np.array([10.0, 0, 0])) * normal, axis=-1)
 
 
+@pytest.mark.slow
 def test_lattice_and_body_answer_each_other():
     ball = BodySet([ellipsoid_body((0.8, 0.8, 0.8), 12, 12, (2.5, 0.3, 1.2))])
     lattice = wing(ball)

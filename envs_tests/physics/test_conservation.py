@@ -132,7 +132,7 @@ def momenta_of(system, y):
     return out
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", [pytest.param(f, marks=pytest.mark.slow) if f == "mixed" else f for f in FORMS])
 def test_energy_of_a_turning_turbine(form):
     run = Run(form, 20.0)
     assert run.exchanged() > 5e-4, "the test must move energy between its forms"

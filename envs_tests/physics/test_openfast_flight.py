@@ -71,6 +71,7 @@ def test_a_trained_agent_flies_alike_in_python_and_as_a_library(agent, duration,
     assert alone["pitch_travel"] != pytest.approx(library["pitch_travel"], rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_controller_reads_the_lidar_of_openfast(tmp_path):
     """It follows the wind ahead as Python does with the same points, and it is the lidar that moves it."""
     flight = fly("lidar", tmp_path, scene_of("lidar", **WIND, duration=40.0), duration=40.0, skip=20.0, driver=DRIVER,

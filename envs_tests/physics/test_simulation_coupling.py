@@ -349,7 +349,7 @@ def test_signals_of_the_compiled_step_are_those_of_a_measurement(formulation):
     np.testing.assert_allclose([found[n] for n in winds], [sim.signals[n] for n in winds], rtol=0.0, atol=2e-5)
 
 
-@pytest.mark.parametrize("formulation", ["embedded", "observer"])
+@pytest.mark.parametrize("formulation", ["embedded", pytest.param("observer", marks=pytest.mark.slow)])
 def test_a_step_in_parts_is_the_compiled_step(formulation):
     """As Python runs it, where the lattice prepares and accepts a step by itself."""
     fidelity = replace(FIDELITIES["training"], formulation=formulation)
@@ -363,7 +363,7 @@ def test_a_step_in_parts_is_the_compiled_step(formulation):
     np.testing.assert_allclose(runs[1], runs[0], rtol=1e-9)
 
 
-@pytest.mark.parametrize("formulation", ["embedded", "observer"])
+@pytest.mark.parametrize("formulation", ["embedded", pytest.param("observer", marks=pytest.mark.slow)])
 def test_a_structure_that_was_taken_back_moves_as_before(formulation):
     fidelity = replace(FIDELITIES["training"], formulation=formulation)
     sim = Simulator("nrel_5mw", SteadyInflow(11.0, shear_exponent=0.2), fidelity)

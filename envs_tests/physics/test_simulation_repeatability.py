@@ -52,7 +52,7 @@ def fresh_start():
 
 
 @pytest.mark.skipif(way_to_compile() == "plain", reason="bits depend on what was loaded before")
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_another_process_computes_the_same_bits(threads, here):
     """It has loaded no kernel before it continues, and has that many threads for linear algebra."""
     path, continued, started = here

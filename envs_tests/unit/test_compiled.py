@@ -93,6 +93,7 @@ def test_the_cache_brings_separate_kernels_along_and_notices_their_changes(modul
 
 
 @linked_only
+@pytest.mark.slow
 def test_a_plain_function_links_a_separate_kernel_from_the_cache(modules):
     code = RUN + "plain = numba.njit(lambda x: branch(x, 3.0) + leaf(x, 3.0))\nprint(plain(np.arange(4.0)))"
     run(modules)
@@ -172,6 +173,7 @@ def test_what_python_could_not_call_is_no_kernel(function, message):
         kernel(function)
 
 
+@pytest.mark.slow
 def test_code_with_addresses_of_a_process_is_not_kept(modules):
     (modules / "leaf_module.py").write_text(
         "import ctypes, ctypes.util\n"
@@ -186,6 +188,7 @@ def test_code_with_addresses_of_a_process_is_not_kept(modules):
     assert not list((modules / "__pycache__").glob("leaf_module.*.nbc"))
 
 
+@pytest.mark.slow
 def test_kernels_of_one_name_are_told_apart(modules):
     (modules / "leaf_module.py").write_text(
         "from wt_gym.compiled import kernel\n"
@@ -197,6 +200,7 @@ def test_kernels_of_one_name_are_told_apart(modules):
         assert run(modules, "from leaf_module import first, same\nprint(first(1), same(1))") == [2.0, 3.0]
 
 
+@pytest.mark.slow
 def test_an_inner_kernel_may_print(modules):
     (modules / "leaf_module.py").write_text(
         "from wt_gym.compiled import kernel\n"
@@ -212,6 +216,7 @@ def test_an_inner_kernel_may_print(modules):
     assert run(modules, code) == [2.0, 3.0]
 
 
+@pytest.mark.slow
 def test_the_callers_of_a_renamed_separate_kernel_are_compiled_anew(modules):
     (modules / "leaf_module.py").write_text(LEAF + "current = leaf\n")
     (modules / "caller_module.py").write_text(CALLERS.replace("import leaf", "import current as leaf"))
@@ -344,6 +349,7 @@ def plain_way(tmp_path):
     return {"WT_GYM_COMPILE": "plain", "NUMBA_CACHE_DIR": str(tmp_path / "plain")}
 
 
+@pytest.mark.slow
 def test_the_plain_way_gives_the_same_and_is_kept(modules, plain_way):
     code = (
         "import numpy as np, pickle, numba\n"
@@ -385,7 +391,13 @@ MOVED = {
 }
 
 
-@pytest.mark.parametrize("change", MOVED.values(), ids=MOVED)
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(code, id=name, marks=pytest.mark.slow if name == "a pass is another" else ())
+        for name, code in MOVED.items()
+    ],
+)
 def test_where_the_inside_of_numba_has_moved_plain_njit_takes_over(modules, tmp_path, change):
     code = f"{change}\nimport numpy as np\nfrom caller_module import root\n{WAY}\nprint(root(np.arange(4.0), 3.0))"
     cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "WT_GYM_COMPILE": ""}

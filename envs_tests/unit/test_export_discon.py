@@ -98,7 +98,7 @@ def side_by_side(controller, library, parameters, turbine, readings):
 
 
 @pytest.mark.parametrize(("choice", "name"), CONTROLLERS)
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_random_readings_give_the_demands_of_the_controller(choice, name, seed, exported):
     """The same up to the single precision of the demands, over 100 s of readings that reach everywhere."""
     turbine = load_turbine(name)
