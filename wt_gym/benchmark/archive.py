@@ -76,7 +76,7 @@ def read_archive(path: Path, folder: Path) -> None:
     Raises
     ------
     wt_gym.errors.BenchmarkError
-        If the file is no archive, is damaged, or has a member that its manifest does not name or names otherwise.
+        If the file is not an archive, is damaged, or has a member that its manifest does not name or names otherwise.
     """
     try:
         with tarfile.open(path, mode="r:xz") as archive:
