@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from site_parts import command_line, constants, crosscheck_record, environment, options, validation_record
+from site_parts import beyond_pi, command_line, constants, crosscheck_record, environment, options, validation_record
 
 _ROOT = Path(__file__).resolve().parents[2]
 
@@ -23,6 +23,7 @@ def _file(name):
 
 PARTS = {
     "file": _file,
+    "beyond_pi": beyond_pi.beyond_pi,
     "constants": constants.constants,
     "ids": environment.ids,
     "environment": environment.manual,

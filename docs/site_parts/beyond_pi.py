@@ -1,0 +1,115 @@
+"""What controllers and agents add to a PI controller of the pitch and a torque curve, from the records of the tasks."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from wt_gym.agents.comparison import half_width
+from wt_gym.benchmark import load_task
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+_SUPERVISED = "discon+supervisor:averaging=60"
+_ROSCO_MODES = tuple(f"discon+derate_{mode}" for mode in ("torque", "speed", "pitch"))
+_KEPT = 0.8
+"""Share of a gain that counts as kept."""
+
+
+def beyond_pi():
+    """Table, Markdown: a need a row, with changes and their 95 % intervals over the winds."""
+    scores = json.loads((DATA / "task_scores.json").read_text(encoding="utf-8"))
+    agent = "agents/trained/load_reduction_on_linear_optimal"
+    mode = min(_ROSCO_MODES, key=lambda name: np.mean(_values(scores["PowerTracking"], name, "tracking_rms")))
+    store = "discon+derate_kinetic"
+    storm = scores["FullOperation in storm"]
+    hard = next(run["agent"] for run in storm["runs"] if run["agent"].startswith(f"{_SUPERVISED},"))
+    rows = [
+        (
+            "spare the blades at the same power",
+            "load_reduction",
+            "has one pitch angle for all blades",
+            "`load_reduction_on_linear_optimal`, trained",
+            f"flap DEL {_change(scores['LoadReduction'], 'discon', agent, 'blade_flap_del')}",
+        ),
+        (
+            "meet a gust with less load",
+            "gusts",
+            "reacts to the rotor speed alone",
+            "`linear_optimal`",
+            f"largest flap moment {_change(scores['Gusts'], 'discon', 'linear_optimal', 'blade_flap_max')}",
+        ),
+        (
+            "make a demanded power, also in lulls",
+            "power_tracking",
+            f"`{mode}`, the best of ROSCO's modes",
+            f"`{store}`",
+            f"tracking error {_change(scores['PowerTracking'], mode, store, 'tracking_rms')}, "
+            f"flap DEL {_change(scores['PowerTracking'], mode, store, 'blade_flap_del')}",
+        ),
+        (
+            "produce in a storm",
+            "full_operation",
+            "stops at the cut-out wind",
+            f"`{_SUPERVISED}`",
+            f"energy {_change(storm, hard, _SUPERVISED, 'corrected_power')} at 20 to 28 m/s, "
+            f"flap DEL {_change(storm, hard, _SUPERVISED, 'blade_flap_del')}",
+        ),
+        (
+            "change what counts in operation",
+            "dial",
+            "has one compromise, fixed by its gains",
+            "`dial_on_linear_optimal`, trained",
+            _dial(),
+        ),
+        (
+            "keep its gain with a broken part",
+            "faults",
+            "trusts its readings and drives",
+            "`linear_optimal+fault_supervisor`",
+            _faults(),
+        ),
+    ]
+    lines = ["| need | the PI controller | what does it | measured |", "|---|---|---|---|"]
+    lines += [f"| [{need}]({page}.md) | {why} | {who} | {found} |" for need, page, why, who, found in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _values(study, agent, metric):
+    """Metric of an agent's runs by part and wind."""
+    runs = sorted((run for run in study["runs"] if run["agent"] == agent), key=lambda run: (run["part"], run["wind"]))
+    return np.array([run["metrics"].get(metric, np.nan) for run in runs])
+
+
+def _change(study, base, agent, metric):
+    """Mean relative change over the winds that both came through, with its interval."""
+    ratios = _values(study, agent, metric) / _values(study, base, metric) - 1.0
+    ratios = 100.0 * ratios[np.isfinite(ratios)]
+    return f"{ratios.mean():+.0f} ± {half_width(ratios):.0f} %".replace("-", "−")
+
+
+def _dial():
+    """Hypervolume of the policy with the dial over that of one policy a setting, as the dial's page has it."""
+    page = (DATA.parent / "tasks" / "dial.md").read_text(encoding="utf-8")
+    share = page.partition("Hypervolume of the one policy over that of the five: ")[2].partition(" on the model")[0]
+    return f"one policy has {share} of the hypervolume of five, by the identified model"
+
+
+def _faults():
+    """In how many faults the gain is kept."""
+    runs = json.loads((DATA / "fault_study.json").read_text(encoding="utf-8"))["runs"]
+    task = load_task("load-reduction-15")
+    found = {(run["condition"], run["agent"], run["wind"]): run["metrics"] for run in runs}
+
+    def gain(agent, condition):
+        winds = {wind for of, _, wind in found if of == condition}
+        return np.mean([task.improvement(found[condition, agent, w], found[condition, "discon", w]) for w in winds])
+
+    faults = sorted({run["condition"] for run in runs} - {"nominal"})
+
+    def kept(agent):
+        return sum(gain(agent, fault) >= _KEPT * gain(agent, "nominal") for fault in faults)
+
+    first, second = kept("linear_optimal"), kept("linear_optimal+fault_supervisor")
+    return f"at least {_KEPT:.0%} of the gain in {second} of {len(faults)} faults; without the supervisor in {first}"
