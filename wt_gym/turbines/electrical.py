@@ -12,10 +12,10 @@ over their rated values and the losses L at rated operation, is
 
 copper losses with the square of the current and so of the torque; iron losses of hysteresis and eddy currents, in
 proportion to the frequency and to its square; converter losses, a part that is always there, one in proportion to the
-current of generator and grid, and one with their squares (Polinder et al., IEEE Transactions on Energy
-Conversion 21, 2006, 725, sections II.C and II.D, for direct-drive and geared generators with full converters). The current of the grid side is
-taken in proportion to the shaft power. L follows from the efficiency of the turbine's generator, which is that at rated
-operation; a generator without torque is off and has no losses.
+current of generator and grid, and one with their squares (Polinder et al., IEEE Transactions on Energy Conversion 21,
+2006, 725, sections II.C and II.D, for direct-drive and geared generators with full converters). The current of the grid
+side is taken in proportion to the shaft power. L follows from the efficiency of the turbine's generator, which is that
+at rated operation; a generator without torque is off and has no losses.
 """
 
 from __future__ import annotations
