@@ -34,19 +34,20 @@ NOTHING_IS_ALLOWED = {
     "shear_exponent", "turbulence_class", "wind_wander", "episode_length", "action_components", "action_spans",
     "residual_washout", "reward", "standstill_limit", "observation", "lidar", "render_mode", "generator",
     "roughness_length", "reference_height", "site", "sensor_washout", "starts", "sensors",
-    "power_reference", "dial_weights", "cost_limits",
+    "power_reference", "dial_weights", "cost_limits", "fault_kinds",
     *(f"vary_{name}" for name in (*RANGES, *CHOICES)),
 }  # fmt: skip
 ALLOWED = {
     **{name: {"number"} for name in (
         "overspeed_limit", "termination_penalty", "control_dt", "sensor_noise", "reference_height",
-        "residual_washout", "roughness_length", "sensor_washout",
+        "residual_washout", "roughness_length", "sensor_washout", "torque_lag",
     )},
     **{f"vary_{name}": {"number", "list"} for name in RANGES},
     "vary_shear_exponent": {"list"},
     "wind_direction": {"number", "list"},
     "wind_speed": {"number", "list"},
     "residual_fade": {"truth"},
+    "loss_map": {"truth"},
     "relative_reward": {"truth"},
     "vector_reward": {"truth"},
     "wind_seeds": {"list"},

@@ -151,9 +151,7 @@ def test_the_reference_is_observed_and_told(monkeypatch):
 def test_what_needs_a_reference_says_so(monkeypatch):
     use(monkeypatch, ScriptedSimulator)
     plain = TRACKED | {"reward": None}
-    with pytest.raises(
-        ValueError, match=r"\['power_reference'\] must be left out: with this action, base controller or"
-    ):
+    with pytest.raises(ValueError, match=r"\['power_reference'\] must be left out: with this action, base controller,"):
         WindTurbineEnv(**plain, observation=("power_reference",))
     with pytest.raises(ValueError, match="power_tracking needs a power_reference"):
         WindTurbineEnv(**TRACKED).reset(seed=0)

@@ -71,6 +71,7 @@ def readings(**changes):
         "generator_speed": RATED * 97,
         "rotor_speed": RATED,
         "generator_torque": 43_093.5,
+        "generator_power": 5e6,
         "azimuth": 0.4,
         "yaw_error": 0.0,
         "nacelle_acceleration_fore_aft": 0.0,
