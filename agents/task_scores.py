@@ -39,6 +39,7 @@ __all__ = [
 RANDOM = "random"
 """Word for even draws of the actions."""
 _TRAINED = "agents/trained/"
+_BEST = f"{_TRAINED}load_reduction_on_linear_optimal"
 _DASH = "–"
 _NOT_IN_NAMES = re.compile(r"[^\w.+=-]+")
 
@@ -64,7 +65,7 @@ class Column:
 
 
 _SCORED = {
-    "LoadReduction": 1,
+    "LoadReduction": 2,
     "FullRange": 1,
     "MaxPower": 1,
     "Yaw": 2,
@@ -157,20 +158,16 @@ _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP,
 STUDIES: dict[str, Study] = {
     "LoadReduction": Study(
         "LoadReduction",
-        ("discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "lidar+constrained_ipc+tower_dampers", "tuned_lidar",
-         f"{_TRAINED}load_reduction", f"{_TRAINED}load_reduction_on_ipc", f"{_TRAINED}load_reduction_on_lidar",
-         f"{_TRAINED}load_reduction_on_tuned_lidar", f"{_TRAINED}load_reduction_at_the_knee"),
+        ("discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "tuned_lidar", "linear_optimal",
+         f"{_TRAINED}load_reduction_on_tuned_lidar", _BEST),
         (Part(_winds((12.0, 16.0, 20.0), 2)),),
         _LOADS,
     ),
     "FullRange": Study(
         "FullRange",
-        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
-         f"{_TRAINED}load_reduction_on_ipc"),
+        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers"),
         (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2)),),
         (_ENERGY, *_LIFE, _TRAVEL),
-        # trained without torque, which it leaves to the base controller
-        arguments={f"{_TRAINED}load_reduction_on_ipc": {"action_components": ["pitch"]}},
     ),
     "MaxPower": Study(
         "MaxPower",
@@ -311,7 +308,7 @@ def measure(
 def _runs_of(
     study: Study, part: Part, agent: str, on_progress: Callable[[str], None], folder: Path | None, overwrite: bool
 ) -> list[dict[str, Any]]:
-    kwargs = part.arguments | study.arguments.get(agent, {})
+    kwargs = {"relative_reward": False} | part.arguments | study.arguments.get(agent, {})
     config = EvaluationConfig(study.env_id, kwargs, part.winds, duration=study.duration, skip=study.skip, replay=0.0)
     choice = str(Path(__file__).resolve().parents[1] / agent) if agent.startswith(_TRAINED) else agent
     kept = None if folder is None else folder / _NOT_IN_NAMES.sub("_", f"{part.name} {agent}".strip())
