@@ -24,7 +24,7 @@ def beyond_pi():
     mode = min(_ROSCO_MODES, key=lambda name: np.mean(_values(scores["PowerTracking"], name, "tracking_rms")))
     store = "discon+derate_kinetic"
     gust = _best(scores["Gusts"], "discon", "blade_flap_max")
-    storm = scores["FullOperation in storm"]
+    storm = scores["FullOperation"]
     hard = next(run["agent"] for run in storm["runs"] if run["agent"].startswith(f"{_SUPERVISED},"))
     rows = [
         (
@@ -54,7 +54,7 @@ def beyond_pi():
             "full_operation",
             "stops at the cut-out wind",
             f"`{_SUPERVISED}`",
-            f"energy {_change(storm, hard, _SUPERVISED, 'corrected_power')} at 20 to 28 m/s, "
+            f"energy {_change(storm, hard, _SUPERVISED, 'corrected_power')} from standstill to storm, "
             f"flap DEL {_change(storm, hard, _SUPERVISED, 'blade_flap_del')}",
         ),
         (
@@ -95,7 +95,7 @@ def _change(study, base, agent, metric):
     """Mean relative change over the winds that both came through, with its interval."""
     ratios = _values(study, agent, metric) / _values(study, base, metric) - 1.0
     ratios = 100.0 * ratios[np.isfinite(ratios)]
-    return f"{ratios.mean():+.0f} ± {half_width(ratios):.0f} %".replace("-", "−")
+    return f"{round(ratios.mean()):+d} ± {half_width(ratios):.0f} %".replace("-", "−")
 
 
 def _dial():
