@@ -520,6 +520,7 @@ def flow_through_nacelle(sim):
     return np.sqrt(share @ through**2), share @ through, np.linalg.norm(flow[nacelle], axis=1).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("yaw", [0.0, 20.0])
 def test_no_flow_through_the_nacelle(shrouded, yaw):
     """Strengths are those that bodies need in the flow of everything else; the panels let through what is coarse."""
