@@ -16,7 +16,7 @@ from wt_gym.benchmark import ResultFolder, load_task
 from wt_gym.benchmark.archive import MODELS, RUNS, model_folder, read_archive, write_archive
 from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.reference import SAME
-from wt_gym.benchmark.tasks import earlier_ids
+from wt_gym.benchmark.tasks import recorded_name
 from wt_gym.control.controllers.names import Name
 from wt_gym.errors import BenchmarkError
 from wt_gym.runs.definition import digest
@@ -190,10 +190,10 @@ def _job(result: dict[str, Any], models: dict[str, Path], given: Sequence[Entry]
 
 
 def _task(definition: dict[str, Any]) -> BenchmarkTask:
-    earlier = f"{definition['task']}-v{definition['version']}"
-    task = load_task(earlier if earlier in earlier_ids() else definition["task"])
+    task = load_task(recorded_name(definition))
     if task.version != definition["version"]:
-        raise BenchmarkError(f"{earlier} must be a task of this version of the package; known: {task.id}")
+        recorded = f"{definition['task']}-v{definition['version']}"
+        raise BenchmarkError(f"{recorded} must be a task of this version of the package; known: {task.id}")
     return task
 
 
@@ -213,8 +213,9 @@ def _entry(result: dict[str, Any], models: dict[str, Path], given: Sequence[Entr
         return Entry(name, str(path), about, interface)
     if "class" in about:
         raise BenchmarkError(f"the class of {name!r} must be given as NAME=FILE.py:Class, with the same source")
-    kind, target = (about["kind"], about.get("controller", about["kind"]))
-    made = entry_of(Name("controller" if kind == "controller" else "word", target, about.get("parameters", {})).text)
+    of_controller = about["kind"] == "controller"
+    target = about["controller"] if of_controller else about["kind"]
+    made = entry_of(Name("controller" if of_controller else "word", target, about.get("parameters", {})).text)
     if made.definition != about:
         raise BenchmarkError(f"{name!r} must be {about}; what has this name here is {made.definition}")
     return Entry(name, made.choice, about, interface)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["PARTS", "SETTINGS", "TURNED", "cost_parts", "hypervolume", "nadir"]
+__all__ = ["PARTS", "SETTINGS", "TURNED", "cost_parts", "covered", "hypervolume", "nadir"]
 
 SETTINGS: dict[str, dict[str, float]] = {
     "equal": {}, "fatigue": {"fatigue": 4.0}, "power": {"power": 4.0}, "travel": {"travel": 4.0},
@@ -66,6 +66,19 @@ def nadir(points: NDArray[np.float64], margin: float = 0.1) -> NDArray[np.float6
     best: NDArray[np.float64] = points.min(axis=0)
     found: NDArray[np.float64] = worst + margin * (worst - best)
     return found
+
+
+def covered(dial: Mapping[str, Sequence[float]], single: Mapping[str, Sequence[float]]) -> float:
+    """Hypervolume of a policy with a dial over that of policies for single settings.
+
+    Parameters
+    ----------
+    dial, single : mapping
+        Parts of the cost (k,) by name of `SETTINGS`.
+    """
+    one, several = (np.array([points[name] for name in SETTINGS]) for points in (dial, single))
+    reference = nadir(np.vstack([one, several]))
+    return hypervolume(one, reference) / hypervolume(several, reference)
 
 
 def hypervolume(points: NDArray[np.float64] | Sequence[Sequence[float]], reference: NDArray[np.float64]) -> float:

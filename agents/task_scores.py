@@ -308,7 +308,7 @@ def measure(
 def _runs_of(
     study: Study, part: Part, agent: str, on_progress: Callable[[str], None], folder: Path | None, overwrite: bool
 ) -> list[dict[str, Any]]:
-    kwargs = {"relative_reward": False} | part.arguments | study.arguments.get(agent, {})
+    kwargs = part.arguments | study.arguments.get(agent, {})
     config = EvaluationConfig(study.env_id, kwargs, part.winds, duration=study.duration, skip=study.skip, replay=0.0)
     choice = str(Path(__file__).resolve().parents[1] / agent) if agent.startswith(_TRAINED) else agent
     kept = None if folder is None else folder / _NOT_IN_NAMES.sub("_", f"{part.name} {agent}".strip())

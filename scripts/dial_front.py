@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from wt_gym.agents.dial_front import PARTS, SETTINGS, TURNED, cost_parts, hypervolume, nadir
+from wt_gym.agents.dial_front import PARTS, SETTINGS, TURNED, cost_parts, covered
 
 ROOT = Path(__file__).resolve().parent.parent
 RECORD = ROOT / "docs" / "data" / "dial_front.json"
@@ -108,28 +108,27 @@ def measured_parts(record: dict, kind: str) -> dict[str, np.ndarray]:
     }
 
 
-def shares(dial: dict, single: dict) -> tuple[float, str]:
-    """Hypervolume of the one policy over that of the five, and rows of their parts in per cent."""
-    one, several = (np.array([points[name] for name in SETTINGS]) for points in (dial, single))
-    reference = nadir(np.vstack([one, several]))
-    rows = [
+def rows_of(dial: dict, single: dict) -> str:
+    """Rows of the parts of both kinds of policies, in per cent."""
+    return "\n".join(
         f"| {name} | "
-        + " | ".join(f"{100 * a:+.2f} % | {100 * b:+.2f} %" for a, b in zip(mine, own, strict=True))
+        + " | ".join(f"{100 * a:+.2f} % | {100 * b:+.2f} %" for a, b in zip(dial[name], single[name], strict=True))
         + " |"
-        for name, mine, own in zip(SETTINGS, one, several, strict=True)
-    ]
-    return hypervolume(one, reference) / hypervolume(several, reference), "\n".join(rows)
+        for name in SETTINGS
+    )
 
 
 def tables(record: dict) -> str:
     """Markdown: parts by setting of both kinds of policies, the hypervolumes, and each part over its own factor."""
     head = "| factors | " + " | ".join(f"{part}, one policy | {part}, own policy" for part in PARTS) + " |"
     forecast_dial = record["forecast"]["dial"]
-    of_model, rows = shares(forecast_dial, record["forecast"]["single"])
-    simulated = measured_parts(record, "dial")
-    of_simulator, _ = shares(simulated, measured_parts(record, "single"))
+    forecast_single, simulated = record["forecast"]["single"], measured_parts(record, "dial")
+    of_model, of_simulator = (
+        covered(forecast_dial, forecast_single),
+        covered(simulated, measured_parts(record, "single")),
+    )
     lines = [
-        head, "|---" * (1 + 2 * len(PARTS)) + "|", rows, "",
+        head, "|---" * (1 + 2 * len(PARTS)) + "|", rows_of(forecast_dial, forecast_single), "",
         f"Hypervolume of the one policy over that of the five: {100.0 * of_model:.0f} % on the model, "
         f"{100.0 * of_simulator:.0f} % in the simulator.", "",
         "| part of the cost | where | factor at a quarter | equal | at four times |", "|---|---|---|---|---|",

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wt_gym.agents.comparison import half_width
+from wt_gym.agents.dial_front import covered
 from wt_gym.benchmark import load_task
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -99,10 +100,10 @@ def _change(study, base, agent, metric):
 
 
 def _dial():
-    """Hypervolume of the policy with the dial over that of one policy a setting, as the dial's page has it."""
-    page = (DATA.parent / "tasks" / "dial.md").read_text(encoding="utf-8")
-    share = page.partition("Hypervolume of the one policy over that of the five: ")[2].partition(" on the model")[0]
-    return f"one policy has {share} of the hypervolume of five, by the identified model"
+    """Hypervolume of the policy with the dial over that of one policy a setting."""
+    forecast = json.loads((DATA / "dial_front.json").read_text(encoding="utf-8"))["forecast"]
+    share = 100.0 * covered(forecast["dial"], forecast["single"])
+    return f"one policy has {share:.0f} % of the hypervolume of five, by the identified model"
 
 
 def _faults():

@@ -1,5 +1,6 @@
 """Archives of results, and runs that are repeated to verify them."""
 
+import hashlib
 import io
 import json
 import lzma
@@ -107,8 +108,6 @@ def test_the_same_content_gives_the_same_archive(entry, tmp_path):
 
 @pytest.mark.parametrize("name", ["../outside.json", "runs/../../outside.json", "/runs/outside", "other/file.json"])
 def test_members_stay_in_their_folders(tmp_path, name):
-    import hashlib
-
     data, whole = b"{}", io.BytesIO()
     manifest = json.dumps({name: hashlib.sha256(data).hexdigest()}).encode()
     with tarfile.open(fileobj=whole, mode="w") as archive:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.errors import BenchmarkError
 from wt_gym.files import write_whole
+from wt_gym.runs.definition import digest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -24,14 +25,14 @@ _MANIFEST = "manifest.json"
 
 
 def model_folder(digests: Mapping[str, str]) -> str:
-    """Name of the folder of a model: sixteen digits of a sum of the sums of its files.
+    """Name of the folder of a model: a digest of the sums of its files.
 
     Parameters
     ----------
     digests : mapping
         SHA-256 sums of the files by name, as the definition of a run has them.
     """
-    return hashlib.sha256(json.dumps(dict(digests), sort_keys=True).encode()).hexdigest()[:16]
+    return digest(dict(digests))
 
 
 def write_archive(path: Path, runs: Iterable[Path], models: Mapping[str, Iterable[Path]]) -> dict[str, str]:

@@ -10,7 +10,7 @@ import numpy as np
 from wt_gym.benchmark.ceiling import ceiling_line, ceiling_of
 from wt_gym.benchmark.reference import reference_of
 from wt_gym.benchmark.scoring import score
-from wt_gym.benchmark.tasks import earlier_ids, load_task, task_names
+from wt_gym.benchmark.tasks import earlier_ids, load_task, recorded_name, task_names
 from wt_gym.errors import BenchmarkError
 from wt_gym.runs.definition import digest
 
@@ -51,7 +51,7 @@ def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     for result in results:
         definition = result["definition"]
         entry = digest({key: value for key, value in definition.items() if key != "wind"})
-        runs.setdefault((_name_of(definition), entry), []).append(result)
+        runs.setdefault((recorded_name(definition), entry), []).append(result)
     unknown = sorted({name for name, _ in runs} - {*task_names(), *earlier_ids()})
     if unknown:
         raise BenchmarkError(f"tasks of results must be among {', '.join(task_names())}, got {', '.join(unknown)}")
@@ -67,12 +67,6 @@ def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
                 "improvement": ceiling.improvement, "score": ceiling.score, "line": ceiling_line(task, ceiling),
             }  # fmt: skip
     return {"tasks": tasks, "references": references, "ceilings": ceilings}
-
-
-def _name_of(definition: Mapping[str, Any]) -> str:
-    """Name by which the task of a run is loaded: earlier versions have their number in it."""
-    earlier = f"{definition['task']}-v{definition['version']}"
-    return earlier if earlier in earlier_ids() else str(definition["task"])
 
 
 def _row(task: BenchmarkTask, results: list[Mapping[str, Any]]) -> dict[str, Any]:

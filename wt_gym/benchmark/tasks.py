@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "BenchmarkTask", "BenchmarkWind", "Limit", "Term", "earlier_ids", "load_task", "task_file", "task_names",
+    "BenchmarkTask", "BenchmarkWind", "Limit", "Term", "earlier_ids", "load_task", "recorded_name",
+    "task_file", "task_names",
 ]  # fmt: skip
 
 _FOLDER = Path(__file__).parent / "data"
@@ -290,6 +291,18 @@ def task_names() -> tuple[str, ...]:
 def earlier_ids() -> tuple[str, ...]:
     """Names with versions of tasks that have been followed by another version."""
     return tuple(sorted(path.stem for path in _EARLIER.glob("*.json")))
+
+
+def recorded_name(definition: Mapping[str, Any]) -> str:
+    """Name by which the task of a run is loaded: earlier versions have their number in it.
+
+    Parameters
+    ----------
+    definition : mapping
+        Of the run.
+    """
+    earlier = f"{definition['task']}-v{definition['version']}"
+    return earlier if earlier in earlier_ids() else str(definition["task"])
 
 
 def task_file(name: str) -> Path:
