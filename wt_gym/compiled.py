@@ -21,7 +21,7 @@ import inspect
 import os
 import warnings
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -171,14 +171,26 @@ def set_stamp(dispatcher: Any, way: str) -> bool:
     have moved since. The contents of the kernel's own file take the place of its time and size.
     """
     file: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if not (hasattr(file, "_version") and hasattr(file, "_source_stamp")):
+    if not all(hasattr(file, name) for name in ("_version", "_source_stamp", "_load_index")):
         _warn_of_cache()
         return False
+    file._load_index = partial(_readable_index, file._load_index)
     file._version = f"{numba.__version__} {llvmlite.__version__} {way} {_stamp()}"
     source = Path(inspect.getfile(dispatcher.py_func))
     if source.is_file():  # and is not typed into an interpreter
         file._source_stamp = _digest(source)
     return True
+
+
+def _readable_index(load: Callable[[], dict[Any, str]]) -> dict[Any, str]:
+    """What of a kernel is on disk, by types of arguments; nothing where a type is of a module that is not here.
+
+    Types are kept by their names. A program may call a kernel with types of its own, which no other can read.
+    """
+    try:
+        return load()
+    except (AttributeError, ImportError):
+        return {}
 
 
 @cache

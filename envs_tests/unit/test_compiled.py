@@ -311,6 +311,22 @@ def changed_at_equal_size(path, old, new):
     os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
+@pytest.mark.parametrize("way", ["linked", "plain"])
+def test_a_type_that_another_program_called_a_kernel_with_is_no_obstacle(modules, way):
+    """Its kernels are compiled again where its module is missing."""
+    pair = "from typing import NamedTuple\nimport numpy as np\nclass Pair(NamedTuple):\n    x: object\n    y: object\n"
+    (modules / "pair_module.py").write_text(pair)
+    (modules / "sum_module.py").write_text(
+        "from wt_gym.compiled import kernel\n@kernel\ndef total(pair):\n    return pair[0] + pair[1]\n"
+    )
+    own = "from pair_module import Pair\nfrom sum_module import total\nprint(total(Pair(1.0, 2.0)))"
+    other = "from sum_module import total\nprint(total((1.0, 2.0)))"
+    for code in (own, other):
+        done = process(code, [ROOT, modules], WT_GYM_COMPILE=way)
+        assert done.stdout.split() == ["3.0"], done.stderr
+        (modules / "pair_module.py").unlink(missing_ok=True)
+
+
 @linked_only
 def test_a_change_of_equal_size_and_time_is_noticed(modules):
     assert run(modules) == [18.0, -1, -1, -1]

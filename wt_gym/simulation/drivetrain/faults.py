@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
@@ -78,7 +78,32 @@ class DriveFault:
 
 
 @dataclass(frozen=True)
-class StuckPitch(DriveFault):
+class _BladeFault(DriveFault):
+    """Something that happens to the pitch drive of one blade."""
+
+    blade: int = 1
+    _what: ClassVar[str]
+
+    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
+        """See `DriveFault.fail`."""
+        n = drives.pitch.n_blades
+        if not (isinstance(cast(object, self.blade), int) and 1 <= self.blade <= n):
+            raise ActionError(f"blade {self.blade!r} cannot {self._what}; the turbine has the blades 1 to {n}")
+        drives.pitch = self.in_place(drives.pitch, clock)
+
+    def in_place(self, law: PitchLaw, clock: Callable[[], float]) -> PitchLaw:
+        """Give the law that fails for a sound one."""
+        return _FailingPitch(law, self, clock)
+
+    def move_pitch(
+        self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
+    ) -> None:
+        """Move the commands under the fault, once it has begun."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class StuckPitch(_BladeFault):
     """From a time on one blade stays at the pitch it has been commanded to: its rate is zero.
 
     Parameters
@@ -89,12 +114,7 @@ class StuckPitch(DriveFault):
         From 1 on.
     """
 
-    blade: int = 1
-
-    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
-        """See `DriveFault.fail`."""
-        _check_blade(self.blade, drives, "be stuck")
-        drives.pitch = _FailingPitch(drives.pitch, self, clock)
+    _what = "be stuck"
 
     def move_pitch(
         self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
@@ -106,7 +126,7 @@ class StuckPitch(DriveFault):
 
 
 @dataclass(frozen=True)
-class SlowPitch(DriveFault):
+class SlowPitch(_BladeFault):
     """From a time on the drive of one blade turns no faster than at a rate of its own.
 
     Parameters
@@ -119,17 +139,12 @@ class SlowPitch(DriveFault):
         [rad/s].
     """
 
-    blade: int = 1
     rate: float = math.radians(1.0)
+    _what = "be slow"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _require("rate of a slow pitch drive", self.rate, "rad/s", 0.0)
-
-    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
-        """See `DriveFault.fail`."""
-        _check_blade(self.blade, drives, "be slow")
-        drives.pitch = _FailingPitch(drives.pitch, self, clock)
 
     def move_pitch(
         self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
@@ -141,7 +156,7 @@ class SlowPitch(DriveFault):
 
 
 @dataclass(frozen=True)
-class PitchMisalignment(DriveFault):
+class PitchMisalignment(_BladeFault):
     """From a time on one blade stands by an angle away from where its drive has put it: it has slipped on its bearing.
 
     It slips at `SLIP_RATE`. The encoder is on the drive and does not see it (`read`), and the range of the drive is
@@ -158,17 +173,16 @@ class PitchMisalignment(DriveFault):
         Positive to feather [rad].
     """
 
-    blade: int = 1
     offset: float = math.radians(2.0)
+    _what = "slip"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _require("offset of a blade", self.offset, "rad")
 
-    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
-        """See `DriveFault.fail`."""
-        _check_blade(self.blade, drives, "slip")
-        drives.pitch = _SlippedPitch(drives.pitch, self, clock)
+    def in_place(self, law: PitchLaw, clock: Callable[[], float]) -> PitchLaw:
+        """See `_BladeFault.in_place`."""
+        return _SlippedPitch(law, self, clock)
 
     def slipped(self, time: float) -> float:
         """Angle of the blade against its drive at a time [rad]."""
@@ -308,13 +322,6 @@ class VoltageDip(DriveFault):
         return total / dt
 
 
-def _check_blade(blade: object, drives: Drives, what: str) -> None:
-    """Refuse a blade that the turbine does not have."""
-    n = drives.pitch.n_blades
-    if not (isinstance(blade, int) and 1 <= blade <= n):
-        raise ActionError(f"blade {blade!r} cannot {what}; the turbine has the blades 1 to {n}")
-
-
 @dataclass(frozen=True)
 class _PitchInPlace:
     """Pitch drives in the place of sound ones; a `wt_gym.simulation.drivetrain.drives.Law`."""
@@ -341,7 +348,7 @@ class _PitchInPlace:
 class _FailingPitch(_PitchInPlace):
     """Pitch drives under a fault that acts from its time on."""
 
-    fault: StuckPitch | SlowPitch | ShutDown
+    fault: _BladeFault | ShutDown
 
     def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
         """Move the commands as far as the fault lets them."""
