@@ -15,6 +15,7 @@ from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.control.optimal.measured import side_sign
 from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.options.environment import registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import SimulationError
 from wt_gym.runs.playing import play
@@ -96,7 +97,7 @@ class EpisodeJob:
     agent : Agent or None
         None: actions of zero.
     baseline : bool
-        Under the published controller instead of the base controller.
+        Under the controller of the id instead of the base controller: the published one, with the additions of a task.
     dial : tuple of float or None
         Factors of `wt_gym.envs.dial`, for the whole episode.
     """
@@ -184,16 +185,17 @@ def check_environment(env: WindTurbineEnv) -> None:
 @lru_cache(maxsize=4)
 def _environment(env_id: str, arguments: str, baseline: bool) -> gym.Env[Any, Any]:
     """Environment that a process keeps."""
-    given: dict[str, Any] = json.loads(arguments) | {"relative_reward": False}
+    given: dict[str, Any] = json.loads(arguments) | {"relative_reward": False, "fault_kinds": None}
     if baseline:
-        given |= {"controller": BASELINE, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
+        published = registered_arguments(env_id, {}).get("controller", BASELINE)
+        given |= {"controller": published, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
     env = gym.make(env_id, max_episode_steps=_ENDLESS, **given)
     turbine_env_of(env).outer_steps = _ENDLESS
     return env
 
 
 def record_episode(job: EpisodeJob) -> RecordedEpisode:
-    """Play an episode and record it.
+    """Play an episode in which nothing breaks and record it.
 
     Raises
     ------

@@ -29,8 +29,9 @@ _SPAN = 0.5
 def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of an environment whose policy is pretrained, with what is not given set as pretraining needs it.
 
-    The agent acts by offsets on the linear optimal controller, sees what no action changes, and fades as that does; its
-    offsets are within what the pitch drives of the turbine can do.
+    The agent acts by offsets of the pitch alone on the linear optimal controller, which takes the place of the turbine's
+    own where the id has additions to that; it sees what no action changes, and fades as the controller does. Its offsets
+    are within what the pitch drives of the turbine can do.
 
     Parameters
     ----------
@@ -41,9 +42,11 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
     Raises
     ------
     ValueError
-        If the id has a base controller of its own, which no argument replaces.
+        If the actions of the id do not move the pitch, or its base controller is without the turbine's own, which the
+        linear optimal controller could replace.
     """
     # the configuration of a training is read without them
+    from wt_gym.control.controllers.names import BASELINE
     from wt_gym.control.optimal.offsets import default_limits
     from wt_gym.envs.options import flat_arguments, registered_arguments
     from wt_gym.envs.options.environment import argument_default
@@ -51,16 +54,27 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
 
     env_kwargs = flat_arguments(env_kwargs)
     whole = registered_arguments(env_id, env_kwargs)
+    own: dict[str, Any] = {}
+    components = tuple(whole.get("action_components", ("pitch",)))
+    if "pitch" not in components:
+        raise ValueError(f"pretraining needs actions that move the pitch, and {env_id} has {', '.join(components)}")
+    if len(components) > 1:
+        own["action_components"] = ["pitch"]
     if "controller" in whole and "controller" not in env_kwargs:
-        raise ValueError(
-            f"pretraining needs a base controller with linear_pitch, and {env_id} has {whole['controller']!r}; "
-            "give env_kwargs a controller such as 'linear_optimal', or leave pretraining out"
-        )
+        head, colon, parameters = str(whole["controller"]).partition(":")
+        names = head.split("+")
+        if BASELINE not in names:
+            raise ValueError(
+                f"pretraining needs a base controller with linear_pitch, and {env_id} has {whole['controller']!r}; "
+                "give env_kwargs a controller such as 'linear_optimal', or leave pretraining out"
+            )
+        names = ["linear_optimal" if name == BASELINE else name for name in names]
+        own["controller"] = "+".join(names) + colon + parameters
     turbine = whole.get("turbine", argument_default("turbine"))
     limit, rate = default_limits(load_turbine(turbine) if isinstance(turbine, str) else turbine)
     spans = {"pitch": _SPAN * limit, "pitch_mean": _SPAN * limit, "pitch_rate": rate}
     seen = ["disturbances", "dial"] if whole.get("dial_weights") is not None else ["disturbances"]
-    return {**_ENVIRONMENT, "observation": seen, "action_spans": spans, **env_kwargs}
+    return {**_ENVIRONMENT, **own, "observation": seen, "action_spans": spans, **env_kwargs}
 
 
 @dataclass(frozen=True)

@@ -291,15 +291,26 @@ def test_a_configuration_holds_the_options_and_needs_ppo():
         TrainingConfig(total_steps=0)
 
 
-@pytest.mark.parametrize(
-    "env_id", [task.ids[-1] for name, task in TASKS.items() if name.endswith(("LoadReduction", "Dial"))]
-)
+PITCH_OFFSETS = [
+    task.ids[-1] for task in TASKS.values() if task.newest["inflow"] == "turbulent" and "pitch" in task.newest
+]
+
+
+@pytest.mark.parametrize("env_id", PITCH_OFFSETS)
 def test_pretraining_brings_the_arguments_that_it_needs(env_id):
     config = TrainingConfig(env_id=env_id, pretraining={}, total_steps=0, env_kwargs={"wind_speed": 15.0})
     assert config.env_kwargs["wind_speed"] == 15.0
     env = gym.make(env_id, **config.env_kwargs)
     check_environment(env.unwrapped)
     env.close()
+
+
+def test_the_linear_optimal_controller_takes_the_place_of_the_published_one_below_the_additions_of_a_task():
+    config = TrainingConfig(env_id="wt_gym/FullOperation-v0", pretraining={}, total_steps=0)
+    assert config.env_kwargs["controller"] == "linear_optimal+supervisor:averaging=60"
+    assert config.env_kwargs["action_components"] == ["pitch"]
+    faults = TrainingConfig(env_id="wt_gym/Faults-v0", pretraining={}, total_steps=0)
+    assert faults.env_kwargs["controller"] == "linear_optimal+yaw"
 
 
 def test_given_arguments_come_before_those_of_pretraining():
@@ -310,9 +321,9 @@ def test_given_arguments_come_before_those_of_pretraining():
     assert TrainingConfig().env_kwargs == {}
 
 
-def test_groups_of_arguments_and_ids_with_a_controller_of_their_own():
+def test_groups_of_arguments_are_taken_and_ids_that_do_not_move_the_pitch_refused():
     spans = {"pitch": 0.01, "pitch_mean": 0.01, "pitch_rate": 0.02}
     config = TrainingConfig(pretraining={}, total_steps=0, env_kwargs={"actions": {"spans": spans}})
     assert config.env_kwargs["action_spans"] == spans
-    with pytest.raises(ValueError, match="wt_gym/Yaw-v3 has 'discon\\+yaw'"):
+    with pytest.raises(ValueError, match="move the pitch, and wt_gym/Yaw-v3 has yaw"):
         TrainingConfig(env_id="wt_gym/Yaw-v3", pretraining={}, total_steps=0)
