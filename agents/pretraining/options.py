@@ -29,9 +29,9 @@ _SPAN = 0.5
 def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of an environment whose policy is pretrained, with what is not given set as pretraining needs it.
 
-    The agent acts by offsets of the pitch alone on the linear optimal controller, which takes the place of the turbine's
-    own where the id has additions to that; it sees what no action changes, and fades as the controller does. Its offsets
-    are within what the pitch drives of the turbine can do.
+    The agent acts by offsets of the pitch alone on the linear optimal controller, which takes the place of the
+    turbine's own where the id has additions to that; it sees what no action changes, and fades as the controller does.
+    Its offsets are within what the pitch drives of the turbine can do.
 
     Parameters
     ----------
