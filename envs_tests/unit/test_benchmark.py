@@ -51,7 +51,7 @@ PRINT = {"turbine": "a", "fidelity": "b", "kernels": "c", "wind": "d"}
 BASE = {
     "captured_power": 5e6, "blade_flap_del": 6e6, "blade_edge_del": 6e6, "tower_fore_aft_del": 1.5e7,
     "tower_side_side_del": 5e6, "pitch_duty_cycle": 0.05, "torque_rate": 400.0, "rotor_speed_ratio_max": 1.06,
-    "pitch_travel": 3.0,
+    "pitch_travel": 3.0, "tracking_rms": 4e4, "demanded_energy": 0.99,
 }  # fmt: skip
 
 
@@ -90,8 +90,11 @@ def test_tasks_keep_the_rules(name):
     assert len(seeds) >= 6 or all(wind.transient for wind in task.winds)
     assert task.id == f"{name}-v{task.version}"
     assert all(term.weight < 0 for term in task.terms if term.metric == "captured_power")
-    assert {"captured_power", "rotor_speed_ratio_max"} <= {limit.metric for limit in task.limits}
+    limited = {limit.metric for limit in task.limits}
+    assert "rotor_speed_ratio_max" in limited
+    assert limited & {"captured_power", "demanded_energy"}
     assert [entry.name for entry in entries_of(task.measures)] == list(task.measures)
+    assert entries_of([task.baseline])[0].definition["kind"] == "controller"
 
 
 def test_the_digest_follows_what_scores_depend_on():
@@ -366,6 +369,26 @@ def test_the_table_ranks_agents_and_says_why_some_have_no_score(with_reference):
     json.dumps(board, allow_nan=False)
 
 
+def test_a_task_with_a_baseline_of_its_own_is_scored_against_that(sweeps, monkeypatch, tmp_path, capsys):
+    task, written = load_task("power-tracking"), []
+    monkeypatch.setattr(command, "chosen", lambda names: [task])
+    monkeypatch.setattr("wt_gym.benchmark.write_reference", lambda task, made: written.append(made))
+    command.main(["reference", "--out", str(tmp_path / "runs")])
+    (jobs,) = sweeps
+    assert {job.entry.name for job in jobs} == {"discon+derate_torque", "linear_optimal+derate_kinetic"}
+    (made,) = written
+    known = dataclasses.replace(task, reference=dataclasses.asdict(made))
+    monkeypatch.setattr("wt_gym.benchmark.table.load_task", lambda name: known)
+    better = {"tracking_rms": 0.5, "blade_flap_del": 0.9}
+    fingerprint = made.fingerprint
+    text = to_markdown(leaderboard(results(known, better, fingerprint=fingerprint, agent="good").values()))
+    assert "over `discon+derate_torque`" in text
+    assert "| penalties |" in text
+    assert "| tracking error |" in text
+    row = next(line for line in text.splitlines() if line.startswith("| good |"))
+    assert "| -50.0 % | +0.0 % | -10.0 % |" in row
+
+
 def test_tables_find_their_place_in_a_page():
     page = into_page("first\n", PAGE)
     assert "\n\nfirst\n\n<!-- end of the leaderboard -->" in page
@@ -445,7 +468,9 @@ def sweeps(monkeypatch):
     asked, run_jobs = [], benchmark_runs.run_jobs
 
     def run(job, on_step=None):
-        found = results(job.task, {} if job.entry.name == "discon" else {"blade_flap_del": 0.9})[job.wind.label]
+        found = results(job.task, {} if job.entry.choice == job.task.baseline else {"blade_flap_del": 0.9})[
+            job.wind.label
+        ]
         return found | {"definition": definition_of(job), "agent": job.entry.name, "wall_seconds": 0.1}
 
     def note(jobs, *more):
@@ -565,5 +590,5 @@ def test_the_page_has_the_weights_as_they_are():
         if not re.search(r"-v\d", names):
             numbers = [float(value.replace("−", "-")) for value in values.split(", ")]
             weights |= dict(zip(re.findall(r"`(\w+)`", names), numbers, strict=True))
-    for name in ("load-reduction-12", "load-reduction-15", "load-reduction-18", "full-range"):
+    for name in ("load-reduction-12", "load-reduction-15", "load-reduction-18", "full-range", "faults"):
         assert {term.metric: term.weight for term in load_task(name).terms} == weights

@@ -29,6 +29,8 @@ _SHOWN = {
     "tower_side_side_del": "tower s-s DEL",
 }
 """Metrics whose mean relative change against the baseline is shown."""
+_SHOWN_WHERE_SCORED = {"tracking_rms": "tracking error"}
+"""The same in tasks that score them."""
 
 
 def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
@@ -69,6 +71,12 @@ def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     return {"tasks": tasks, "references": references, "ceilings": ceilings}
 
 
+def _shown(task: BenchmarkTask) -> dict[str, str]:
+    """Metrics whose change is shown, and how they are called."""
+    scored = {term.metric for term in task.terms}
+    return {key: label for key, label in _SHOWN_WHERE_SCORED.items() if key in scored} | _SHOWN
+
+
 def _row(task: BenchmarkTask, results: list[Mapping[str, Any]]) -> dict[str, Any]:
     """One agent in one task."""
     labels = {digest(wind.definition): wind.label for wind in task.winds}
@@ -101,7 +109,7 @@ def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping[str, Any]], refe
         return float(np.average(ratios, weights=weights))
 
     still = any(reference.baseline[wind.label]["pitch_travel"] == 0.0 for wind in winds)
-    changes = {metric: mean(metric) - 1.0 for metric in _SHOWN}
+    changes = {metric: mean(metric) - 1.0 for metric in _shown(task)}
     return {"changes": changes, "pitch_travel": None if still else mean("pitch_travel")}
 
 
@@ -112,12 +120,14 @@ def to_markdown(board: Mapping[str, Any]) -> str:
         best = board["references"].get(name)
         lines += [f"### {load_task(name).id}", ""]
         if best is not None:
-            lines += [f"100 is `{best['best_agent']}`, an improvement of {100 * best['best_improvement']:.2f} %.", ""]
+            gained = f"{100 * best['best_improvement']:.2f} % over `{load_task(name).baseline}`"
+            lines += [f"100 is `{best['best_agent']}`, an improvement of {gained}.", ""]
         if name in board["ceilings"]:
             lines += [board["ceilings"][name]["line"], ""]
-        head = ["agent", "score", "95 % interval", "better in", *_SHOWN.values(), "pitch travel", "penalties"]
+        shown = _shown(load_task(name))
+        head = ["agent", "score", "95 % interval", "better in", *shown.values(), "pitch travel", "penalties"]
         lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-        lines += ["| " + " | ".join(_cells(row)) + " |" for row in rows]
+        lines += ["| " + " | ".join(_cells(row, shown)) + " |" for row in rows]
         lines += ["", *(f"- {row['agent']}: {row['refused']}" for row in rows if row["refused"])]
         lines += [""] * (lines[-1] != "")
     return "\n".join(lines).rstrip("\n") + "\n"
@@ -139,10 +149,11 @@ def into_page(table: str, page: str, part: str = "leaderboard") -> str:
     return f"{before}{begin}\n\n{table}\n{end}{after}"
 
 
-def _cells(row: Mapping[str, Any]) -> list[str]:
-    """Cells of a row."""
+def _cells(row: Mapping[str, Any], shown: Iterable[str]) -> list[str]:
+    """Cells of a row, with the changes of some metrics."""
+    shown = tuple(shown)
     if row["score"] is None:
-        return [row["agent"], "–", "–", f"{row['winds']} winds run", *["–"] * len(_SHOWN), "–", "–"]
+        return [row["agent"], "–", "–", f"{row['winds']} winds run", *["–"] * len(shown), "–", "–"]
     found, changes = row["score"], row["changes"]
     broken = [reason for wind in found["winds"] for reason in wind["broken"]]
     penalties = ", ".join(f"{reason} × {broken.count(reason)}" for reason in dict.fromkeys(broken))
@@ -152,7 +163,7 @@ def _cells(row: Mapping[str, Any]) -> list[str]:
         f"{found['score']:.1f}",
         f"{found['low']:.1f} … {found['high']:.1f}",
         f"{100 * found['better']:.0f} %",
-        *(f"{100 * changes[metric]:+.1f} %" if changes else "–" for metric in _SHOWN),
+        *(f"{100 * changes[metric]:+.1f} %" if changes else "–" for metric in shown),
         "–" if travel is None else f"× {travel:.2f}",
         penalties or "none",
     ]

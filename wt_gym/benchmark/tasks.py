@@ -28,6 +28,7 @@ _KEYS = {
     "name", "version", "goal", "env_id", "env_kwargs", "duration", "skip", "winds", "terms", "limits", "clip",
     "candidates",
 }  # fmt: skip
+_OPTIONAL = {"reference", "yardstick", "baseline"}
 # What may change without making other runs or another score of it.
 _NOT_FROZEN = ("goal", "candidates", "reference")
 
@@ -161,6 +162,10 @@ class BenchmarkTask:
         Of everything on which scores depend.
     reference : dict or None
         See `wt_gym.benchmark.reference`.
+    yardstick : str or None
+        Controller that scores 100; None: the best of the candidates.
+    baseline : str
+        Controller that scores 0.
     """
 
     name: str
@@ -178,6 +183,7 @@ class BenchmarkTask:
     digest: str
     reference: dict[str, Any] | None = None
     yardstick: str | None = None
+    baseline: str = "discon"
 
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> BenchmarkTask:
@@ -189,7 +195,7 @@ class BenchmarkTask:
             If something is missing, unknown or without meaning.
         """
         name = values.get("name", "?")
-        missing, unknown = sorted(_KEYS - set(values)), sorted(set(values) - _KEYS - {"reference", "yardstick"})
+        missing, unknown = sorted(_KEYS - set(values)), sorted(set(values) - _KEYS - _OPTIONAL)
         if missing or unknown:
             raise BenchmarkError(
                 f"task {name}: fields must be {', '.join(sorted(_KEYS))}; got none of {missing}, and unknown {unknown}"
@@ -225,6 +231,7 @@ class BenchmarkTask:
             digest=digest({key: value for key, value in values.items() if key not in _NOT_FROZEN}),
             reference=values.get("reference"),
             yardstick=values.get("yardstick"),
+            baseline=values.get("baseline", cls.baseline),
         )
 
     @property

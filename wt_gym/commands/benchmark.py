@@ -239,7 +239,6 @@ def results(
 def reference(arguments: argparse.Namespace) -> dict[str, Any]:
     """Renew reference numbers."""
     from wt_gym.agents.benchmark_runs import entries_of
-    from wt_gym.agents.names import BASELINE
     from wt_gym.benchmark import make_reference, write_reference
     from wt_gym.errors import BenchmarkError
 
@@ -250,9 +249,9 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
         )
     if arguments.confirm:
         return confirmed(arguments)
-    asked, best = [(task, entries_of([BASELINE, *task.measures])) for task in chosen(arguments.task)], {}
-    for (task, _), found in zip(asked, results(arguments, asked), strict=True):
-        made = make_reference(task, found.pop(BASELINE), found)
+    asked, best = [(task, entries_of([task.baseline, *task.measures])) for task in chosen(arguments.task)], {}
+    for (task, entries), found in zip(asked, results(arguments, asked), strict=True):
+        made = make_reference(task, found.pop(entries[0].name), found)
         path = write_reference(task, made)
         best[task.name] = made.improvements
         print(f"{task.id}: 100 is {made.best_agent}, an improvement of {100 * made.best_improvement:.2f} % ({path})")
@@ -262,7 +261,6 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
 def confirmed(arguments: argparse.Namespace) -> dict[str, Any]:
     """Reference numbers that a change of the sources has left as they are."""
     from wt_gym.agents.benchmark_runs import entries_of
-    from wt_gym.agents.names import BASELINE
     from wt_gym.benchmark import confirm_reference, reference_of, write_reference
 
     kept, asked = {}, []
@@ -270,7 +268,7 @@ def confirmed(arguments: argparse.Namespace) -> dict[str, Any]:
         if task.reference is None:
             print(f"{task.id}: no reference numbers yet")
         else:
-            asked.append((task, entries_of([BASELINE, reference_of(task).best_agent])))
+            asked.append((task, entries_of([task.baseline, reference_of(task).best_agent])))
     for (task, _), found in zip(asked, results(arguments, asked), strict=True):
         known, (base, best) = reference_of(task), found.values()
         fingerprint = next(iter(base.values()))["definition"]["fingerprint"]
