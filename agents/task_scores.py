@@ -66,12 +66,12 @@ class Column:
 
 _SCORED = {
     "LoadReduction": 2,
-    "FullRange": 1,
-    "MaxPower": 1,
-    "Yaw": 2,
-    "Gusts": 2,
-    "IEA15MW-LoadReduction": 2,
-    "IEA22MW-LoadReduction": 0,
+    "FullRange": 2,
+    "MaxPower": 2,
+    "Yaw": 3,
+    "Gusts": 3,
+    "IEA15MW-LoadReduction": 3,
+    "IEA22MW-LoadReduction": 1,
     "FullOperation": 0,
     "PowerTracking": 0,
     "Dial": 0,
@@ -165,7 +165,7 @@ STUDIES: dict[str, Study] = {
     ),
     "FullRange": Study(
         "FullRange",
-        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers"),
+        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+linear_optimal", f"{_TRAINED}full_range"),
         (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2)),),
         (_ENERGY, *_LIFE, _TRAVEL),
     ),
@@ -184,7 +184,7 @@ STUDIES: dict[str, Study] = {
     ),
     "Gusts": Study(
         "Gusts",
-        ("discon", RANDOM, "ipc", "lidar+ipc", "tsr_tracking:thrust_limit=0.95"),
+        ("discon", RANDOM, "ipc", "linear_optimal", "tsr_tracking+linear_pitch:thrust_limit=0.95"),
         tuple(_gusts(kind, (8.0, 14.0, 20.0), 6) for kind in GUSTS),
         (Column("blade_flap_max", "largest flap moment", "most"), Column("tower_base_max", "of the tower base", "most"),
          Column("rotor_speed_max", "largest rotor speed", "most")),
@@ -193,9 +193,10 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "tsr_tracking"),
+        ("discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea15mw"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
+        duration=210.0,
     ),
     "IEA15MW-LoadReduction below its range": Study(
         "IEA15MW-LoadReduction",
@@ -205,14 +206,15 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA22MW-LoadReduction": Study(
         "IEA22MW-LoadReduction",
-        ("discon", RANDOM, "ipc"),
+        ("discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea22mw"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
         duration=180.0,
     ),
     "FullOperation": Study(
         "FullOperation",
-        ("discon+supervisor:averaging=60", RANDOM, f"discon+supervisor:averaging=60,{_HARD}"),
+        ("discon+supervisor:averaging=60", RANDOM, f"discon+supervisor:averaging=60,{_HARD}",
+         "linear_optimal+supervisor:averaging=60"),
         (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
               arguments={"start": "steady"}),),
         (_ENERGY, _FLAP, _FORE_AFT, _SIDE, *_EXTREMES, Column("time_without_power", "time without power", "level")),
@@ -221,7 +223,8 @@ STUDIES: dict[str, Study] = {
     ),
     "FullOperation in storm": Study(
         "FullOperation",
-        ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}"),
+        ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}",
+         "linear_optimal+supervisor:averaging=60"),
         (Part(_winds((20.0, 22.0, 24.0, 26.0, 28.0), 1),
               arguments={"inflow": "turbulent", "wind_speed": [20.0, 28.0], "start": "steady"}),),
         (Column("corrected_power", "mean power in the climate", "climate"), *_LIFE, *_EXTREMES,
@@ -231,7 +234,8 @@ STUDIES: dict[str, Study] = {
     ),
     "PowerTracking": Study(
         "PowerTracking",
-        ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch"),
+        ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch",
+         "linear_optimal+derate_kinetic", f"{_TRAINED}power_tracking"),
         (Part(_winds((13.0, 16.0), 2), arguments={"start": "steady"}),),
         (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
          Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
@@ -247,7 +251,8 @@ STUDIES: dict[str, Study] = {
     ),
     "Faults": Study(
         "Faults",
-        ("discon+yaw", RANDOM, "ipc+yaw", "ipc+yaw+fault_supervisor"),
+        ("discon+yaw", RANDOM, "ipc+yaw", "ipc+yaw+fault_supervisor", "linear_optimal+yaw+fault_supervisor",
+         f"{_TRAINED}faults"),
         tuple(Part(_winds(((14.0, 18.0)[k % 2],), 1), kind,
                    {"fault_kinds": kind, "fault_time": 20.0, "start": "steady"})
               for k, kind in enumerate(FAULT_KINDS)),
