@@ -123,6 +123,7 @@ def test_pickles_workers_and_data_find_their_way(installed, sources, tmp_path, e
     found, agents = settings.split()
     assert found == "True"
     assert Path(agents, "trained", "load_reduction", "model.zip").is_file()
+    assert Path(agents, "recipes", "LoadReduction.yml").is_file()
     assert Path(agents).is_relative_to(sources if editable else folder)
 
 

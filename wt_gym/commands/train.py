@@ -1,5 +1,6 @@
 """Train a policy on a wt_gym environment: PPO, SAC or TQC.
 
+    wt-gym train --recipe --env wt_gym/LoadReduction-v2
     wt-gym train --wind-speed 15 --max-seconds 600 --out runs/ppo
     wt-gym train --algo sac --hyper learning_rate=1e-3 net_arch=[128,128] --out runs/sac
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
@@ -29,6 +30,7 @@ from wt_gym.commands.engine_options import add_address_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, stoppable, user_errors
 from wt_gym.commands.training_file import present_option, words_of
 from wt_gym.commands.training_options import add_training_options, config_from
+from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
     from wt_gym.agents.training.config import TrainingConfig
@@ -46,6 +48,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     add_training_options(parser)
     parser.add_argument("--config", metavar="FILE", help="YAML file with any of these options, by name; those typed "
         "come after them")  # fmt: skip
+    parser.add_argument("--recipe", action="store_true", help="the recommended training of the task of --env: a file "
+        "of agents/recipes, as --config takes it")  # fmt: skip
     parser.add_argument(
         "--resume-if-exists", action=argparse.BooleanOptionalAction, default=False, help="resume where the folder "
         "holds this training already, else begin: the same words again and again"
@@ -83,9 +87,11 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--json", action="store_true", help="print the record of the training as JSON at the end")
     words = [present_option(word) for word in (sys.argv[1:] if words is None else words)]
     arguments = parser.parse_args(words)
-    if arguments.config is not None:
+    if arguments.config is not None and arguments.recipe:
+        parser.error("--config names a training and --recipe that of the task: give one of them")
+    if arguments.config is not None or arguments.recipe:
         with user_errors():
-            in_file = words_of(arguments.config, words)
+            in_file = words_of(_recipe_of(arguments) if arguments.recipe else arguments.config, words)
         arguments = parser.parse_args([*in_file, *words])
     if arguments.resume_if_exists and arguments.overwrite:
         parser.error(
@@ -93,12 +99,19 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         )
     if arguments.resume is not None:
         kept = {"resume", "steps", "max_seconds", "json", "overwrite", "engine", "address", "runners"}
-        kept |= {name for name in ("config", "resume_if_exists") if not getattr(arguments, name)}
+        kept |= {name for name in ("config", "recipe", "resume_if_exists") if not getattr(arguments, name)}
         fixed = [f"--{name.replace('_', '-')}" for name in vars(arguments) if name not in kept]
         fixed += ["--overwrite"] * arguments.overwrite
         if fixed:
             parser.error(f"--resume takes the configuration of the folder: leave out {', '.join(fixed)}")
     return arguments
+
+
+def _recipe_of(arguments: argparse.Namespace) -> Path:
+    """File with the recipe of the environment that was chosen."""
+    from wt_gym.agents.training.recipes import recipe_file
+
+    return recipe_file(getattr(arguments, "env", DEFAULT_ENV))
 
 
 def learner_of(arguments: argparse.Namespace) -> Learner | None:

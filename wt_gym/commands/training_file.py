@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["present_option", "words_of"]
 
 _RENAMED = {"--go-on": "--resume-if-exists", "--no-go-on": "--no-resume-if-exists"}  # rename: keep
-_ONLY_TYPED = ("config", "resume")
+_ONLY_TYPED = ("config", "recipe", "resume")
 _WITH_NO = ("resume-if-exists", "tensorboard")
 _EITHER = (("--seed", "--seeds"), ("--resume-if-exists", "--overwrite"))
 

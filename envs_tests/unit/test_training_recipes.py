@@ -1,0 +1,54 @@
+"""Recommended trainings: one a task, as the command reads them."""
+
+import pytest
+
+import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.agents.training.recipes import recipe_file, recipe_names
+from wt_gym.commands.train import configuration, parse_arguments
+from wt_gym.tasks import DEFAULT_ENV, TASKS
+
+
+@pytest.mark.parametrize("name", recipe_names())
+def test_a_recipe_is_a_training_of_the_newest_id(name):
+    newest = TASKS[name].ids[-1]
+    arguments = parse_arguments(["--recipe", "--env", newest])
+    config = configuration(arguments)
+    assert config.env_id == newest
+    assert config.seed == 0
+    assert config.total_steps > 0 or config.pretraining is not None
+    assert arguments.out.startswith("runs/")
+    assert recipe_file(newest).read_text().startswith(f"# Recommended training: wt-gym train --recipe --env {newest}")
+
+
+def test_recipes_have_folders_of_their_own():
+    folders = [parse_arguments(["--recipe", "--env", TASKS[name].ids[-1]]).out for name in recipe_names()]
+    assert len(set(folders)) == len(folders)
+
+
+def test_typed_options_come_after_the_recipe():
+    arguments = parse_arguments(["--recipe", "--wind-speed", "15", "--out", "mine", "--seeds", "1", "2"])
+    config = configuration(arguments)
+    assert (config.env_id, arguments.out, arguments.seeds) == (DEFAULT_ENV, "mine", [1, 2])
+    assert config.env_kwargs["wind_speed"] == 15.0
+    assert config.pretraining is not None
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--env", "wt_gym/LoadReduction-v1"], "LoadReduction must be used with its newest id wt_gym/LoadReduction-v2"),
+        (["--env", "wt_gym/NREL5MW-Steady-v1"], "must be one of .*wt_gym/LoadReduction-v2"),
+        (["--env", "LoadReduction"], "must be one of .*wt_gym/LoadReduction-v2"),
+    ],
+)
+def test_environments_without_a_recipe_are_refused(words, message):
+    with pytest.raises(SystemExit, match=message):
+        parse_arguments(["--recipe", *words])
+
+
+@pytest.mark.parametrize("words", [["--config", "mine.yml"], ["--resume", "runs/ppo"]])
+def test_a_recipe_is_given_alone(words, capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse_arguments(["--recipe", *words])
+    assert caught.value.code == 2
+    assert "--recipe" in capsys.readouterr().err
