@@ -235,7 +235,7 @@ STUDIES: dict[str, Study] = {
     "PowerTracking": Study(
         "PowerTracking",
         ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch",
-         "linear_optimal+derate_kinetic", f"{_TRAINED}power_tracking"),
+         "ipc+derate_kinetic", "linear_optimal+derate_kinetic", f"{_TRAINED}power_tracking"),
         (Part(_winds((13.0, 16.0), 2), arguments={"start": "steady"}),),
         (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
          Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
