@@ -36,7 +36,7 @@ KEPT = (
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
 inflow and wind are not among them: to carry an agent over to others is an experiment."""
 _SEEN = ("observation", "history", "sensor_washout")
-_MEANT = ("action_spans", "residual_fade", "residual_washout", "residual_form")
+_MEANT = ("pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "residual_form")
 
 
 def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
