@@ -206,7 +206,7 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA22MW-LoadReduction": Study(
         "IEA22MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea22mw"),
+        ("discon", RANDOM, "ipc", "linear_optimal"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
         duration=180.0,
