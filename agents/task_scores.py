@@ -70,8 +70,8 @@ _SCORED = {
     "MaxPower": 2,
     "Yaw": 3,
     "Gusts": 3,
-    "IEA15MW-LoadReduction": 3,
-    "IEA22MW-LoadReduction": 1,
+    "IEA15MW-LoadReduction": 2,
+    "IEA22MW-LoadReduction": 0,
     "FullOperation": 0,
     "PowerTracking": 0,
     "Dial": 0,
@@ -193,10 +193,9 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea15mw"),
+        ("discon", RANDOM, "ipc", "tsr_tracking"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
-        duration=210.0,
     ),
     "IEA15MW-LoadReduction below its range": Study(
         "IEA15MW-LoadReduction",
@@ -206,7 +205,7 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA22MW-LoadReduction": Study(
         "IEA22MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "linear_optimal"),
+        ("discon", RANDOM, "ipc"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
         duration=180.0,

@@ -23,7 +23,7 @@ def beyond_pi():
     scores = json.loads((DATA / "task_scores.json").read_text(encoding="utf-8"))
     agent = "agents/trained/load_reduction_on_linear_optimal"
     mode = min(_ROSCO_MODES, key=lambda name: np.mean(_values(scores["PowerTracking"], name, "tracking_rms")))
-    store = "discon+derate_kinetic"
+    store = "ipc+derate_kinetic"
     gust = _best(scores["Gusts"], "discon", "blade_flap_max")
     storm = scores["FullOperation"]
     hard = next(run["agent"] for run in storm["runs"] if run["agent"].startswith(f"{_SUPERVISED},"))
