@@ -89,10 +89,9 @@ _TOGETHER = re.compile(rf"(?<=\d) (?=\d{{3}}(?!\d)|(?:{_UNITS})(?![^\W_]))")  # 
 
 def _numbers(app, doctree, docname):
     """Keep the digits of a number, and a number and its unit, on one line."""
+    as_it_is = (nodes.literal, nodes.literal_block, nodes.doctest_block, nodes.raw, nodes.math)
     for text in list(doctree.findall(nodes.Text)):
-        if not isinstance(
-            text.parent, (nodes.literal, nodes.literal_block, nodes.doctest_block, nodes.raw, nodes.math)
-        ):
+        if not isinstance(text.parent, as_it_is):
             kept = _TOGETHER.sub("\N{NO-BREAK SPACE}", text)
             if kept != text:
                 text.parent.replace(text, nodes.Text(kept))
