@@ -5,6 +5,8 @@ import re
 import sys
 from pathlib import Path
 
+from docutils import nodes
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 # the notebooks' kernels are processes of their own, in folders of their own
@@ -65,6 +67,7 @@ html_theme_options = {
     "dark_css_variables": {"color-brand-primary": "#6cb8e6", "color-brand-content": "#6cb8e6"},
     "navigation_with_keys": True,
 }
+highlight_language = "text"  # commands; where it is Python, the block says so
 pygments_style = "default"
 pygments_dark_style = "monokai"
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
@@ -75,8 +78,23 @@ _PAGES = {"../CHANGELOG.md": "changelog.md", "../CONTRIBUTING.md": "contributing
 
 
 def _links(app, docname, source):
-    """Turn links to files of the clone into links to the pages that show them."""
+    """Turn links to files of the clone into links to the pages that show them; end examples without a blank line."""
     source[0] = re.sub(r"\]\(([^)\s]+)\)", lambda found: f"]({_PAGES.get(found[1], found[1])})", source[0])
+    source[0] = re.sub(r"^(```python\n(?:(?!```).*\n)*?)\n+```$", r"\1```", source[0], flags=re.MULTILINE)
+
+
+_UNITS = "%|°|[kMG]?W|[kM]?N|[kcm]?m|k?Hz|m?s|µs|min|h|rpm|deg|rad|kg|t|MiB|GB"
+_TOGETHER = re.compile(rf"(?<=\d) (?=\d{{3}}(?!\d)|(?:{_UNITS})(?![^\W_]))")  # "12 m/s", "50 000"
+
+
+def _numbers(app, doctree, docname):
+    """Keep the digits of a number, and a number and its unit, on one line."""
+    as_it_is = (nodes.literal, nodes.literal_block, nodes.doctest_block, nodes.raw, nodes.math)
+    for text in list(doctree.findall(nodes.Text)):
+        if not isinstance(text.parent, as_it_is):
+            kept = _TOGETHER.sub("\N{NO-BREAK SPACE}", text)
+            if kept != text:
+                text.parent.replace(text, nodes.Text(kept))
 
 
 _SEVERAL = re.compile(r"(\w+(?:, \w+)+) : (.+)")
@@ -112,4 +130,5 @@ def _docstrings(app, what, name, obj, options, lines):
 def setup(app):
     """Connect what is above to Sphinx."""
     app.connect("source-read", _links)
+    app.connect("doctree-resolved", _numbers)
     app.connect("autodoc-process-docstring", _docstrings, priority=100)  # before napoleon

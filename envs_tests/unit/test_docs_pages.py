@@ -404,6 +404,22 @@ def test_first_examples_run(page, tmp_path, monkeypatch):
         assert (tmp_path / "run.nc").stat().st_size > 1000
 
 
+GUIDES = ("signals", "pictures", "electrical", "variation", "budgets")  # in docs/howto, with examples in Python
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", GUIDES)
+def test_examples_of_the_guides_run(page, tmp_path, monkeypatch):
+    """Those of a page one after the other, as a reader types them."""
+    monkeypatch.chdir(tmp_path)
+    examples = re.findall(r"^```python\n(.*?)^```", text_of(f"docs/howto/{page}.md"), re.MULTILINE | re.DOTALL)
+    assert examples
+    names = {}
+    for example in examples:
+        exec(compile(example, page, "exec"), names)
+    names["env"].close()
+
+
 def test_the_controller_of_the_page_runs(tmp_path):
     """By the name that the commands of the page give it."""
     page = text_of("docs/howto/own_controller.md")

@@ -103,6 +103,12 @@ class TestSite:
                 for cell in line.split("|") if line.startswith("|") else [line]:
                     assert set(cell) <= set("-") or "".join(cell.split()) in said, (name, cell)
 
+    def test_numbers_stay_with_their_units(self, site):
+        text = unescape(text_of(site / "evaluation.html"))
+        assert "10\N{NO-BREAK SPACE}000 bootstrap" in text
+        assert "at 15\N{NO-BREAK SPACE}m/s" in text
+        assert "4 at the tower base" in text
+
     def test_nothing_is_fetched_from_elsewhere(self, site):
         for page in site.rglob("*.html"):
             html = page.read_text(encoding="utf-8")
