@@ -17,6 +17,7 @@ from wt_gym.agents.export.controller_parts import (
     note_lidar,
 )
 from wt_gym.control import NacelleAnemometer
+from wt_gym.control.controllers import STATES
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.optimal.measured import OUTPUTS
@@ -54,6 +55,10 @@ _PLAIN = {
     "residual_mean": ("MEAN_OFFSET", set()),
     "dead_band_error": ("DEAD_BAND_ERROR", set()),
     "dead_band_turning": ("DEAD_BAND_TURNING", set()),
+    "mean_wind": ("SUPERVISOR_WIND", {"wind"}),
+    "set_point": ("SUPERVISOR_SET_POINT", set()),
+    "load_share": ("SUPERVISOR_LOAD", set()),
+    "set_point_offset": ("SET_POINT_OFFSET", set()),
     "demanded_power": ("DEMANDED_POWER", {"demanded_power"}),
     "power_error": ("POWER_ERROR", {"demanded_power", "power"}),
     "rotor_energy": ("ROTOR_ENERGY", {"rotor_speed"}),
@@ -76,7 +81,7 @@ _FIXED_FRAME = {
 }
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "DIAL", "HELD",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "DIAL", "SUPERVISOR_STATE", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
 
@@ -153,6 +158,8 @@ def _seen(channel: Any, layout: EnvLayout) -> Seen:
         return Seen("LIDAR", int(parted[1]) - 1, channel, {"lidar", "nacelle_yaw"})
     if parted := re.fullmatch(rf"dial_({'|'.join(DIAL_NAMES)})", name):
         return Seen("DIAL", DIAL_NAMES.index(parted[1]), channel, set())
+    if parted := re.fullmatch(rf"state_({'|'.join(STATES)})", name):
+        return Seen("SUPERVISOR_STATE", STATES.index(parted[1]), channel, set())
     if numbered := re.fullmatch(r"(.+)_(\d)", name):
         index = int(numbered[2]) - 1
         if numbered[1] == "pitch_offset":
@@ -206,6 +213,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "OFFSET_FORM": int(action.residual == "offset"),
         "HAS_YAW": int(action.has_yaw),
         "HAS_TORQUE": int(torque),
+        "HAS_SET_POINT": int("set_point" in action.components),
         "SUBSTEPS": env.operation.count,
         "SENSES_WIND": int(any(one.kind in ("ROTOR_WIND", "POWER_HEADROOM") for one in seen)),
         "SQUASHED": int(network.squashed),
@@ -239,6 +247,12 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "anemometer_time": anemometer._speed.time_constant,
         "vane_time": anemometer._direction.time_constant,
     }
+    if "set_point" in action.components:
+        parts.groups.add("agent_set_point")
+        parts.values |= {
+            "offset_set_point_limit": spans["set_point"],
+            "offset_set_point_rate": spans["set_point_rate"],
+        }
     rated = parts.turbine.drivetrain.rated_power
     parts.values |= {
         "rotor_inertia": rotor_inertia(parts.turbine),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from wt_gym.control.controllers import (
     IndividualPitch,
     LidarFeedforward,
     SideSideDamper,
+    Supervisor,
     YawByDeadBand,
 )
 from wt_gym.control.controllers.controller import parts_of
@@ -50,7 +51,7 @@ __all__ = [
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
              "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
              "side_side_damper", "tower_dampers", "tuned", "tuned_lidar", "yaw",
-             "linear_pitch", "linear_optimal", "fault_supervisor")  # fmt: skip
+             "linear_pitch", "linear_optimal", "fault_supervisor", "supervisor")  # fmt: skip
 """Names of controllers that can be exported."""
 ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
 """Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
@@ -100,13 +101,16 @@ class Parts:
     tables : dict
         Rotor tables by the name in the C source.
     reads : dict
-        Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD".
+        Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD",
+        "SUPERVISOR".
     linear : LinearPitch or None
         Arrays of linear optimal pitch.
     lidar : Lidar or None
         That is read.
     feedforward : LidarFeedforward or None
         That moves the collective pitch.
+    supervisor : Supervisor or None
+        That starts and stops the turbine.
     """
 
     turbine: Turbine
@@ -119,6 +123,11 @@ class Parts:
     linear: LinearPitch | None = None
     lidar: Lidar | None = None
     feedforward: LidarFeedforward | None = None
+    supervisor: Supervisor | None = None
+
+    def parks_in(self, wind: float) -> bool:
+        """Whether the turbine stands at a start in a wind [m/s]."""
+        return self.supervisor is not None and not self.supervisor.runs_in(wind)
 
 
 def controller_parts(controller: Controller, turbine: Turbine, step: float) -> Parts:
@@ -169,9 +178,15 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
         "N_HARMONICS",
         "INDIVIDUAL_BLADES",
         "DERATE",
+        "WITH_EXCLUSION",
+        "START_GAIN_TABLE",
     )
     parts.constants |= dict.fromkeys(flags, 0)
+    base: Any
     base, *additions = parts_of(controller)
+    if type(base) is Supervisor:
+        _supervision(parts, base)
+        base = base.base
     if type(base) is LidarFeedforward:
         _feedforward(parts, base)
         base = base.base
@@ -239,6 +254,34 @@ def _feedforward(parts: Parts, wrapper: LidarFeedforward) -> None:
         )
     note_fade(parts, wrapper.fade, "lidar", "lidar", "FADE_LIDAR")
     parts.reads["LIDAR"] = {"lidar", "nacelle_yaw", "rotor_speed"}
+
+
+def _supervision(parts: Parts, wrapper: Supervisor) -> None:
+    """Supervisory control: its numbers, and the pitch law of its start-up."""
+    p, law = wrapper.parameters, wrapper.pitch_law
+    parts.supervisor = wrapper
+    parts.groups.add("supervisor")
+    names = ("cut_in", "restart", "derate_from", "cut_out", "least_speed", "least_power", "averaging", "restart_delay",
+             "run_up", "gust", "overspeed", "stop_rate", "start_rate", "feather", "fine_pitch", "cut_in_speed",
+             "radius", "rated_speed", "rated_torque")  # fmt: skip
+    parts.values |= {f"supervisor_{name}": getattr(p, name) for name in names}
+    parts.values["supervisor_to_generator"] = p.rated_speed * p.gear_ratio
+    if law.table is None:
+        parts.groups.add("supervisor_gains")
+        parts.values |= {
+            "supervisor_proportional_gain": law.proportional_gain,
+            "supervisor_integral_gain": law.integral_gain,
+            "supervisor_gain_doubling_pitch": law.gain_doubling_pitch,
+        }
+    else:
+        parts.groups.add("supervisor_gain_table")
+        parts.constants["START_GAIN_TABLE"] = 1
+        parts.values |= {
+            "supervisor_gain_pitch": list(law.table.pitch),
+            "supervisor_proportional_gains": list(law.table.proportional),
+            "supervisor_integral_gains": list(law.table.integral),
+        }
+    parts.reads["SUPERVISOR"] = {"rotor_speed", "wind"}
 
 
 def _baseline(parts: Parts, p: BaselineParameters) -> None:
@@ -334,6 +377,15 @@ def _tracking(parts: Parts, base: TsrTrackingController) -> None:
         "schedule_pitch": np.asarray(p.schedule_pitch).tolist(),
     }
     parts.reads["BASE"] = {"pitch", "generator_speed", "rotor_speed", "generator_torque"}
+    if (band := base.exclusion) is not None:
+        parts.groups.add("exclusion")
+        parts.constants["WITH_EXCLUSION"] = 1
+        parts.values |= {
+            "exclusion_low": band.low,
+            "exclusion_high": band.high,
+            "exclusion_rate": band.rate,
+            "exclusion_above": float(band._always_above),
+        }
 
 
 def estimator_values(estimator: WindEstimator) -> dict[str, float | list[float]]:
@@ -441,6 +493,9 @@ def _guard(parts: Parts, guard: FaultSupervisor) -> None:
     names = ("speed_tolerance", "moment_jump", "frozen_time", "vane_jump", "pitch_tolerance", "pitch_time", "fade_time",
              "efficiency", "least_torque")  # fmt: skip
     parts.values |= {f"guard_{name}": getattr(p, name) for name in names}
+    if "supervisor" in parts.groups:
+        parts.groups.add("guard_stop")
+        parts.values["guard_stop_deviation"] = p.stop_deviation
     parts.reads["GUARD"] = {
         "pitch", "out_of_plane", "in_plane", "rotor_speed", "generator_speed", "generator_torque", "power", "yaw_error",
         "wind", "azimuth",

@@ -37,6 +37,7 @@ def export_discon(
     hold_missing: bool = False,
     drive: bool = False,
     dial: Mapping[str, float] | None = None,
+    wind: float | None = None,
 ) -> dict[str, Any]:
     """Write a controller or a trained agent on its controller as C source, library and parameter file.
 
@@ -58,12 +59,14 @@ def export_discon(
     dial : mapping, optional
         Constant ``dial_weights`` that an agent with a dial keeps to; by default those of its training where they are
         constant, else equal ones.
+    wind : float, optional
+        Of a start [m/s].
 
     Returns
     -------
     dict
-        ``files``, ``held``: names of the channels that are held, and ``lidar``: arguments of the
-        `wt_gym.control.Lidar` that is read, or None.
+        ``files``, ``held``: names of the channels that are held, ``lidar``: arguments of the `wt_gym.control.Lidar`
+        that is read, or None, and ``parked``: whether supervisory control lets the turbine stand in the wind.
 
     Raises
     ------
@@ -106,7 +109,12 @@ def export_discon(
     held = [one.channel.name for one in seen if one.kind == "HELD"]
     write_text_whole(page, _page(title, parts, [source, library, parameters], held))
     lidar = None if parts.lidar is None else asdict(parts.lidar)
-    return {"files": [str(file) for file in (source, library, parameters, page)], "held": held, "lidar": lidar}
+    return {
+        "files": [str(file) for file in (source, library, parameters, page)],
+        "held": held,
+        "lidar": lidar,
+        "parked": wind is not None and parts.parks_in(wind),
+    }
 
 
 def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Seen], str]:
@@ -161,6 +169,7 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
         "LINEAR": "linear optimal pitch",
         "LIDAR": "lidar preview",
         "GUARD": "fault supervisor",
+        "SUPERVISOR": "supervisory control",
     }
     for kind, record, name, low, high, users in readings(parts):
         needed = sorted(words[user] for user in users) + ["in place of record 20"] * (kind == "rotor_speed")

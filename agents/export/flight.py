@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ from wt_gym.envs.options.environment import flat_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
 from wt_gym.runs.playing import play
+from wt_gym.wind.protocol import start_speed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -158,6 +160,7 @@ def fly(
     folder, name = Path(folder), parse_name(choice)
     own = name.kind == "trained"
     where: dict[str, Any] = {"dial": dial} if own else {"turbine": scene.turbine, "interval": scene.step}
+    where["wind"] = start_speed(scene.inflow)
     exported = export_discon(choice, folder / "wt_gym", hold_missing=hold_missing, **where)
     in_openfast = export_openfast(choice, folder / "openfast", scene, duration=duration, hold_missing=hold_missing)
     primary, held = Path(in_openfast["files"][0]), exported["held"]
@@ -170,10 +173,13 @@ def fly(
     library_alone = BladedController(scene.turbine, *exported["files"][1:3], lidar=lidar or False)
     alone = {"controller": library_alone, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
 
+    feather = min(scene.turbine.pitch.max_pitch, 0.5 * math.pi)
+    parked = {"rotor_speed": 0.0, "pitch": feather, "generator_torque": 0.0} if exported["parked"] else {}
+
     metrics: dict[str, dict[str, float]] = {}
     data, expected = _played(python, agent, scene, duration, held)
     metrics[PYTHON] = run_metrics(data, scene.turbine, skip)
-    data, found = _played(arguments | alone, None, scene, duration)
+    data, found = _played(arguments | alone, None, scene, duration, start=parked)
     metrics[LIBRARY] = run_metrics(data, scene.turbine, skip)
     apart = np.abs(found - expected).max(axis=0)
     missing: dict[str, str] = {}
@@ -210,10 +216,12 @@ def _played(
     duration: float,
     held: Sequence[str] = (),
     lidar: Lidar | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> tuple[xr.Dataset, NDArray[np.float64]]:
     """Signals after the start, and demands at every step of the simulator: pitch, torque over the greatest, yaw.
 
-    In rad, -, rad/s. A lidar takes the place of that which controller and agent read.
+    In rad, -, rad/s. A lidar takes the place of that which controller and agent read; a start, options of the reset,
+    that of the operating point.
 
     Raises
     ------
@@ -242,7 +250,8 @@ def _played(
     env.operation.make_simulator = noting
     actor: Agent = ConstantAgent(env.layout) if agent is None else _Held(agent, env.layout.observation.names, held)
     try:
-        episode = play(env, actor, seed=0, options={"inflow": scene.inflow, "azimuth": 0.0}, duration=duration)
+        options = {"inflow": scene.inflow, "azimuth": 0.0} | dict(start or {})
+        episode = play(env, actor, seed=0, options=options, duration=duration)
     finally:
         env.close()
     if episode.ending != "time":

@@ -21,6 +21,7 @@ from wt_gym.control.controllers import parse_name
 from wt_gym.envs.options import flat_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.tasks import DEFAULT_ENV
+from wt_gym.wind.protocol import start_speed
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
@@ -133,8 +134,9 @@ def export_openfast(
     Returns
     -------
     dict
-        ``files``, the primary file first, ``held`` and ``lidar`` as of `wt_gym.agents.export.discon.export_discon`, and
-        ``lidar_points``: how many points InflowWind reads of the lidar.
+        ``files``, the primary file first, ``held``, ``lidar`` and ``parked`` as of
+        `wt_gym.agents.export.discon.export_discon`, and ``lidar_points``: how many points InflowWind reads of the
+        lidar.
 
     Raises
     ------
@@ -147,12 +149,13 @@ def export_openfast(
     where: dict[str, Any] = {} if trained else {"turbine": scene.turbine, "interval": scene.step}
     dial = flat_arguments(scene.arguments).get("dial_weights")
     where |= {"dial": dial} if isinstance(dial, Mapping) else {}
+    where["wind"] = start_speed(scene.inflow)
     made = export_discon(choice, folder, drive=True, hold_missing=hold_missing, **where)
     _, library, parameters, page = (Path(file) for file in made["files"])
     lidar = None if made["lidar"] is None else PointLidar.of(Lidar(**made["lidar"]))
     primary = write_driver_run(
         scene.turbine, scene.inflow, folder, ServedController(library.name, parameters.name, lidar), duration=duration,
-        interval=scene.step, model=model,
+        interval=scene.step, model=model, parked=made["parked"],
     )  # fmt: skip
     if lidar is not None:
         with page.open("a", encoding="utf-8") as file:

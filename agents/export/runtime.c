@@ -47,6 +47,17 @@ struct guard {
 };
 #endif
 
+#if WITH_SUPERVISOR
+/* Supervisory control: what the turbine does, and what this rests on. Speeds are over rated. */
+enum { PARKED, START_UP, PRODUCTION, SOFT_CUT_OUT, SHUT_DOWN };
+struct supervisor {
+    int state, stopped;                          /* stopped: by a fault, for good */
+    double mean, gust, rotor, listened, since;   /* wind, over 3 s; speed over 0.5 s; times of the average and the state */
+    double set_point, load, asked, ramp;         /* asked: by which an agent moves the set point */
+    double pitch, torque, first_speed;           /* demands; speed of the step before in a shut-down */
+};
+#endif
+
 /* Measured values: the last good one of each reading, and those of the pitched blade that follow. */
 struct readings {
     double pitch[N_BLADES], generator_speed, rotor_speed, generator_power, generator_torque, yaw_error, wind_speed;
@@ -69,6 +80,13 @@ struct state {
     struct second_order speed;
     double integral, torque_integral, pitch[N_BLADES], torque;
     double wind, smoothed_wind, wind_rotor_speed, shift;
+    double read_over, true_speed;     /* set point that speeds are read over, and the rotor speed as it is measured */
+#if WITH_EXCLUSION
+    struct { double value; int above, crossing; } exclusion;
+#endif
+#if WITH_SUPERVISOR
+    struct supervisor supervisor;
+#endif
     /* additions */
     struct harmonic harmonics[2];
     double fade_ipc, fade_fore_aft;
@@ -89,6 +107,9 @@ struct state {
 #if WITH_AGENT
     /* agent */
     double from[N_SETPOINT], to[N_SETPOINT], yaw_rate, action[N_ACT];
+#if HAS_SET_POINT
+    double set_point; /* offset of that of the supervisor */
+#endif
     double fade, share, lasting, mean;
     double anemometer, vane, sensor_wind, sensor_rotor_speed;
     double pitch_now[N_BLADES], pitch_before[N_BLADES], lasting_load[N_CHANNELS];
@@ -426,9 +447,43 @@ static double wanted_shift(const struct parameters *p, const struct state *s, do
            p->torque_to_speed * (rated - s->torque) / rated;
 }
 
-static void speed_errors(const struct parameters *p, const struct state *s, double *of_torque, double *of_pitch) {
+#if WITH_EXCLUSION
+/* A set point waits at one end of a band of speeds until the requested one has passed the other, then crosses quickly. */
+static double outside_band(const struct parameters *p, struct state *s, double requested, double dt) {
+    double low = p->exclusion_low, high = p->exclusion_high, step = p->exclusion_rate * dt, *value = &s->exclusion.value;
+    int always_above = p->exclusion_above != 0.0, fresh = isnan(*value);
+    if (fresh) s->exclusion.above = requested > 0.5 * (low + high);
+    if (requested >= high) s->exclusion.above = 1;
+    else if (requested <= low) s->exclusion.above = 0;
+    if ((low < requested && requested < high) || always_above)
+        requested = s->exclusion.above || always_above ? fmax(requested, high) : low;
+    if (!fresh && (s->exclusion.crossing || (fmin(*value, requested) < high && fmax(*value, requested) > low))) {
+        *value += clip(requested - *value, -step, step);
+        s->exclusion.crossing = *value != requested;
+    } else {
+        *value = requested;
+    }
+    return *value;
+}
+#endif
+
+/* Readings of the rotor as it turns, whatever the set point. */
+static struct readings of_rotor(const struct state *s) {
+    struct readings r = s->now;
+#if WITH_SUPERVISOR
+    r.rotor_speed = s->true_speed;
+#endif
+    return r;
+}
+
+static void speed_errors(const struct parameters *p, struct state *s, double dt, double *of_torque, double *of_pitch) {
     double shift = s->shift * p->reference_speed;
     double tracked = clip(p->speed_per_wind * s->smoothed_wind, p->min_generator_speed, p->reference_speed);
+#if WITH_EXCLUSION
+    tracked = outside_band(p, s, tracked * s->read_over, dt) / s->read_over;
+#else
+    (void)dt;
+#endif
     *of_torque = s->speed.value - (tracked - fmax(shift, 0.0));
     *of_pitch = s->speed.value - (p->reference_speed - fmin(shift, 0.0));
 }
@@ -436,12 +491,17 @@ static void speed_errors(const struct parameters *p, const struct state *s, doub
 static void base_start(const struct parameters *p, struct state *s, const struct demand *present) {
     double of_torque, of_pitch, rated = p->rated_power / p->reference_speed, speed = s->now.generator_speed;
     double ratio = clip(speed / p->reference_speed, 0.0, 1.0);
+    struct readings rotor = of_rotor(s);
     speed_reset(s, speed);
-    s->smoothed_wind = s->wind = estimator_start(p, &BASE_TABLE, &s->now, &s->wind_rotor_speed);
+    s->smoothed_wind = s->wind = estimator_start(p, &BASE_TABLE, &rotor, &s->wind_rotor_speed);
+#if WITH_EXCLUSION
+    memset(&s->exclusion, 0, sizeof s->exclusion);
+    s->exclusion.value = NAN;
+#endif
     for (int b = 0; b < N_BLADES; b++) s->pitch[b] = mean_of(present->pitch);
     s->torque = isnan(present->torque) ? rated * ratio * ratio : present->torque;
     s->shift = wanted_shift(p, s, least_pitch(p, s));
-    speed_errors(p, s, &of_torque, &of_pitch);
+    speed_errors(p, s, 0.0, &of_torque, &of_pitch);
     s->torque_integral = s->torque - p->torque_gain * of_torque;
     s->integral = law_holding(p, s->pitch[0], of_pitch);
 }
@@ -449,11 +509,12 @@ static void base_start(const struct parameters *p, struct state *s, const struct
 static void base_step(const struct parameters *p, struct state *s, double dt) {
     double rated = p->rated_power / p->reference_speed, speed = speed_update(p, s, dt), most = rated, least, highest;
     double of_torque, of_pitch, torque, pitch, torque_step = p->max_torque_rate * dt, pitch_step = p->max_pitch_rate * dt;
-    s->wind = estimator_update(p, &BASE_TABLE, &s->now, p->estimator_bandwidth, dt, s->wind, &s->wind_rotor_speed);
+    struct readings rotor = of_rotor(s);
+    s->wind = estimator_update(p, &BASE_TABLE, &rotor, p->estimator_bandwidth, dt, s->wind, &s->wind_rotor_speed);
     s->smoothed_wind = low_pass(s->smoothed_wind, s->wind, dt, p->wind_time_constant);
     least = least_pitch(p, s);
     s->shift = low_pass(s->shift, wanted_shift(p, s, least), dt, p->smoothing_time_constant);
-    speed_errors(p, s, &of_torque, &of_pitch);
+    speed_errors(p, s, dt, &of_torque, &of_pitch);
     if (p->constant_power != 0.0) {
         double pitched = p->constant_power_pitch == 0.0 ? 1.0 : (s->pitch[0] - least) / p->constant_power_pitch;
         most = (1.0 + 0.1 * clip(pitched, 0.0, 1.0)) * rated;
@@ -489,10 +550,10 @@ static void ahead_forget(struct ahead *a) {
     a->wind = NAN;
 }
 
-static void ahead_start(struct state *s) {
+static void ahead_start(struct state *s, const struct demand *present) {
     ahead_forget(&s->ahead);
     s->ahead.share = FADE_LIDAR ? 0.0 : 1.0;
-    s->ahead.fade = mean_of(s->present.pitch);
+    s->ahead.fade = mean_of(present->pitch);
 }
 
 static double gates_mean(const double *gates) {
@@ -584,6 +645,217 @@ static void ahead_travel(const struct parameters *p, struct state *s, double dt)
     if (a->count == 0) return;
     a->speed = low_pass(a->speed, gates_mean(a->seen[ring(a, a->count - 1)]), dt, 30.0);
     a->traveled += fmax(a->speed, 0.0) * dt;
+}
+#endif
+
+/* ---- base controller with what moves it ahead of the wind --------------------------------------------------------- */
+
+static void inner_start(const struct parameters *p, struct state *s, const struct demand *present) {
+    base_start(p, s, present);
+#if WITH_FEEDFORWARD
+    ahead_start(s, present);
+#endif
+}
+
+static void inner_step(const struct parameters *p, struct state *s, double dt) {
+#if WITH_FEEDFORWARD
+    ahead_shift(p, s, dt);
+#endif
+    base_step(p, s, dt);
+#if WITH_FEEDFORWARD
+    ahead_travel(p, s, dt);
+#endif
+}
+
+#if WITH_SUPERVISOR
+/* ---- supervisory control: stand, start, produce at a set point, stop ---------------------------------------------- */
+
+static const double GUST_TIME = 3.0, SMOOTH_TIME = 0.5, BEST_ANGLE = 0.17453292519943295, STANDS = 0.1,
+                    BEYOND_CUT_IN = 1.1, PITCHED = 0.017453292519943295, MOST_TORQUE = 1.1, CALM = 0.5;
+
+static int produces(const struct supervisor *u) { return u->state == PRODUCTION || u->state == SOFT_CUT_OUT; }
+
+/* Rotor speed over rated; that of the generator stands in for a missing one. */
+static double relative_speed(const struct parameters *p, const struct state *s) {
+    const unsigned rotor = 1u << READ_ROTOR_SPEED, generator = 1u << READ_GENERATOR_SPEED;
+    double speed = s->now.rotor_speed;
+    if (s->bad & rotor && !(s->bad & generator)) speed = s->now.generator_speed / p->gear_ratio;
+    return speed / p->supervisor_rated_speed;
+}
+
+/* Set points of speed and power over rated in the mean wind. */
+static void set_points(const struct parameters *p, const struct supervisor *u, double *speed, double *power) {
+    double width = p->supervisor_cut_out - p->supervisor_derate_from;
+    double share = width <= 0.0 ? 0.0 : clip((u->mean - p->supervisor_derate_from) / width, 0.0, 1.0);
+    *speed = 1.0 - share * (1.0 - p->supervisor_least_speed);
+    *power = 1.0 - share * (1.0 - p->supervisor_least_power);
+}
+
+#if WITH_AGENT
+/* What of an offset of the set point acts in the present mean wind. */
+static double acting_offset(const struct parameters *p, const struct supervisor *u, double asked) {
+    double target, power;
+    set_points(p, u, &target, &power);
+    return fmin(fmax(asked, p->supervisor_cut_in_speed - target), 1.0 - target);
+}
+
+/* Share of residual pitch and torque that acts. */
+static double agent_share(const struct supervisor *u) { return produces(u) ? u->load : 0.0; }
+#endif
+
+/* Start in production, or parked where the rotor barely turns and the blades are feathered. */
+static void supervisor_start(const struct parameters *p, struct state *s, const struct demand *present) {
+    struct supervisor *u = &s->supervisor;
+    double wind = fabs(s->now.wind_speed), speed = relative_speed(p, s), pitch = mean_of(present->pitch);
+    int parked = speed < 0.5 * p->supervisor_cut_in_speed && pitch > 0.5 * p->supervisor_feather;
+    memset(u, 0, sizeof *u);
+    u->state = parked ? PARKED : PRODUCTION;
+    u->mean = parked ? wind : clip(wind, p->supervisor_cut_in, p->supervisor_cut_out);
+    u->listened = parked ? 0.0 : HUGE_VAL;
+    u->gust = wind;
+    u->rotor = u->ramp = speed;
+    u->set_point = 1.0;
+    u->load = parked ? 0.0 : 1.0;
+    u->since = parked ? p->supervisor_restart_delay : 0.0;
+    u->pitch = pitch;
+    u->torque = present->torque;
+    u->first_speed = fmax(speed, STANDS);
+}
+
+/* Speeds over a set point, a demanded power over what the power is multiplied by in the end. */
+static void read_at_set_point(struct state *s, double share, double kept) {
+    s->read_over = share;
+    s->true_speed = s->now.rotor_speed;
+    s->now.rotor_speed /= share;
+    s->now.generator_speed /= share;
+    s->now.demanded_power /= kept;
+}
+
+static void supervisor_enter(struct supervisor *u, int state) {
+    u->state = state;
+    u->since = 0.0;
+}
+
+static void supervisor_move(struct supervisor *u, double pitch, double reach) { u->pitch += clip(pitch - u->pitch, -reach, reach); }
+
+static void begin_production(const struct parameters *p, struct state *s, double speed) {
+    struct supervisor *u = &s->supervisor;
+    struct readings measured = s->now;
+    struct demand present = {{0.0}, 0.0, 0.0};
+    supervisor_enter(u, PRODUCTION);
+    u->set_point = fmin(speed, 1.0);
+    u->load = 0.0;
+    for (int b = 0; b < N_BLADES; b++) present.pitch[b] = u->pitch;
+    read_at_set_point(s, u->set_point, u->set_point);
+    inner_start(p, s, &present);
+    s->now = measured;
+}
+
+static void produce(const struct parameters *p, struct state *s, struct demand *d, double dt) {
+    struct supervisor *u = &s->supervisor;
+    struct readings measured = s->now;
+    double target, power, reach, cut;
+    set_points(p, u, &target, &power);
+    u->state = target < 1.0 || power < 1.0 ? SOFT_CUT_OUT : PRODUCTION;
+    if (u->asked != 0.0) {
+        double moved = fmin(fmax(target + u->asked, p->supervisor_cut_in_speed), 1.0);
+        power *= moved / target;
+        target = moved;
+    }
+    reach = dt / (u->pitch > p->supervisor_fine_pitch + PITCHED ? p->supervisor_run_up : 0.1 * p->supervisor_run_up);
+    u->set_point += clip(target - u->set_point, -reach, reach);
+    u->load = fmin(u->load + 3.0 * dt / p->supervisor_run_up, 1.0);
+    cut = fmin(power / target, 1.0);
+    read_at_set_point(s, u->set_point, u->set_point * cut);
+    inner_step(p, s, dt);
+    s->now = measured;
+    memcpy(d->pitch, s->pitch, sizeof d->pitch);
+    d->torque = u->load * cut * s->torque;
+    u->pitch = d->pitch[0];
+    u->torque = d->torque;
+}
+
+/* Pitch as near to the best angle of attack as the ramp of the speed lets it. */
+static void spin_up(const struct parameters *p, struct supervisor *u, double wind, double speed, double dt) {
+    double end = BEYOND_CUT_IN * p->supervisor_cut_in_speed, before = u->rotor, proportional, integral, rise, target, inflow, least;
+    u->ramp = fmin(u->ramp + dt / p->supervisor_run_up, end);
+    u->rotor = low_pass(u->rotor, speed, dt, SMOOTH_TIME);
+    if (START_GAIN_TABLE) {
+        proportional = interpolate(u->pitch, p->supervisor_gain_pitch, p->supervisor_proportional_gains, N_START_GAINS);
+        integral = interpolate(u->pitch, p->supervisor_gain_pitch, p->supervisor_integral_gains, N_START_GAINS);
+    } else {
+        double factor = 1.0 / (1.0 + u->pitch / p->supervisor_gain_doubling_pitch);
+        proportional = factor * p->supervisor_proportional_gain;
+        integral = factor * p->supervisor_integral_gain;
+    }
+    rise = u->rotor - before - (u->ramp < end ? dt / p->supervisor_run_up : 0.0);
+    target = u->pitch + p->supervisor_to_generator * (proportional * rise + integral * (u->rotor - u->ramp) * dt);
+    inflow = atan2(fmax(wind, 0.0), fmax(speed, 0.0) * p->supervisor_rated_speed * p->supervisor_radius);
+    least = fmin(fmax(inflow - BEST_ANGLE, p->supervisor_fine_pitch), p->supervisor_feather);
+    supervisor_move(u, fmin(fmax(target, least), p->supervisor_feather), p->supervisor_start_rate * dt);
+    u->torque = 0.0;
+}
+
+/* Blades to feather, torque with the square of the speed. */
+static void shut_down(const struct parameters *p, struct supervisor *u, double speed, double dt) {
+    double ratio = fmin(fmax(speed, 0.0) / u->first_speed, 1.0);
+    supervisor_move(u, p->supervisor_feather, p->supervisor_stop_rate * dt);
+    u->first_speed = fmax(speed, STANDS);
+    u->torque = speed < p->supervisor_cut_in_speed ? 0.0 : u->torque * ratio * ratio;
+}
+
+static void supervisor_step(const struct parameters *p, struct state *s, struct demand *d, double dt) {
+    struct supervisor *u = &s->supervisor;
+    double wind = fabs(s->now.wind_speed), speed = relative_speed(p, s), averaging = 0.5 * p->supervisor_averaging;
+    if (u->listened >= averaging) {
+        u->mean = low_pass(u->mean, wind, dt, averaging);
+    } else { /* after a parked start the plain mean for the time of the filter */
+        u->listened += dt;
+        u->mean += (wind - u->mean) * dt / u->listened;
+    }
+    u->gust = low_pass(u->gust, wind, dt, GUST_TIME);
+    u->since += dt;
+    if (u->state == PARKED) {
+        int waited = u->since >= p->supervisor_restart_delay && u->listened >= averaging && !u->stopped;
+        if (waited && u->mean >= p->supervisor_cut_in && u->mean <= p->supervisor_restart && u->gust < p->supervisor_gust) {
+            supervisor_enter(u, START_UP);
+            u->ramp = fmax(speed, 0.0);
+            u->rotor = speed;
+        }
+    } else if (u->state == SHUT_DOWN) {
+        if (speed < STANDS && u->pitch >= p->supervisor_feather - PITCHED) supervisor_enter(u, PARKED);
+    } else if (u->stopped || u->mean > p->supervisor_cut_out || u->mean < p->supervisor_cut_in - CALM ||
+               u->gust > p->supervisor_gust || speed > p->supervisor_overspeed) {
+        u->torque = fmin(u->torque, MOST_TORQUE * p->supervisor_rated_torque);
+        u->first_speed = fmax(speed, STANDS);
+        supervisor_enter(u, SHUT_DOWN);
+    } else if (u->state == START_UP && speed >= p->supervisor_cut_in_speed) {
+        begin_production(p, s, speed);
+    }
+    if (produces(u)) {
+        produce(p, s, d, dt);
+        return;
+    }
+    if (u->state == START_UP) {
+        spin_up(p, u, wind, speed, dt);
+    } else if (u->state == SHUT_DOWN) {
+        shut_down(p, u, speed, dt);
+    } else {
+        supervisor_move(u, p->supervisor_feather, p->supervisor_stop_rate * dt);
+        u->torque = 0.0;
+    }
+    for (int b = 0; b < N_BLADES; b++) d->pitch[b] = u->pitch;
+    d->torque = u->torque;
+}
+
+/* What numbers of a parameter file must be beside each other; returns 0, or -1 with a message. */
+static int supervisor_checked(const struct parameters *p, const char *path, char *message, size_t size) {
+    int winds = p->supervisor_cut_in < p->supervisor_restart && p->supervisor_restart <= p->supervisor_cut_out;
+    if (winds && p->supervisor_least_power <= p->supervisor_least_speed) return 0;
+    snprintf(message, size, "%.600s: %s", path,
+             winds ? "supervisor_least_power must be at most supervisor_least_speed"
+                   : "must be supervisor_cut_in < supervisor_restart <= supervisor_cut_out");
+    return -1;
 }
 #endif
 
@@ -910,7 +1182,13 @@ static void guard_read(const struct parameters *p, struct state *s, double dt) {
         g->command[b] += clip(target - g->command[b], -reach, reach);
         g->model[b] = low_pass(g->model[b], g->command[b], dt, lag);
     }
-    if (!(s->bad_users & FOR_GUARD)) guard_watch(p, s, dt);
+    if (!(s->bad_users & FOR_GUARD)) {
+        guard_watch(p, s, dt);
+#if WITH_SUPERVISOR
+        for (int b = 0; b < N_BLADES; b++)
+            if (g->drive[b] && fabs(r->pitch[b] - g->model[b]) > p->guard_stop_deviation) s->supervisor.stopped = 1;
+#endif
+    }
     for (int b = 0; b < N_BLADES; b++) {
         cosine[b] = cos(r->azimuth + 2.0 * PI * b / N_BLADES);
         sine[b] = sin(r->azimuth + 2.0 * PI * b / N_BLADES);
@@ -961,9 +1239,6 @@ static void guard_act(const struct parameters *p, struct state *s, struct demand
 static void additions_start(const struct parameters *p, struct state *s) {
     memset(s->harmonics, 0, sizeof s->harmonics);
     s->fresh_ipc = s->fresh_fore_aft = 1;
-#if WITH_FEEDFORWARD
-    ahead_start(s);
-#endif
 #if WITH_LINEAR
     linear_start(&s->linear);
 #endif
@@ -980,15 +1255,13 @@ static void controller_step(const struct parameters *p, struct state *s, double 
     struct readings measured = s->now; /* what an agent sees */
     guard_read(p, s, dt);
 #endif
-#if WITH_FEEDFORWARD
-    ahead_shift(p, s, dt);
-#endif
-    base_step(p, s, dt);
-#if WITH_FEEDFORWARD
-    ahead_travel(p, s, dt);
-#endif
+#if WITH_SUPERVISOR
+    supervisor_step(p, s, d, dt);
+#else
+    inner_step(p, s, dt);
     memcpy(d->pitch, s->pitch, sizeof d->pitch);
     d->torque = s->torque;
+#endif
     d->yaw_rate = 0.0;
     for (int k = 0; k < N_ADDITIONS; k++) {
         switch (ADDITIONS[k]) {
@@ -1068,6 +1341,15 @@ static double observed(const struct parameters *p, const struct state *s, const 
     case SEE_PREVIOUS_ACTION: return s->action[i];
 #if WITH_LIDAR
     case SEE_LIDAR: return r->gate[i];
+#endif
+#if WITH_SUPERVISOR
+    case SEE_SUPERVISOR_STATE: return s->supervisor.state == i;
+    case SEE_SUPERVISOR_WIND: return s->supervisor.mean;
+    case SEE_SUPERVISOR_SET_POINT: return s->supervisor.set_point;
+    case SEE_SUPERVISOR_LOAD: return s->supervisor.load;
+#endif
+#if HAS_SET_POINT
+    case SEE_SET_POINT_OFFSET: return s->set_point;
 #endif
     case SEE_DEMANDED_POWER: return demanded_power(p, s);
     case SEE_POWER_ERROR: return r->generator_power - demanded_power(p, s);
@@ -1158,8 +1440,27 @@ static int rests(const struct parameters *p, const struct state *s) {
     return (s->bad_users & FOR_AGENT) != 0 || p->agent == 0.0;
 }
 
-/* Component of the action that belongs to a coordinate of the setpoint: pitch comes first, torque last. */
-static int action_of(int k) { return k < N_PITCH ? k : N_ACT - 1; }
+/* Component of the action that belongs to a coordinate of the setpoint: pitch comes first, then yaw, torque, set point. */
+static int action_of(int k) { return k < N_PITCH ? k : N_ACT - 1 - HAS_SET_POINT; }
+
+#if WITH_SUPERVISOR
+/* Offset of the supervisor's set point; what does not act is not kept, since it would have to come back first. */
+static void agent_ask(const struct parameters *p, struct state *s, const double *action) {
+    double asked = 0.0;
+    s->supervisor.asked = 0.0;
+    if (p->agent == 0.0) return;
+#if HAS_SET_POINT
+    double limit = p->offset_set_point_limit, reach = p->offset_set_point_rate * p->control_step, wanted = action[N_ACT - 1];
+    if (OFFSET_FORM) asked = s->set_point + clip(wanted * limit - s->set_point, -reach, reach);
+    else asked = clip(s->set_point + wanted * reach, -limit, limit);
+    s->set_point = asked = acting_offset(p, &s->supervisor, asked);
+#else
+    (void)action;
+    asked = acting_offset(p, &s->supervisor, asked);
+#endif
+    s->supervisor.asked = asked;
+}
+#endif
 
 static void agent_start(const struct parameters *p, struct state *s) {
     double pitch = mean_of(s->demand.pitch);
@@ -1167,6 +1468,9 @@ static void agent_start(const struct parameters *p, struct state *s) {
     memset(s->to, 0, sizeof s->to);
     memset(s->action, 0, sizeof s->action);
     s->yaw_rate = s->lasting = s->mean = 0.0;
+#if HAS_SET_POINT
+    s->set_point = 0.0;
+#endif
     s->fade = pitch;
     s->share = 1.0;
     if (FADE_AGENT) s->share = above_rated(p, pitch, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed,
@@ -1210,6 +1514,9 @@ static void agent_act(const struct parameters *p, struct state *s) {
         memset(action, 0, sizeof action);
         for (int k = 0; k < N_COORDINATES; k++)
             action[action_of(k)] = OFFSET_FORM ? 0.0 : clip(-s->to[k] / setpoint_move(p, k), -1.0, 1.0);
+#if HAS_SET_POINT
+        if (!OFFSET_FORM) action[N_ACT - 1] = clip(-s->set_point / (p->offset_set_point_rate * p->control_step), -1.0, 1.0);
+#endif
     }
     memcpy(s->action, action, sizeof action);
     memcpy(s->from, s->to, sizeof s->from);
@@ -1219,11 +1526,18 @@ static void agent_act(const struct parameters *p, struct state *s) {
         s->to[k] = clip(s->to[k] + move, -limit, limit);
     }
     s->yaw_rate = HAS_YAW ? action[N_PITCH] * p->offset_yaw_rate : 0.0;
+#if WITH_SUPERVISOR
+    agent_ask(p, s, action);
+#endif
 }
 
 /* Demand of the controller and the offsets that act, a part of the way from one setpoint to the next. */
 static void agent_add(const struct parameters *p, struct state *s, double part, double dt) {
     double offset[N_SETPOINT] = {0.0}, azimuth = s->now.azimuth + s->now.rotor_speed * p->offset_lead, torque = s->base.torque;
+    double bound = 1.0;
+#if WITH_SUPERVISOR
+    bound = agent_share(&s->supervisor);
+#endif
     for (int k = 0; k < N_COORDINATES; k++) offset[k] = s->from[k] + part * (s->to[k] - s->from[k]);
     if (N_PITCH > 0 && FADE_AGENT) {
         s->fade = low_pass(s->fade, mean_of(s->base.pitch), dt, p->offset_fade_time);
@@ -1235,7 +1549,7 @@ static void agent_add(const struct parameters *p, struct state *s, double part, 
         for (int k = 0; k < N_MEAN; k++) mean += offset[k] / count;
         if (rests(p, s)) s->lasting -= clip(s->lasting, -p->offset_pitch_rate * dt, p->offset_pitch_rate * dt);
         else s->lasting = low_pass(s->lasting, mean, dt, p->offset_washout);
-        s->mean = s->share * (mean - s->lasting);
+        s->mean = bound * s->share * (mean - s->lasting);
         for (int k = 0; k < N_MEAN; k++) offset[k] -= s->lasting;
     }
     for (int b = 0; b < N_BLADES; b++) {
@@ -1247,11 +1561,11 @@ static void agent_add(const struct parameters *p, struct state *s, double part, 
         case CYCLIC: added = of_blade(offset[0], offset[1 % N_SETPOINT], azimuth, 1, b); break;
         default: break;
         }
-        s->demand.pitch[b] = clip(s->base.pitch[b] + s->share * added, p->drive_min_pitch, p->drive_max_pitch);
+        s->demand.pitch[b] = clip(s->base.pitch[b] + bound * s->share * added, p->drive_min_pitch, p->drive_max_pitch);
     }
     if (HAS_TORQUE) {
         double speed = s->now.rotor_speed;
-        torque += offset[N_SETPOINT - 1];
+        torque += bound * offset[N_SETPOINT - 1];
         if (speed > 0.0) torque = fmin(torque, fmax(s->base.torque, p->most_shaft_power / speed));
     }
 #if WITH_LINEAR
@@ -1628,12 +1942,17 @@ static void start(const struct parameters *p, struct state *s, double time) {
     struct demand present = s->present;
     s->count = 0;
     s->next_time = time;
-    base_start(p, s, &present);
+    s->read_over = 1.0;
+    s->true_speed = s->now.rotor_speed;
+    inner_start(p, s, &present);
     additions_start(p, s);
 #if WITH_GUARD
     guard_start(s, &present);
 #endif
     if (isnan(present.torque)) present.torque = TRACKS_TIP_SPEED_RATIO ? s->torque : s->now.generator_torque;
+#if WITH_SUPERVISOR
+    supervisor_start(p, s, &present);
+#endif
     s->base = s->demand = present;
 #if WITH_AGENT
     agent_start(p, s);
@@ -1721,8 +2040,14 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
             *fail = -1;
             return;
         }
+#if WITH_SUPERVISOR
+        if (supervisor_checked(p, in, message, size) != 0) {
+            *fail = -1;
+            return;
+        }
+#endif
         read_swap(p, s, swap, 0.0);
-        if (s->bad_users & FOR_BASE) {
+        if (s->bad_users & (FOR_BASE | FOR_SUPERVISOR)) {
             tell(s, message, size, fail);
             *fail = -1; /* without them there is nothing to start from */
             return;
@@ -1739,7 +2064,7 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
         s->provisional = 0;
         if (time < s->next_time - 0.5 * fmin(dt, p->controller_step)) {
             read_swap(p, s, swap, 0.0);
-            if (!(s->bad_users & FOR_BASE)) {
+            if (!(s->bad_users & (FOR_BASE | FOR_SUPERVISOR))) {
                 start(p, s, s->step_time); /* from the demand before the first call: the records have its answer */
                 s->provisional = 0;
                 step(p, s);

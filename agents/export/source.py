@@ -32,7 +32,7 @@ __all__ = ["c_source", "readings"]
 _MARK = "/* DATA */"
 _MAKER = "wt_gym "
 """First bytes of every checkpoint, whichever controller it belongs to."""
-_USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD")
+_USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD", "SUPERVISOR")
 _ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW", "LINEAR_PITCH_ADDED")
 _DERATED = ("NOT_DERATED", "BY_SPEED", "BY_TORQUE", "BY_PITCH", "BY_ROTOR_ENERGY")
 _FORMS = ("NO_PITCH", "COLLECTIVE", "INDIVIDUAL", "FIXED_FRAME", "CYCLIC")
@@ -47,6 +47,7 @@ _FIRST = {
 """Names of the first reading of each kind in the C source."""
 
 _LISTS = {
+    "supervisor_gain_pitch", "supervisor_proportional_gains", "supervisor_integral_gains",
     "power_shares", "power_pitch", "dial",
     "gain_pitch", "proportional_gains", "integral_gains", "schedule_wind", "schedule_pitch", "ipc_integral_gain",
     "ipc_proportional_gain", "ipc_level", "ipc_leak", "ipc_limit", "ipc_rate_limit", "offset_pitch_limit",
@@ -235,6 +236,9 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
         "WITH_LIDAR": int(parts.lidar is not None),
         "WITH_FEEDFORWARD": int(parts.feedforward is not None),
         "WITH_GUARD": int("guard" in parts.groups),
+        "WITH_SUPERVISOR": int("supervisor" in parts.groups),
+        "HAS_SET_POINT": 0,
+        "N_START_GAINS": len(values.get("supervisor_gain_pitch", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_GAINS": len(values.get("gain_pitch", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_SHARES": len(values.get("power_shares", [0.0, 0.0])),  # type: ignore[arg-type]
         "N_SCHEDULE": len(values.get("schedule_wind", [0.0, 0.0])),  # type: ignore[arg-type]

@@ -21,10 +21,12 @@ from wt_gym.commands.export import main
 from wt_gym.commands.fly import main as fly_command
 from wt_gym.control import Lidar
 from wt_gym.control.bladed.records import new_swap, write_lidar, write_readings
+from wt_gym.control.controllers import STATES
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.turbines import load_turbine
+from wt_gym.wind import PathInflow, SteadyInflow
 
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"
 ON_INTERFACE = ["rotor", "power", "pitch", "wind", "controller", "offsets", "nacelle_acceleration_fore_aft",
@@ -81,6 +83,20 @@ AGENTS = {
         # a drive that lags half a step behind is a fault to it
         "controller": "linear_optimal+yaw+fault_supervisor:pitch_tolerance=0.002,pitch_time=0.3",
     }),
+    "full operation": ("PPO", torch.nn.Tanh, {
+        "pitch": "fixed-frame", "action_components": ["pitch", "torque", "set_point"], "control_dt": 0.1,
+        "observation": ["measurable", "supervisor", "previous_action"], "sensor_washout": 20.0,
+        "standstill_limit": -0.5,
+        "controller": "discon+supervisor:averaging=6,restart_delay=1,run_up=20",
+    }),
+    "full operation, offsets": ("SAC", torch.nn.ReLU, {
+        "pitch": "fixed-frame", "action_components": ["pitch", "yaw", "set_point"], "residual_form": "offset",
+        "residual_fade": True, "residual_washout": 20.0, "history": 2, "sensor_delay": 0.2, "standstill_limit": -0.5,
+        "observation": ["rotor", "power", "pitch", "offsets", "supervisor", "lidar", "residual_share", "residual_mean"],
+        # below the speed of cut-in the least set point of a storm is that speed, for an agent alone
+        "controller": "tsr_tracking+lidar+supervisor+yaw:averaging=6,restart_delay=1,run_up=20,least_speed=0.5,"
+                      "least_power=0.3",
+    }),
     "yaw": ("PPO", torch.nn.Tanh, {
         "action_components": ["yaw"], "controller": "discon+yaw",
         "observation": ["rotor", "wind", "previous_action", "dead_band"],
@@ -115,7 +131,7 @@ def untrained(folder, kind):
     return path, TrainedAgent(model), env
 
 
-def fly_both(env, agent, library, parameters, duration, held=()):
+def fly_both(env, agent, library, parameters, duration, held=(), **options):
     """Largest differences of the demands while an environment and a library read the same single-precision records.
 
     Returns
@@ -147,7 +163,7 @@ def fly_both(env, agent, library, parameters, duration, held=()):
         return read
 
     env.operation.measured = measured
-    observation, _ = env.reset(seed=2, options={"wind_seed": 7})
+    observation, _ = env.reset(seed=2, options=options or {"wind_seed": 7})
     env.operation._sensor_faults = (None,)  # so that what the controller reads is measured
     ours = Exported(library, env.turbine, parameters, env.demand)
     begin, worst, offset = env.signals["time"], np.zeros(3), 0.0
@@ -204,6 +220,34 @@ def test_an_agent_demands_what_it_demands_in_its_environment(kind, tmp_path):
     pitch, yaw_rate, torque, offset = fly_both(env, agent, *files[1:3], 9.0)
     assert max(pitch, yaw_rate, torque) < 1e-6
     assert offset > 1e-3
+
+
+PROFILE = SteadyInflow(1.0, 90.0, shear_exponent=0.2)
+START_TO_STORM = PathInflow(np.array([0.0, 5.0, 50.0, 70.0]), np.array([1.0, 12.0, 18.0, 28.0]), PROFILE)
+STORM_TO_CALM = PathInflow(np.array([0.0, 15.0, 30.0]), np.array([24.0, 33.0, 33.0]), PROFILE)
+
+
+@pytest.mark.parametrize("kind", ["full operation", pytest.param("full operation, offsets", marks=pytest.mark.slow)])
+def test_an_agent_on_a_supervisor_does_from_standstill_to_storm(kind, tmp_path):
+    """Parked, started, in production with moved set points, held back, stopped: the states that it sees with it."""
+    path, agent, env = untrained(tmp_path, kind)
+    files = export_discon(str(path), tmp_path / "exported")["files"]
+    begin = {"rotor_speed": 0.0, "pitch": 0.5 * math.pi, "generator_torque": 0.0}
+    states, step, asked = set(), env.step, []
+
+    def noted(action):
+        result = step(action)
+        states.add(result[-1]["state"])
+        asked.append(env.setpoint.set_point)
+        return result
+
+    env.step = noted
+    for inflow, duration, start in ((START_TO_STORM, 70.0, begin), (STORM_TO_CALM, 30.0, {})):
+        pitch, yaw_rate, torque, offset = fly_both(env, agent, *files[1:3], duration, inflow=inflow, **start)
+        assert max(pitch, yaw_rate, torque) < 1e-6
+        assert offset > 1e-3
+    assert states == set(STATES)
+    assert np.ptp(asked) > 0.05
 
 
 def test_the_dial_of_a_library_is_a_parameter_of_its_file(tmp_path):

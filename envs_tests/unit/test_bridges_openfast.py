@@ -259,6 +259,10 @@ class TestWind:
         # what is downwind at the start was there before
         np.testing.assert_allclose(middle[-1], wind.velocity([0.0, 0.0, 90.0], -content.time_step), atol=1e-4)
         assert times[-1] > 50.0
+        # what is upwind at the end comes after it
+        near_end = (times > 50.0) & (times < 55.0)
+        last = np.tile(wind.velocity([0.0, 0.0, 90.0], 50.0), (near_end.sum(), 1))
+        np.testing.assert_allclose(middle[near_end], last, atol=1e-4)
 
     def test_veer_and_a_log_profile_are_sampled(self, turbine):
         wind = SteadyInflow(12.0, 90.0, roughness_length=0.03, veer=-0.002, yaw_misalignment=0.2)

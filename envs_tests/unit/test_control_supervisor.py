@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from envs_tests.unit.simple_rotor import SimpleRotor
 from wt_gym.control import Demand
 from wt_gym.control.controllers import (
     STATES,
@@ -17,8 +18,6 @@ from wt_gym.control.controllers import (
 )
 from wt_gym.control.controllers.controller import AtSetPoint, WithDemandedPower
 from wt_gym.control.controllers.speed_exclusion import SpeedExclusion, resonant_speed
-from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.control.rotor_table import rotor_table
 from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
@@ -35,26 +34,14 @@ def readings(wind, speed, pitch=0.0, torque=0.0):
     return values
 
 
-class Rotor:
-    """A rotor with the coefficients of the turbine's table, and where those end that of a section at 70 % radius."""
+class Rotor(SimpleRotor):
+    """That of the turbine under a controller, with drives that follow at once."""
 
     def __init__(self, controller, wind, speed=0.0, pitch=0.5 * math.pi, torque=0.0):
-        self.table, self.inertia = rotor_table(TURBINE), rotor_inertia(TURBINE)
-        self.controller, self.speed, self.pitch, self.torque, self.energy = controller, speed, pitch, torque, 0.0
+        super().__init__(TURBINE, speed)
+        self.controller, self.pitch, self.torque, self.energy = controller, pitch, torque, 0.0
         self.states, self.fastest = [], speed
         controller.start(readings(wind, speed, pitch, torque), Demand(np.full(3, pitch), 0.0, torque))
-
-    def air(self, v):
-        """Moment of the air [N m]."""
-        around = 44.0 * self.speed
-        if self.pitch <= self.table.pitch[-1] and around > 1.5 * v:
-            return self.table.torque(v, self.speed, self.pitch)
-        inflow = math.atan2(v, around)
-        attack = inflow - self.pitch
-        lift = 2.0 * math.pi * math.sin(attack) if abs(attack) < 0.2 else math.sin(2.0 * attack)
-        drag = 0.01 + 1.3 * math.sin(attack) ** 2
-        force = lift * math.sin(inflow) - drag * math.cos(inflow)
-        return 0.5 * 1.225 * 3.0 * 3.5 * 40.0 * 44.0 * (v * v + around * around) * force
 
     def run(self, seconds, wind):
         """Time in a wind, a number or a function of the time since the start of the run."""
@@ -62,8 +49,7 @@ class Rotor:
             v = wind(k * DT) if callable(wind) else wind
             demand = self.controller.step(readings(v, self.speed, self.pitch, self.torque), DT)
             self.pitch, self.torque = float(demand.pitch[0]), demand.generator_torque
-            air = self.air(v)
-            self.speed = max(self.speed + DT * (air - GEAR * self.torque) / self.inertia, 0.0)
+            self.advance(DT, v, self.pitch, self.torque)
             self.energy += DT * self.torque * GEAR * self.speed
             self.fastest = max(self.fastest, self.speed)
             state = supervisor_of(self.controller).state

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import subprocess
@@ -55,6 +56,7 @@ def write_driver_run(
     duration: float,
     interval: float,
     azimuth: float = 0.0,
+    parked: bool = False,
     model: str | Path | None = None,
     changes: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Path:
@@ -77,6 +79,8 @@ def write_driver_run(
         Step of the controller and between rows of the outputs [s]; steps of OpenFAST divide it.
     azimuth : float
         Of blade 1 at the start [rad].
+    parked : bool
+        Whether the run begins with a rotor at rest and feathered blades instead.
     model : str or path, optional
         Primary file (``.fst``) of a model of the user's instead of one that is written of the turbine.
     changes : mapping, optional
@@ -104,8 +108,8 @@ def write_driver_run(
     longest = time_step_of(turbine) if own is None else InputFile(own).number("DT")
     step = interval / steps_of(interval, longest)
     point = starting_point(turbine, inflow)
-    angles = np.full(turbine.n_blades, point.pitch)
-    start = BentTurbine(turbine).start(inflow, point.rotor_speed, angles, azimuth, 0.0)
+    speed, pitch = (0.0, min(turbine.pitch.max_pitch, 0.5 * math.pi)) if parked else (point.rotor_speed, point.pitch)
+    start = BentTurbine(turbine).start(inflow, speed, np.full(turbine.n_blades, pitch), azimuth, 0.0)
     written = write_model(turbine, folder) if own is None else own
     primary = prepare_run(
         written, folder, turbine, inflow, start, step, duration, controller, changes or {},

@@ -42,7 +42,8 @@ def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float, 
     changes everywhere at once, as a gust, comes later by the distance from x = 0.
 
     The file is marked as periodic in any case, since OpenFAST lets other files begin half a grid width early. A record
-    that is not, lasts for ``duration``, followed by the half minute before time zero.
+    that is not, lasts for ``duration`` and holds its last sample for half a minute, followed by the half minute before
+    time zero.
 
     Parameters
     ----------
@@ -102,7 +103,8 @@ def sampled(inflow: Inflow, turbine: Turbine, duration: float) -> bts.BtsContent
     count = round(length / step)
     times = np.arange(count) * step
     if not repeats(inflow):
-        times = np.where(times > duration, times - count * step, times)
+        # what is upwind of the origin at the end is read behind it
+        times = np.where(times > duration + _LEAD, times - count * step, np.minimum(times, duration))
     velocity = np.empty((count, len(points), 3), dtype=np.float32)
     for k, time in enumerate(times):
         velocity[k] = inflow.velocity(points, float(time))
