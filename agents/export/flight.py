@@ -36,7 +36,10 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
     from wt_gym.simulation.contract import TurbineSimulator
 
-__all__ = ["LARGEST_CHANGE", "LARGEST_CHANGE_WITH_LIDAR", "LARGEST_DIFFERENCE", "LOADS", "Flight", "fly"]
+__all__ = [
+    "LARGEST_CHANGE", "LARGEST_CHANGE_FROM_STANDSTILL", "LARGEST_CHANGE_WITH_LIDAR", "LARGEST_DIFFERENCE", "LOADS",
+    "Flight", "fly",
+]  # fmt: skip
 
 LARGEST_DIFFERENCE = 1e-5
 """Of the demands of the library from those of Python: pitch [rad], torque over the greatest one [-], yaw [rad/s]."""
@@ -44,6 +47,8 @@ LARGEST_CHANGE = 1e-3
 """Of each load in OpenFAST with the library from that with Python [-]."""
 LARGEST_CHANGE_WITH_LIDAR = 5e-3
 """The same where a lidar is read: OpenFAST's and Python's look into winds that are interpolated in other ways."""
+LARGEST_CHANGE_FROM_STANDSTILL = 1e-2
+"""The same from standstill: ServoDyn hands over the wind of the step before, which the pitch of a start follows."""
 PYTHON, LIBRARY = "wt_gym, Python", "wt_gym, library"
 PYTHON_IN_OPENFAST, LIBRARY_IN_OPENFAST = "OpenFAST, Python", "OpenFAST, library"
 """Names of the runs."""
@@ -193,6 +198,7 @@ def fly(
         data, _ = _played(python | simulator, agent, scene, duration, held, points)
         metrics[PYTHON_IN_OPENFAST] = run_metrics(data, scene.turbine, skip)
     limit = LARGEST_CHANGE if lidar is None else LARGEST_CHANGE_WITH_LIDAR
+    limit = LARGEST_CHANGE_FROM_STANDSTILL if parked else limit
     return Flight(float(apart[:-2].max()), float(apart[-2]), float(apart[-1]), metrics, missing, primary, limit)
 
 

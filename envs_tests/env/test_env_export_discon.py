@@ -13,10 +13,14 @@ import torch
 
 from envs_tests.unit.exported_library import Exported, as_read, random_readings, sanitized
 from wt_gym.agents.export.agent_parts import seen_channels
+from wt_gym.agents.export.controller_parts import controller_parts
 from wt_gym.agents.export.discon import export_discon
+from wt_gym.agents.export.flight import fly
+from wt_gym.agents.export.openfast_folder import scene_of
 from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 from wt_gym.agents.trained_environment import trained_arguments
 from wt_gym.bridges.compiler import CompilerError, find_compiler
+from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.export import main
 from wt_gym.commands.fly import main as fly_command
 from wt_gym.control import Lidar
@@ -25,6 +29,7 @@ from wt_gym.control.controllers import STATES
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Signals, Simulator
+from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import PathInflow, SteadyInflow
 
@@ -113,8 +118,8 @@ def _compiler():
 
 
 def untrained(folder, kind):
-    """File of a model that acts strongly on what it observes, with its environment."""
-    algorithm, activation, arguments = AGENTS[kind]
+    """File of a model that acts strongly on what it observes, with its environment; of `AGENTS`, or one like them."""
+    algorithm, activation, arguments = AGENTS[kind] if isinstance(kind, str) else kind
     env = WindTurbineEnv(**(WIND | arguments))
     policy = {"net_arch": [24, 16], "activation_fn": activation}
     model = ALGORITHM_CLASSES[algorithm]("MlpPolicy", env, policy_kwargs=policy, seed=5)
@@ -156,9 +161,11 @@ def fly_both(env, agent, library, parameters, duration, held=(), **options):
 
     def measured(signals):
         write_readings(swap, signals, n)
+        reference = env.operation.reference
+        swap[12] = 0.0 if reference is None else reference.at(signals["time"])
         read = Signals(signals.values.copy(), n)
         for name, value in as_read(swap, n).items():
-            if not name.startswith("lidar_"):
+            if name != "demanded_power" and not name.startswith("lidar_"):
                 read.set(name, value)
         return read
 
@@ -197,7 +204,7 @@ def fly_both(env, agent, library, parameters, duration, held=(), **options):
     return (*worst.tolist(), offset)
 
 
-_READ = np.array([4, 33, 34, 14, 15, 20, 21, 23, 24, 27, 30, 31, 32, 37, 53, 54, 60, 69, 70, 71, 109, 110]) - 1
+_READ = np.array([4, 33, 34, 13, 14, 15, 20, 21, 23, 24, 27, 30, 31, 32, 37, 53, 54, 60, 69, 70, 71, 109, 110]) - 1
 """Records of readings."""
 
 
@@ -213,7 +220,34 @@ def test_every_measurable_channel_is_on_the_interface(pitch, components, turbine
     assert "HELD" not in {one.kind for one in seen}
 
 
-@pytest.mark.parametrize("kind", AGENTS)
+def task_arguments(task):
+    """Arguments of the newest id of a task, without what makes records and what a library does not have."""
+    left_out = {"relative_reward": False, "starts": None, "start": "steady", "sensors": "agent", "sensor_noise": 0.0}
+    return TASKS[task].newest | left_out
+
+
+@pytest.mark.parametrize("task", [task for task in TASKS if not task.startswith("IEA")])
+def test_agents_of_every_task_can_be_exported(task):
+    env = WindTurbineEnv(**task_arguments(task))
+    parts = controller_parts(env.controller, env.turbine, env.operation.step)
+    seen = seen_channels(env.layout, hold_missing=False)
+    assert len(seen) > 10
+    assert parts.reads["BASE"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", TASKS)
+def test_an_agent_of_every_task_demands_what_it_demands_in_its_environment(task, tmp_path):
+    arguments = {key: list(value) if isinstance(value, tuple) else value for key, value in task_arguments(task).items()}
+    more = {"Dial": {"dial_weights": {"fatigue": 2.0}}, "Faults": {"fault_kinds": None}}.get(task, {})
+    path, agent, env = untrained(tmp_path, ("PPO", torch.nn.Tanh, arguments | more))
+    files = export_discon(str(path), tmp_path / "exported")["files"]
+    pitch, yaw_rate, torque, offset = fly_both(env, agent, *files[1:3], 9.0)
+    assert max(pitch, yaw_rate, torque) < 1e-6
+    assert offset > 1e-4
+
+
+@pytest.mark.parametrize("kind", [kind for kind in AGENTS if "operation" not in kind])
 def test_an_agent_demands_what_it_demands_in_its_environment(kind, tmp_path):
     path, agent, env = untrained(tmp_path, kind)
     files = export_discon(str(path), tmp_path / "exported")["files"]
@@ -224,7 +258,7 @@ def test_an_agent_demands_what_it_demands_in_its_environment(kind, tmp_path):
 
 PROFILE = SteadyInflow(1.0, 90.0, shear_exponent=0.2)
 START_TO_STORM = PathInflow(np.array([0.0, 5.0, 50.0, 70.0]), np.array([1.0, 12.0, 18.0, 28.0]), PROFILE)
-STORM_TO_CALM = PathInflow(np.array([0.0, 15.0, 30.0]), np.array([24.0, 33.0, 33.0]), PROFILE)
+INTO_STORM = PathInflow(np.array([0.0, 10.0, 30.0]), np.array([24.0, 34.0, 34.0]), PROFILE)
 
 
 @pytest.mark.parametrize("kind", ["full operation", pytest.param("full operation, offsets", marks=pytest.mark.slow)])
@@ -242,7 +276,7 @@ def test_an_agent_on_a_supervisor_does_from_standstill_to_storm(kind, tmp_path):
         return result
 
     env.step = noted
-    for inflow, duration, start in ((START_TO_STORM, 70.0, begin), (STORM_TO_CALM, 30.0, {})):
+    for inflow, duration, start in ((START_TO_STORM, 65.0, begin), (INTO_STORM, 20.0, {})):
         pitch, yaw_rate, torque, offset = fly_both(env, agent, *files[1:3], duration, inflow=inflow, **start)
         assert max(pitch, yaw_rate, torque) < 1e-6
         assert offset > 1e-3
@@ -349,13 +383,13 @@ def test_closed_loops_with_the_library_and_with_python_are_alike(name, duration,
     assert difference[:, 3].max() < 1e-5
 
 
-def two_libraries(tmp_path, change=""):
-    """The agent "fixed frame" as a library, with other parameters if wanted, its base controller's, and a turbine."""
-    path, *_ = untrained(tmp_path, "fixed frame")
+def two_libraries(tmp_path, change="", kind="fixed frame"):
+    """An agent as a library, with other parameters if wanted, its base controller's, and a turbine."""
+    path, *_ = untrained(tmp_path, kind)
     files = export_discon(str(path), tmp_path / "agent")["files"]
     if change:
         Path(files[2]).write_text(change, encoding="utf-8")
-    base = export_discon(AGENTS["fixed frame"][2]["controller"], tmp_path / "base")["files"]
+    base = export_discon(AGENTS[kind][2]["controller"], tmp_path / "base")["files"]
     turbine = load_turbine("nrel_5mw")
     return Exported(*files[1:2], turbine, files[2]), Exported(*base[1:2], turbine, base[2]), turbine, files
 
@@ -391,6 +425,42 @@ def test_an_agent_that_is_switched_off_leaves_the_controller(tmp_path):
         found, alone = ours.call(0.1 * k, 0.1), base.call(0.1 * k, 0.1)
         assert np.array_equal(found.pitch, alone.pitch)
         assert found.generator_torque == alone.generator_torque
+
+
+def test_the_set_point_of_an_agent_rests_with_it(tmp_path):
+    """Without the azimuth from the first call on, or switched off, nothing holds the turbine back.
+
+    The set points of the controller end below the speed of cut-in, where those of an agent do not.
+    """
+    _, base, turbine, files = two_libraries(tmp_path, kind="full operation")
+    texts = ["supervisor_least_speed = 0.5\nsupervisor_least_power = 0.3\n"] * 4
+    texts[1] += "agent = 0\n"
+    libraries = [base]
+    for k, text in enumerate(texts):
+        parameters = tmp_path / f"{k}.in"
+        parameters.write_text(text, encoding="utf-8")
+        if k > 0:
+            libraries.append(Exported(files[1], turbine, parameters))
+    base.input_file = str(tmp_path / "0.in")
+    base.swap[49] = len(base.input_file) + 1
+    apart = 0.0
+    for wind in (15.0, 29.5):
+        for library in libraries:
+            library.calls = 0
+        for k, signals in enumerate(random_readings(turbine, 150, 4, 0.1)):
+            speed = 1.25 if wind < 20.0 else 0.7
+            signals |= {"rotor_speed": speed, "generator_speed": speed * turbine.drivetrain.gear_ratio, "wind_x": wind}
+            for library in libraries:
+                library.read(signals)
+            libraries[2].swap[59] = math.nan
+            alone, off, resting, acting = (library.call(0.1 * k, 0.1) for library in libraries)
+            assert np.array_equal(off.pitch, alone.pitch)
+            assert off.generator_torque == alone.generator_torque
+            if wind < 20.0:  # an agent that rests asks for no less than the speed of cut-in, as one that does nothing
+                assert np.array_equal(resting.pitch, alone.pitch)
+                assert resting.generator_torque == alone.generator_torque
+            apart = max(apart, abs(acting.generator_torque - alone.generator_torque))
+    assert apart > 1e3
 
 
 def test_a_checkpoint_keeps_the_agent_too(tmp_path):
@@ -470,6 +540,20 @@ def test_a_flight_compares_yaw_without_the_noise_of_the_training(wrong, tmp_path
     assert told["agrees"] is not wrong
     assert (told["yaw_rate_rad_s"] > 2e-5) is wrong
     assert "without sensor noise" in text
+
+
+def test_a_flight_in_a_storm_begins_parked_in_both(tmp_path, monkeypatch):
+    """Python's supervisor lets the turbine stand; so does the library, of which the environment knows nothing."""
+    for name in ("find_driver", "find_library"):
+        monkeypatch.setattr(f"wt_gym.agents.export.flight.{name}", nothing_there)
+    choice = "discon+supervisor"
+    wind = {"inflow": "steady", "standstill_limit": -0.5, "wind_speed": 29.0}
+    flight = fly(choice, tmp_path, scene_of(choice, env_kwargs=wind, duration=3.0), duration=3.0)
+    assert max(flight.pitch, flight.torque) < 1e-6
+    assert flight.metrics["wt_gym, library"]["mean_power"] == 0.0
+    begins = InputFile(tmp_path / "openfast" / "elastodyn.dat")
+    assert begins.number("RotSpeed") < 0.1
+    assert begins.number("BlPitch(1)") == pytest.approx(90.0)
 
 
 def nothing_there(_given=None):

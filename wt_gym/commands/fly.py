@@ -9,7 +9,7 @@ OpenFAST is missing for are left out and named. No run has the sensor noise of a
 that the driver runs.
 
 Exit status: 0 they agree (demands here within 1e-5 rad, 1e-5 of the greatest torque and 1e-5 rad/s of yaw, loads in
-OpenFAST within 0.1 %, with a lidar 0.5 %), 1 they do not, or what was asked for is refused.
+OpenFAST within 0.1 %, with a lidar 0.5 %, from standstill 1 %), 1 they do not, or what was asked for is refused.
 """
 
 from __future__ import annotations
