@@ -66,9 +66,9 @@ class Column:
 
 _SCORED = {
     "LoadReduction": 2,
-    "FullRange": 2,
+    "FullRange": 1,
     "MaxPower": 2,
-    "Yaw": 3,
+    "Yaw": 2,
     "Gusts": 3,
     "IEA15MW-LoadReduction": 2,
     "IEA22MW-LoadReduction": 0,
@@ -165,7 +165,7 @@ STUDIES: dict[str, Study] = {
     ),
     "FullRange": Study(
         "FullRange",
-        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+linear_optimal", f"{_TRAINED}full_range"),
+        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers"),
         (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2)),),
         (_ENERGY, *_LIFE, _TRAVEL),
     ),

@@ -322,6 +322,11 @@ class _Work:
         for i, v in enumerate(at):
             own = slice(i * options.excited, (i + 1) * options.excited)
             inputs = [run.offsets for run in moved[own]]
+            if not all(np.any([np.any(offsets[row]) for offsets in inputs]) for row in range(3)):
+                raise ValueError(
+                    f"pretraining needs winds in which offsets act, and at {v:g} m/s they have faded out: give "
+                    "wind_speed a higher lower end"
+                )
             changes = [plant_outputs(a) - plant_outputs(b) for a, b in zip(moved[own], still[own], strict=True)]
             trial = identify(inputs[:-1], changes[:-1], taps, options.ridge, options.decay)
             shares = explained_share(trial, inputs[-1:], changes[-1:])
