@@ -1,5 +1,6 @@
 """Recommended trainings: one a task, as the command reads them."""
 
+import gymnasium as gym
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
@@ -17,6 +18,8 @@ def test_a_recipe_is_a_training_of_the_newest_id(name):
     assert config.seed == 0
     assert config.total_steps > 0 or config.pretraining is not None
     assert arguments.out.startswith("runs/")
+    with gym.make(newest, **config.env_kwargs) as env:
+        assert env.action_space.shape[0] > 0
     assert recipe_file(newest).read_text().startswith(f"# Recommended training: wt-gym train --recipe --env {newest}")
 
 
