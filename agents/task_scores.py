@@ -23,7 +23,6 @@ from wt_gym.analysis.results import Wind
 from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_names
 from wt_gym.envs.options.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
-from wt_gym.ids import present_id
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 
@@ -345,10 +344,10 @@ def measured_line(env_id: str) -> str:
     Parameters
     ----------
     env_id : str
-        As the record has it; an id that is no longer registered is named with the present one.
+        As the record has it.
     """
-    present = present_id(env_id)
-    where = f"`{env_id}`" if present == env_id else f"`{env_id}`, now `{present}`"
+    task = TASKS[env_id.removeprefix("wt_gym/").rpartition("-v")[0]]
+    where = f"`{env_id}`" if env_id == task.ids[-1] else f"`{env_id}`, an earlier version of this task"
     return f"Measured in {where}; the return is that of the reward without `relative_reward`."
 
 
