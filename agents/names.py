@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import logging
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -244,6 +245,8 @@ def _is_model(choice: str) -> bool:
 def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]:
     """Names for the agents of a command line: ``NAME=CHOICE``, or a name that follows from the choice.
 
+    Of several models by one algorithm each is called by its folder.
+
     Parameters
     ----------
     choices : iterable of str
@@ -262,8 +265,12 @@ def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]
     ValueError
         If two agents get the same label, or a choice is none.
     """
-    named: dict[str, str] = {}
-    for shown, single in each_named(choices, own):
+    found, named = list(each_named(choices, own)), dict[str, str]()
+    count = Counter(shown for shown, _ in found)
+    for shown, single in found:
+        name = read_name(single)
+        if count[shown] > 1 and name.kind == "trained" and shown == default_name(name):
+            shown = Path(name.target).name  # trainings by one algorithm are told apart by their folders
         if shown in named:
             raise ValueError(f"two agents are called {shown!r}; give them names as NAME={single}")
         named[shown] = single

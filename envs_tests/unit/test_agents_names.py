@@ -80,6 +80,20 @@ def test_a_training_with_several_seeds_is_an_agent_a_seed(tmp_path):
         named_choices([f"mine={tmp_path}"])
 
 
+def test_models_by_one_algorithm_are_called_by_their_folders(tmp_path):
+    for name in ("first", "second", "third"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "training.json").write_text('{"algorithm": "PPO"}')
+        (tmp_path / name / "model.zip").write_bytes(b"")
+    one, other, third = (str(tmp_path / name) for name in ("first", "second", "third"))
+    assert named_choices(["ipc", one]) == {"ipc": "ipc", "PPO": one}
+    assert named_choices([one, other, f"mine={third}"]) == {"first": one, "second": other, "mine": third}
+    with pytest.raises(ValueError, match="two agents are called 'mine'"):
+        named_choices([f"mine={one}", f"mine={other}"])
+    with pytest.raises(ValueError, match="two agents are called 'first'"):
+        named_choices([one, one])
+
+
 def test_a_choice_is_a_word_before_a_controller_before_a_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("random", "ipc", "mine"):
