@@ -19,7 +19,6 @@ from wt_gym.agents.export.flight import fly
 from wt_gym.agents.export.openfast_folder import scene_of
 from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 from wt_gym.agents.trained_environment import trained_arguments
-from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.export import main
 from wt_gym.commands.fly import main as fly_command
@@ -33,6 +32,7 @@ from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import PathInflow, SteadyInflow
 
+pytestmark = pytest.mark.usefixtures("compiler")
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"
 ON_INTERFACE = ["rotor", "power", "pitch", "wind", "controller", "offsets", "nacelle_acceleration_fore_aft",
                 "nacelle_acceleration_side_side"]  # fmt: skip
@@ -107,14 +107,6 @@ AGENTS = {
         "observation": ["rotor", "wind", "previous_action", "dead_band"],
     }),
 }  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def _compiler():
-    try:
-        find_compiler()
-    except CompilerError as error:
-        pytest.skip(str(error))
 
 
 def untrained(folder, kind):
@@ -384,7 +376,7 @@ def test_closed_loops_with_the_library_and_with_python_are_alike(name, duration,
 
 
 def two_libraries(tmp_path, change="", kind="fixed frame"):
-    """An agent as a library, with other parameters if wanted, its base controller's, and a turbine."""
+    """An agent as a library, with other parameters if given, its base controller's, and a turbine."""
     path, *_ = untrained(tmp_path, kind)
     files = export_discon(str(path), tmp_path / "agent")["files"]
     if change:

@@ -13,26 +13,20 @@ from wt_gym.agents.export.openfast_folder import export_openfast, scene_of
 from wt_gym.agents.train import TrainingConfig, train
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.metrics import run_metrics
-from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE, find_driver, read_outputs, run_driver
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.fly import main as fly_command
 from wt_gym.commands.loads import main as loads_command
 
 LIBRARY, DRIVER = openfast_library(), openfast_driver()
-pytestmark = pytest.mark.skipif(
-    LIBRARY is None or DRIVER is None, reason=f"no library and driver of OpenFAST: {VARIABLE}, {DRIVER_VARIABLE}"
-)
+pytestmark = [
+    pytest.mark.usefixtures("compiler"),
+    pytest.mark.skipif(
+        LIBRARY is None or DRIVER is None, reason=f"no library and driver of OpenFAST: {VARIABLE}, {DRIVER_VARIABLE}"
+    ),
+]
 WIND = {"wind_speed": 15.0, "wind_seed": 1001}
 BASE = "constrained_ipc+tower_dampers"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiler():
-    try:
-        find_compiler()
-    except CompilerError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,8 @@ from wt_gym.control.bladed.library import Library
 from wt_gym.control.bladed.records import new_swap, write_demand, write_lidar, write_readings, write_turbine
 from wt_gym.control.reference_loads import reference_flap_moment
 
+INTERVAL = 0.1
+"""Step of exported controllers [s]."""
 OUT_OF_PLANE, IN_PLANE, PITCH = (30, 31, 32), (69, 70, 71), (4, 33, 34)
 
 

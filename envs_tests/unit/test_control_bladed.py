@@ -11,7 +11,7 @@ import pytest
 
 from wt_gym.agents.comparison import Case, run_cases
 from wt_gym.agents.names import fingerprint
-from wt_gym.bridges.compiler import CompilerError, compile_library, find_compiler, library_name
+from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import RECORDS, BladedController, rosco_library
 from wt_gym.control.bladed.records import channels_read, new_swap, write_readings
@@ -64,12 +64,8 @@ needs_rosco = pytest.mark.skipif(importlib.util.find_spec("rosco") is None, reas
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory):
+def library(tmp_path_factory, compiler):
     """A compiled library that answers with what it reads."""
-    try:
-        find_compiler()
-    except CompilerError as error:
-        pytest.skip(str(error))
     folder = tmp_path_factory.mktemp("library")
     (folder / "echo.c").write_text(SOURCE, encoding="utf-8")
     path = folder / library_name("echo")

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envs_tests.unit.exported_library import Exported, numbers_read, random_readings, sanitized
+from envs_tests.unit.exported_library import INTERVAL, Exported, numbers_read, random_readings, sanitized
 from wt_gym.agents.export.controller_parts import controller_parts
 from wt_gym.agents.export.discon import export_discon
 from wt_gym.agents.export.parameters import PARAMETERS
-from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.bridges.openfast import write_model
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.export import main
@@ -26,7 +25,8 @@ from wt_gym.control.controllers.controller import lidar_of
 from wt_gym.control.optimal.design_file import LinearDesign, save_design
 from wt_gym.turbines import load_turbine
 
-DT = 0.1
+pytestmark = pytest.mark.usefixtures("compiler")
+DT = INTERVAL
 CONTROLLERS = (
     ("discon", "nrel_5mw"),
     ("discon:notch_frequency=3.0", "nrel_5mw"),
@@ -51,29 +51,6 @@ CONTROLLERS = (
     ("ipc+yaw+fault_supervisor:pitch_time=0.2,fade=False", "nrel_5mw"),
     ("linear_optimal+yaw+fault_supervisor:speed_tolerance=0.05,moment_jump=0.3", "iea_15mw"),
 )
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiler():
-    try:
-        find_compiler()
-    except CompilerError as error:
-        pytest.skip(str(error))
-
-
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory):
-    """Exports by name and turbine, each made once."""
-    made = {}
-
-    def export(choice, turbine="nrel_5mw", **options):
-        key = choice, turbine, tuple(options.items())
-        if key not in made:
-            folder = tmp_path_factory.mktemp("exported")
-            made[key] = export_discon(choice, folder, turbine=turbine, interval=DT, **options)["files"]
-        return made[key]
-
-    return export
 
 
 def start_demand(readings, turbine):

@@ -6,43 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envs_tests.unit.exported_library import Exported, random_readings, sanitized
+from envs_tests.unit.exported_library import INTERVAL, Exported, random_readings, sanitized
 from envs_tests.unit.simple_rotor import SimpleRotor
-from wt_gym.agents.export.discon import export_discon
-from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller, supervisor_of
 from wt_gym.control.controllers.controller import lidar_of
 from wt_gym.turbines import load_turbine
 
-DT = 0.1
+pytestmark = pytest.mark.usefixtures("compiler")
+DT = INTERVAL
 QUICK = "averaging=20,restart_delay=5,run_up=30"
 PARKED = {"speed": 0.0, "pitch": 0.5 * math.pi, "torque": 0.0}
 CALM_TO_STORM = ((0, 1), (20, 1), (30, 9), (100, 9), (140, 18), (180, 27.5), (200, 27.5), (230, 34), (290, 34),
                  (310, 20), (400, 20), (430, 1), (520, 1))  # fmt: skip
 """Wind [m/s] over time [s]."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiler():
-    try:
-        find_compiler()
-    except CompilerError as error:
-        pytest.skip(str(error))
-
-
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory):
-    """Exports by name and turbine, each made once."""
-    made = {}
-
-    def export(choice, turbine="nrel_5mw"):
-        if (choice, turbine) not in made:
-            folder = tmp_path_factory.mktemp("exported")
-            made[choice, turbine] = export_discon(choice, folder, turbine=turbine, interval=DT)["files"]
-        return made[choice, turbine]
-
-    return export
 
 
 class Flight:
@@ -97,9 +74,9 @@ class Flight:
                 read = self.library.read(now)
             expected, found = self.controller.step(read, DT), self.library.call(self.k * DT, DT)
             assert self.library.flag == 0, self.library.message
-            wanted = expected.generator_torque
+            torque = expected.generator_torque
             assert np.abs(found.pitch - expected.pitch).max() < 1e-7, self.k  # pytest.approx takes most of the time
-            assert abs(found.generator_torque - wanted) <= 1e-7 * abs(wanted), self.k
+            assert abs(found.generator_torque - torque) <= 1e-7 * abs(torque), self.k
             assert abs(found.yaw_rate - expected.yaw_rate) < 1e-8, self.k
             self.follow(wind, expected)
         return self
