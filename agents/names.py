@@ -268,9 +268,10 @@ def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]
     found, named = list(each_named(choices, own)), dict[str, str]()
     count = Counter(shown for shown, _ in found)
     for shown, single in found:
-        name = read_name(single)
-        if count[shown] > 1 and name.kind == "trained" and shown == default_name(name):
-            shown = Path(name.target).name  # trainings by one algorithm are told apart by their folders
+        if count[shown] > 1:
+            name = read_name(single)
+            if name.kind == "trained" and shown == default_name(name):
+                shown = Path(name.target).name  # trainings by one algorithm are told apart by their folders
         if shown in named:
             raise ValueError(f"two agents are called {shown!r}; give them names as NAME={single}")
         named[shown] = single

@@ -23,6 +23,7 @@ from wt_gym.analysis.results import Wind
 from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_names
 from wt_gym.envs.options.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
+from wt_gym.ids import name_of
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 
@@ -346,7 +347,7 @@ def measured_line(env_id: str) -> str:
     env_id : str
         As the record has it.
     """
-    task = TASKS[env_id.removeprefix("wt_gym/").rpartition("-v")[0]]
+    task = TASKS[name_of(env_id)]
     where = f"`{env_id}`" if env_id == task.ids[-1] else f"`{env_id}`, an earlier version of this task"
     return f"Measured in {where}; the return is that of the reward without `relative_reward`."
 

@@ -2,7 +2,12 @@
 
 import gymnasium as gym
 
-__all__ = ["present_id"]
+__all__ = ["name_of", "present_id"]
+
+
+def name_of(env_id: str) -> str:
+    """Name in an id, without namespace and version: that of a task in `wt_gym.tasks.TASKS` if it is one."""
+    return env_id.removeprefix("wt_gym/").rpartition("-v")[0]
 
 
 def present_id(env_id: str) -> str:

@@ -1450,9 +1450,9 @@ static void agent_ask(const struct parameters *p, struct state *s, const double 
     s->supervisor.asked = 0.0;
     if (p->agent == 0.0) return;
 #if HAS_SET_POINT
-    double limit = p->offset_set_point_limit, reach = p->offset_set_point_rate * p->control_step, wanted = action[N_ACT - 1];
-    if (OFFSET_FORM) asked = s->set_point + clip(wanted * limit - s->set_point, -reach, reach);
-    else asked = clip(s->set_point + wanted * reach, -limit, limit);
+    double limit = p->offset_set_point_limit, reach = p->offset_set_point_rate * p->control_step, chosen = action[N_ACT - 1];
+    if (OFFSET_FORM) asked = s->set_point + clip(chosen * limit - s->set_point, -reach, reach);
+    else asked = clip(s->set_point + chosen * reach, -limit, limit);
     s->set_point = asked = acting_offset(p, &s->supervisor, asked);
 #else
     (void)action;

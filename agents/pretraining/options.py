@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS
@@ -46,7 +46,7 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
         linear optimal controller could replace.
     """
     # the configuration of a training is read without them
-    from wt_gym.control.controllers.names import BASELINE
+    from wt_gym.control.controllers.names import BASELINE, parse_name
     from wt_gym.control.optimal.offsets import default_limits
     from wt_gym.envs.options import flat_arguments, registered_arguments
     from wt_gym.envs.options.environment import argument_default
@@ -55,21 +55,21 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
     env_kwargs = flat_arguments(env_kwargs)
     whole = registered_arguments(env_id, env_kwargs)
     own: dict[str, Any] = {}
-    components = tuple(whole.get("action_components", ("pitch",)))
+    components = tuple(whole.get("action_components") or ("pitch",))
     if "pitch" not in components:
         raise ValueError(f"pretraining needs actions that move the pitch, and {env_id} has {', '.join(components)}")
     if len(components) > 1:
         own["action_components"] = ["pitch"]
     if "controller" in whole and "controller" not in env_kwargs:
-        head, colon, parameters = str(whole["controller"]).partition(":")
-        names = head.split("+")
-        if BASELINE not in names:
+        name = parse_name(str(whole["controller"]))
+        parts = name.target.split("+")
+        if BASELINE not in parts:
             raise ValueError(
                 f"pretraining needs a base controller with linear_pitch, and {env_id} has {whole['controller']!r}; "
                 "give env_kwargs a controller such as 'linear_optimal', or leave pretraining out"
             )
-        names = ["linear_optimal" if name == BASELINE else name for name in names]
-        own["controller"] = "+".join(names) + colon + parameters
+        below = "+".join("linear_optimal" if part == BASELINE else part for part in parts)
+        own["controller"] = replace(name, target=below).text
     turbine = whole.get("turbine", argument_default("turbine"))
     limit, rate = default_limits(load_turbine(turbine) if isinstance(turbine, str) else turbine)
     spans = {"pitch": _SPAN * limit, "pitch_mean": _SPAN * limit, "pitch_rate": rate}

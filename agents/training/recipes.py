@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from wt_gym.errors import did_you_mean
+from wt_gym.ids import name_of
 from wt_gym.tasks import TASKS
 
 __all__ = ["recipe_file", "recipe_names"]
@@ -34,7 +35,7 @@ def recipe_file(env_id: str) -> Path:
     ValueError
         If the id is that of no task with a recipe, or an older one.
     """
-    name = env_id.removeprefix("wt_gym/").rpartition("-v")[0]
+    name = name_of(env_id)
     if name not in recipe_names():
         known = [TASKS[task].ids[-1] for task in recipe_names()]
         raise ValueError(

@@ -319,6 +319,8 @@ def test_given_arguments_come_before_those_of_pretraining():
     assert config.env_kwargs["observation"] == ["disturbances"]
     assert TrainingConfig.from_json(config.to_json()) == config
     assert TrainingConfig().env_kwargs == {}
+    every = TrainingConfig(pretraining={}, total_steps=0, env_kwargs={"action_components": None})
+    assert every.env_kwargs["action_components"] is None
 
 
 def test_groups_of_arguments_are_taken_and_ids_that_do_not_move_the_pitch_refused():

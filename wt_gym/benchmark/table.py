@@ -15,7 +15,7 @@ from wt_gym.errors import BenchmarkError
 from wt_gym.runs.definition import digest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Collection, Iterable, Mapping
 
     from wt_gym.benchmark.reference import Reference
     from wt_gym.benchmark.tasks import BenchmarkTask
@@ -117,14 +117,14 @@ def to_markdown(board: Mapping[str, Any]) -> str:
     """Tables of a `leaderboard`, one a task."""
     lines = []
     for name, rows in board["tasks"].items():
-        best = board["references"].get(name)
-        lines += [f"### {load_task(name).id}", ""]
+        task, best = load_task(name), board["references"].get(name)
+        lines += [f"### {task.id}", ""]
         if best is not None:
-            gained = f"{100 * best['best_improvement']:.2f} % over `{load_task(name).baseline}`"
+            gained = f"{100 * best['best_improvement']:.2f} % over `{task.baseline}`"
             lines += [f"100 is `{best['best_agent']}`, an improvement of {gained}.", ""]
         if name in board["ceilings"]:
             lines += [board["ceilings"][name]["line"], ""]
-        shown = _shown(load_task(name))
+        shown = _shown(task)
         head = ["agent", "score", "95 % interval", "better in", *shown.values(), "pitch travel", "penalties"]
         lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
         lines += ["| " + " | ".join(_cells(row, shown)) + " |" for row in rows]
@@ -149,9 +149,8 @@ def into_page(table: str, page: str, part: str = "leaderboard") -> str:
     return f"{before}{begin}\n\n{table}\n{end}{after}"
 
 
-def _cells(row: Mapping[str, Any], shown: Iterable[str]) -> list[str]:
+def _cells(row: Mapping[str, Any], shown: Collection[str]) -> list[str]:
     """Cells of a row, with the changes of some metrics."""
-    shown = tuple(shown)
     if row["score"] is None:
         return [row["agent"], "–", "–", f"{row['winds']} winds run", *["–"] * len(shown), "–", "–"]
     found, changes = row["score"], row["changes"]
