@@ -40,7 +40,7 @@ NOTHING_IS_ALLOWED = {
 ALLOWED = {
     **{name: {"number"} for name in (
         "overspeed_limit", "termination_penalty", "control_dt", "sensor_noise", "reference_height",
-        "residual_washout", "roughness_length", "sensor_washout", "torque_lag",
+        "residual_washout", "roughness_length", "sensor_washout", "torque_lag", "shaft_damping",
     )},
     **{f"vary_{name}": {"number", "list"} for name in RANGES},
     "vary_shear_exponent": {"list"},

@@ -1,19 +1,22 @@
-"""Generator and converter: lag of the torque, map of losses, dips of the voltage, against closed forms."""
+"""Generator and converter: lag, losses, damping of the shaft, dips of the voltage, against closed forms."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 
 from wt_gym.control.operating_point import operating_point, rotor_inertia
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.errors import ActionError, TurbineDefinitionError
+from wt_gym.errors import ActionError, SimulationError, TurbineDefinitionError
 from wt_gym.simulation import Simulator
-from wt_gym.simulation.drivetrain.drives import Drives, LaggedTorque, TorqueCommand
-from wt_gym.simulation.drivetrain.faults import VoltageDip
+from wt_gym.simulation.drivetrain.drives import DampingTorque, Drives, LaggedTorque, TorqueCommand
+from wt_gym.simulation.drivetrain.faults import GeneratorLoss, VoltageDip
+from wt_gym.simulation.fidelity import fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.electrical import LossShares, electrical_power, with_electrical
+from wt_gym.turbines.shaft_damper import ShaftDamper
 from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")
@@ -103,6 +106,107 @@ def test_power_in_the_simulation_is_that_of_the_map_and_nothing_else_changes():
         assert {name for name in sound if sound[name] != own[name]} == {"generator_power"}
 
 
+# ---- damping of the shaft ----
+
+BARE = replace(TURBINE, drivetrain=replace(DRIVE, damper=0.0))
+"""Nothing but the converter damps its shaft."""
+STIFF = replace(fidelity("training"), name="stiff", blade_coordinates="rigid", tower_coordinates="rigid")
+
+
+def swinging(turbine, dt, duration=4.0, pulse=1.5e3, faults=()):
+    """Twist rate of the shaft [rad/s] and torque [N m] in steady wind, the torque raised during the first 0.1 s."""
+    simulator, point = Simulator(turbine, WIND, replace(STIFF, time_step=dt)), operating_point(TURBINE, 15.0)
+    simulator.faults = faults
+    simulator.reset(rotor_speed=point.rotor_speed, pitch=point.pitch)
+    found, torque = [], simulator.signals["generator_torque"]
+    for k in range(round(duration / dt)):
+        signals = simulator.advance(dt, point.pitch, 0.0, torque + (pulse if k * dt < 0.099 else 0.0))
+        found.append((signals["generator_speed"] / N - signals["rotor_speed"], signals["generator_torque"]))
+    return np.array(found).T
+
+
+def pulsed(turbine, dt):
+    """Twist rate of the shaft after the pulse [rad/s], less that without it."""
+    return (swinging(turbine, dt)[0] - swinging(turbine, dt, pulse=0.0)[0])[round(0.2 / dt) :]
+
+
+def decay(twisting, dt):
+    """Frequency [rad/s] and damping ratio of a vibration that dies, by least squares."""
+    time = dt * np.arange(1, len(twisting) + 1)
+
+    def vibration(t, ratio, frequency, a, b):
+        damped = frequency * math.sqrt(1.0 - ratio**2)
+        return np.exp(-ratio * frequency * t) * (a * np.cos(damped * t) + b * np.sin(damped * t))
+
+    (ratio, frequency, *_), _ = curve_fit(vibration, time, twisting, [0.05, 13.9, 0.0, 0.0])
+    return frequency, ratio
+
+
+def test_the_frequency_of_the_shaft_is_the_published_one():
+    """2.2 Hz and 5 % of the published 6.215e6 N m s/rad (Jonkman et al., NREL/TP-500-38060, table 6-1)."""
+    damper = ShaftDamper.of(TURBINE, 0.05)
+    assert damper.frequency / (2.0 * math.pi) == pytest.approx(2.2, rel=0.02)
+    assert DRIVE.damper * damper.frequency / (2.0 * DRIVE.spring) == pytest.approx(0.05, rel=0.02)
+
+
+@pytest.mark.parametrize(("dt", "ratio"), [(0.02, 0.05), (0.05, 0.1), (0.1, 0.05)])
+def test_the_converter_adds_its_damping_ratio_to_two_rigid_inertias(dt, ratio):
+    free, damped = (decay(pulsed(turbine, dt), dt) for turbine in (BARE, with_electrical(BARE, shaft_damping=ratio)))
+    assert free[0] == pytest.approx(ShaftDamper.of(TURBINE, 0.1).frequency, rel=0.01)
+    assert damped[1] - free[1] == pytest.approx(ratio, rel=0.1)
+    assert damped[0] == pytest.approx(free[0], rel=0.02)
+
+
+def test_torsion_after_a_dip_dies_faster_and_the_speed_is_the_same():
+    dip = [VoltageDip(0.5, 0.2, 0.15, 20.0)]
+    runs = [swinging(turbine, 0.1, 6.0, 0.0, dip) for turbine in (BARE, with_electrical(BARE, shaft_damping=0.1))]
+    late = [np.ptp(twisting[30:50]) for twisting, _ in runs]
+    assert late[1] < 0.2 * late[0]
+    assert runs[1][1][-1] == pytest.approx(runs[0][1][-1], rel=0.01)
+
+
+def test_a_damper_is_at_rest_at_constant_speed_and_within_the_limits_of_the_generator():
+    damped = Drives(with_electrical(TURBINE, shaft_damping=0.1))
+    assert type(damped.generator) is DampingTorque
+    np.testing.assert_array_equal(torques(damped, 21e3, 30, 0.1), torques(Drives(TURBINE), 21e3, 30, 0.1))
+    for first, sign in ((0.0, -1.0), (DRIVE.max_generator_torque, 1.0)):
+        damped.start(0.1, 0.0, RATED, first)
+        for k in range(20):
+            damped.follow(np.full(3, 0.1), 0.0, first, 0.1, RATED * (1.0 + sign * 0.1 * (k % 2)))
+            assert 0.0 <= damped.torque(RATED) <= DRIVE.max_generator_torque
+            assert damped.command[0] == damped.torque(RATED)
+
+
+def test_a_generator_that_is_lost_damps_nothing():
+    damped = Drives(with_electrical(TURBINE, shaft_damping=0.1))
+    damped.fail([GeneratorLoss(0.0)], lambda: 1.0)
+    damped.start(0.1, 0.0, RATED, 20e3)
+    for k in range(5):
+        damped.follow(np.full(3, 0.1), 0.0, 20e3, 0.1, RATED * (1.0 + 0.01 * (-1) ** k))
+        assert damped.torque(RATED) == 0.0
+
+
+def test_a_snapshot_holds_what_the_damper_remembers():
+    simulator = Simulator(with_electrical(TURBINE, 0.1, shaft_damping=0.1), inflow=WIND)
+    simulator.reset(rotor_speed=RATED, pitch=0.18, generator_torque=30e3)
+    simulator.advance(0.5, 0.18, 0.0, 40e3)
+    kept, runs = simulator.state(), []
+    for _ in range(2):
+        runs.append([simulator.advance(0.1, 0.18, 0.0, 43e3).values.copy() for _ in range(5)])
+        simulator.restore(kept)
+    np.testing.assert_array_equal(*runs)
+
+
+def test_a_damper_without_a_shaft_that_twists_or_with_a_long_step_is_refused():
+    damped = with_electrical(TURBINE, shaft_damping=0.1)
+    with pytest.raises(SimulationError, match=r"rigid at this fidelity"):
+        Simulator(damped, WIND, replace(fidelity("training"), stiffest_shaft=1.0))
+    with pytest.raises(SimulationError, match=r"aerodynamic step of at most 0\.143 s"):
+        Simulator(damped, WIND, replace(fidelity("training"), time_step=0.2))
+    with pytest.raises(TurbineDefinitionError, match=r"damping_ratio of a ShaftDamper"):
+        with_electrical(TURBINE, shaft_damping=0.5)
+
+
 # ---- dips ----
 
 
@@ -155,11 +259,12 @@ def test_the_rotor_speeds_up_by_the_torque_that_is_missing(remaining):
 def test_options_reach_simulator_controller_alone_and_info():
     env = WindTurbineEnv(
         inflow=WIND, action_mode="residual", action_components=("pitch",), control_dt=0.1, relative_reward=True,
-        torque_lag=0.2, loss_map=True, fault_kinds=("none", "voltage_dip"),
+        torque_lag=0.2, loss_map=True, shaft_damping=0.1, fault_kinds=("none", "voltage_dip"),
     )  # fmt: skip
     _, info = env.reset(seed=0, options={"fault": {"kind": "voltage_dip", "time": 0.5, "size": 0.3}})
     assert env.simulator.turbine.drivetrain.torque_lag == 0.2
     assert env.simulator.turbine.drivetrain.losses == LossShares()
+    assert env.simulator.turbine.drivetrain.shaft_damper == ShaftDamper.of(TURBINE, 0.1)
     assert info["grid_voltage"] == 1.0
     rows = [env.step(np.zeros(1)) for _ in range(12)]
     assert [row[4]["grid_voltage"] for row in rows][5] == pytest.approx(0.3)
@@ -179,6 +284,7 @@ def test_options_reach_simulator_controller_alone_and_info():
     [
         ({"torque_lag": -0.1}, "torque_lag must be from 0 to 2 s"),
         ({"torque_lag": math.nan}, "torque_lag must be a finite number"),
+        ({"shaft_damping": 0.4}, "shaft_damping must be from 0 to 0.2"),
         ({"loss_map": 1.0}, "loss_map must be True or False"),
         ({"electrical": {"lag": 1.0}}, "electrical has no option 'lag'"),
     ],

@@ -105,8 +105,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         limits, observed = options.limits, options.observations
         turbine = options.turbine if isinstance(options.turbine, Turbine) else load_turbine(options.turbine)
         self.turbine, _ = with_generator(with_site(turbine, options.site), options.generator)
-        losses = LossShares() if options.electrical.loss_map else None
-        self.turbine = with_electrical(self.turbine, options.electrical.torque_lag, losses)
+        electrical = options.electrical
+        losses = LossShares() if electrical.loss_map else None
+        self.turbine = with_electrical(self.turbine, electrical.torque_lag, losses, electrical.shaft_damping)
         self.wind = WindSampler(self.turbine, options.wind)
         standstill = standstill_limit(limits.standstill, self.turbine, self.wind.parks)
         rated = self.turbine.drivetrain.rated_rotor_speed

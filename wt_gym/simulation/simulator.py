@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import partial
 from os import PathLike
@@ -17,7 +18,7 @@ from wt_gym.multibody.errors import MultibodyError
 from wt_gym.simulation.channels import Signals, parities
 from wt_gym.simulation.compilation import announce_compilation, compile_once
 from wt_gym.simulation.compile_ahead import compile_ahead
-from wt_gym.simulation.drivetrain.drives import Drives, check_finite
+from wt_gym.simulation.drivetrain.drives import LONGEST_DAMPER_STEP, Drives, check_finite
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.geometry import turbine_shapes
 from wt_gym.simulation.model.assembly import assemble
@@ -120,6 +121,7 @@ class Simulator:
         compile_once(Coupling, image, self.fidelity, partial(compile_ahead, Simulator))
         models = assemble(image, self.fidelity, threads, self.drives.generator.damping)
         self.time_step, self.structure, self.lattice = models.time_step, models.structure, models.lattice
+        _check_damper(image, self.structure.shaft_flexible, self.time_step)
         self.coupling, self._azimuth_u = Coupling(models), models.structure.azimuth_u
         self._starter = Starter(self.coupling, self.drives)
         self._measurement = Measurement(image, self.structure, self.coupling.gauges)
@@ -459,6 +461,8 @@ class Simulator:
             "command": self.drives.command,
             "values": self._measurement.values,
         }
+        if self.drives.generator_command.size > 1:
+            out["generator_command"] = self.drives.generator_command
         return out
 
     def linearize(self, operating_point: RotorPoint | None = None, **options: Any) -> LinearModel:
@@ -496,3 +500,20 @@ class Simulator:
         coupling, drives = self.coupling, self.drives
         torque = drives.torque(coupling.generator_speed)
         self._measurement.take(self.time, coupling.instant, torque, drives.command, self._felt)
+
+
+def _check_damper(turbine: Turbine, flexible: bool, time_step: float) -> None:
+    """Refuse a damper of a shaft that does not twist, or twists too fast for the step."""
+    damper = turbine.drivetrain.shaft_damper
+    if damper is None:
+        return
+    if not flexible:
+        raise SimulationError(
+            f"the shaft of {turbine.name!r} is rigid at this fidelity (Fidelity.stiffest_shaft); a shaft_damper must "
+            "have a shaft that twists"
+        )
+    if (angle := damper.frequency * time_step) > LONGEST_DAMPER_STEP:
+        raise SimulationError(
+            f"a shaft_damper must have an aerodynamic step of at most {LONGEST_DAMPER_STEP / damper.frequency:.3g} s "
+            f"at {damper.frequency / (2.0 * math.pi):.3g} Hz of the shaft, got {time_step:g} s ({angle:.3g} rad)"
+        )

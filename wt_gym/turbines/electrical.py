@@ -1,4 +1,4 @@
-"""Generator and converter beyond a torque that is there at once and one efficiency: lag of the torque, map of losses.
+"""Generator and converter beyond a torque that is there at once and one efficiency: lag, losses, damping of the shaft.
 
 *Lag.* The converter controls the currents, and with them the torque T, towards the demand T_d by a closed loop whose
 lag is of first order: tau dT/dt = T_d - T. The current loops of full converters have bandwidths of tens to hundreds of
@@ -16,6 +16,8 @@ current of generator and grid, and one with their squares (Polinder et al., IEEE
 2006, 725, sections II.C and II.D, for direct-drive and geared generators with full converters). The current of the grid
 side is taken in proportion to the shaft power. L follows from the efficiency of the turbine's generator, which is that
 at rated operation; a generator without torque is off and has no losses.
+
+*Damping of the shaft.* See `wt_gym.turbines.shaft_damper` and `wt_gym.simulation.drivetrain.drives.DampingTorque`.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from wt_gym.turbines.loss_shares import LONGEST_LAG, LossShares
+from wt_gym.turbines.shaft_damper import ShaftDamper
 
 if TYPE_CHECKING:
     from wt_gym.turbines.model import Drivetrain, Turbine
@@ -57,8 +60,10 @@ def electrical_power(drivetrain: Drivetrain, speed: float, torque: float) -> flo
     return shaft * (p - (1.0 - efficiency) * losses)
 
 
-def with_electrical(turbine: Turbine, torque_lag: float = 0.0, losses: LossShares | None = None) -> Turbine:
-    """Return a turbine with a lag of the generator torque and a map of losses; without either the turbine itself.
+def with_electrical(
+    turbine: Turbine, torque_lag: float = 0.0, losses: LossShares | None = None, shaft_damping: float = 0.0
+) -> Turbine:
+    """Return a turbine with a lag of the generator torque, a map of losses, a damper; without any the turbine itself.
 
     Parameters
     ----------
@@ -66,12 +71,16 @@ def with_electrical(turbine: Turbine, torque_lag: float = 0.0, losses: LossShare
     torque_lag : float
         tau [s].
     losses : LossShares, optional
+    shaft_damping : float
+        Damping ratio that the converter adds to the torsion of the shaft; 0: none [-].
 
     Raises
     ------
     TurbineDefinitionError
         If a value is out of range, or the generator takes no torque.
     """
-    if torque_lag == 0.0 and losses is None:
+    if torque_lag == 0.0 and losses is None and shaft_damping == 0.0:
         return turbine
-    return replace(turbine, drivetrain=replace(turbine.drivetrain, torque_lag=torque_lag, losses=losses))
+    damper = ShaftDamper.of(turbine, shaft_damping) if shaft_damping != 0.0 else None
+    drivetrain = replace(turbine.drivetrain, torque_lag=torque_lag, losses=losses, shaft_damper=damper)
+    return replace(turbine, drivetrain=drivetrain)

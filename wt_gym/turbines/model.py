@@ -34,6 +34,7 @@ from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.icing import BladeIce
 from wt_gym.turbines.loss_shares import LONGEST_LAG, LossShares
 from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
+from wt_gym.turbines.shaft_damper import ShaftDamper
 from wt_gym.turbines.site import with_site
 from wt_gym.turbines.support import Support
 
@@ -268,6 +269,8 @@ class Drivetrain(ArrayRecord):
         Time constant with which the torque follows its demand [s]; 0: at once (`wt_gym.turbines.electrical`).
     losses : LossShares or None
         Losses over speed and torque; None: ``generator_efficiency`` holds everywhere.
+    shaft_damper : ShaftDamper or None
+        What the converter does against the torsion of the shaft.
     """
 
     gear_ratio: float
@@ -285,6 +288,7 @@ class Drivetrain(ArrayRecord):
     gearbox_reverses: bool = later_field(False)
     torque_lag: float = later_field(0.0)
     losses: LossShares | None = later_field(None)
+    shaft_damper: ShaftDamper | None = later_field(None)
 
     @property
     def speed_ratio(self) -> float:
@@ -326,6 +330,10 @@ class Drivetrain(ArrayRecord):
             raise fail("Drivetrain.torque_lag", self.torque_lag, "0 for a generator that takes no demand")
         if self.losses is not None and not isinstance(self.losses, LossShares):
             raise fail("Drivetrain.losses", self.losses, "LossShares or None")
+        if self.shaft_damper is not None and not isinstance(self.shaft_damper, ShaftDamper):
+            raise fail("Drivetrain.shaft_damper", self.shaft_damper, "ShaftDamper or None")
+        if self.shaft_damper is not None and not checked["max_torque_rate"] > 0.0:
+            raise fail("Drivetrain.shaft_damper", self.shaft_damper, "None for a generator that takes no demand")
         self._set(**checked)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
+from wt_gym.turbines.shaft_damper import rotor_inertia_without_generator
 from wt_gym.turbines.source import Node, within
 from wt_gym.turbines.windio_estimates import Machine, shaft_stiffness
 
@@ -231,15 +232,9 @@ def _tensor(body: Node) -> NDArray[np.float64]:
     return tensor
 
 
-def _rotor_inertia(blade: Blade, hub: Hub, n_blades: int) -> float:
-    """Return the inertia of straight, unconed blades and hub about the shaft [kg m^2]."""
-    m0, m1, m2 = (blade.structure.mass_moment(k) for k in range(3))
-    return n_blades * (m2 + 2.0 * hub.radius * m1 + hub.radius**2 * m0) + hub.inertia_axial
-
-
 def _rotor_yaw_inertia(blade: Blade, hub: Hub, n_blades: int, overhang: float) -> float:
     """Return the inertia of the straight, untilted rotor about the yaw axis, for an actuator's stiffness [kg m^2]."""
-    blades = _rotor_inertia(blade, hub, n_blades) - hub.inertia_axial
+    blades = rotor_inertia_without_generator(blade, hub, n_blades) - hub.inertia_axial
     mass = n_blades * blade.structure.mass_moment(0) + hub.mass
     return 0.5 * blades + hub.inertia_transverse + mass * overhang**2
 
@@ -276,7 +271,7 @@ def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine, notes:
         gear_efficiency = gearbox.number("efficiency", 0.0, 1.0)
     else:
         notes.append(f"{gearbox.where('efficiency')}: not in the file, 1 is assumed")
-    spring, damper = _torsion(root, _rotor_inertia(blade, hub, machine.n_blades), machine, notes)
+    spring, damper = _torsion(root, rotor_inertia_without_generator(blade, hub, machine.n_blades), machine, notes)
     shaft_torque = rated_power / (speed * ratio * gear_efficiency)
     efficiency = _generator_efficiency(node, control, speed * ratio, shaft_torque, notes)
     torque = shaft_torque / efficiency

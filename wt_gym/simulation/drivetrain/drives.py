@@ -8,9 +8,11 @@ custom law, or one that wraps another and fails in some way, needs the same two 
 
 from __future__ import annotations
 
+import cmath
 import math
 import numbers
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
+    "DampingTorque",
     "Drives",
     "Fault",
     "GeneratorLaw",
@@ -49,6 +52,10 @@ START_MARGIN = 0.1
 """By how much the pitch at the start may lie outside the range of the drives [rad]."""
 TORQUE, YAW, PITCH = slice(0, 1), slice(1, 2), slice(2, None)
 """Parts of the command."""
+DAMPER_CORNER = 1.0 / 6.0
+"""Below which a damper of the shaft takes the speed for the mean one, over the frequency of the shaft [-]."""
+LONGEST_DAMPER_STEP = 2.0
+"""Angle of the shaft's torsion within an aerodynamic step up to which a damper can follow it [rad]."""
 
 
 def check_finite(**values: float) -> None:
@@ -218,11 +225,17 @@ class GeneratorLaw(Law[float], Protocol):
     damping : float
         Of a damper that the structure holds between nacelle and rotor [N m s/rad, low-speed shaft]. It acts at every
         stage of the integration; held over an aerodynamic step instead, a strong one would drive a light hub unstable.
+    held : bool
+        Whether the torque jumps to its command at the start of a step; else it goes there evenly within the step.
     """
 
     @property
     def damping(self) -> float:
         """Of the damper between nacelle and rotor [N m s/rad, low-speed shaft]."""
+
+    @property
+    def held(self) -> bool:
+        """Whether the torque jumps to its command at the start of a step."""
 
     def balance(self, moment: float, speed: float) -> float:
         """The torque [N m, high-speed shaft] that comes closest to holding a moment of the air [N m, low-speed]."""
@@ -248,6 +261,7 @@ class TorqueCommand:
 
     drivetrain: Drivetrain
     damping = 0.0
+    held = False
 
     def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """Command (1,) at the start [N m, high-speed shaft]."""
@@ -293,6 +307,87 @@ class LaggedTorque(TorqueCommand):
         super().follow(command, now - math.expm1(-dt / drivetrain.torque_lag) * (target - now), dt, speed)
 
 
+@lru_cache(maxsize=32)
+def damper_weights(angle: float) -> tuple[float, float, float]:
+    """Weights with which a damper that holds its torque over a step damps as a continuous one.
+
+    The high-passed speed h has the transfer H = 1 - κ/(z - 1 + κ) from the samples of the speed. A torque that is held
+    over a step is late by half of it and weaker by sin(θ/2)/(θ/2), θ the angle of the torsion in a step. a h[k] +
+    b h[k-1] makes up for both, and for H, at the frequency of the torsion:
+
+        H(e^{iθ}) (a + b e^{-iθ}) = e^{iθ/2} (θ/2)/sin(θ/2).
+
+    Parameters
+    ----------
+    angle : float
+        θ [rad].
+
+    Returns
+    -------
+    a, b, kappa : float
+    """
+    z, kappa = cmath.exp(1j * angle), -math.expm1(-DAMPER_CORNER * angle)
+    passed = 1.0 - kappa / (z - 1.0 + kappa)
+    wanted = cmath.exp(0.5j * angle) * (0.5 * angle / math.sin(0.5 * angle)) / passed
+    before = -wanted.imag / math.sin(angle)
+    return wanted.real - before * math.cos(angle), before, kappa
+
+
+@dataclass(frozen=True)
+class DampingTorque:
+    """A generator that damps the torsion of the shaft, on top of a law for the torque that is asked for.
+
+    The converter adds c (Ω - mean) to the torque, c and the frequency of the torsion as in
+    `wt_gym.turbines.shaft_damper`, in samples of an aerodynamic step (`damper_weights`). The sum is within what the
+    generator can brake with; the greatest rate of the torque is that of demands and does not bind the converter.
+
+    Its command is the torque that acts, the part of it that is for the shaft [N m, high-speed shaft], the low-passed
+    speed and the high-passed one a step ago [rad/s, low-speed shaft].
+
+    Parameters
+    ----------
+    law : TorqueCommand
+    drivetrain : Drivetrain
+        With a ``shaft_damper``.
+    """
+
+    law: TorqueCommand
+    drivetrain: Drivetrain
+    damping = 0.0
+    held = True
+
+    def first(self, value: float, speed: float) -> NDArray[np.float64]:
+        """Command (4,) at the start, for a torque [N m] and a rotor speed [rad/s]."""
+        return np.array([self.law.first(value, speed)[0], 0.0, speed, 0.0])
+
+    def balance(self, moment: float, speed: float) -> float:
+        """See `TorqueCommand.balance`."""
+        return self.law.balance(moment, speed)
+
+    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
+        """Move the command (4,) towards the demanded torque [N m] and against the torsion."""
+        drivetrain, damper = self.drivetrain, self.drivetrain.shaft_damper
+        assert damper is not None
+        asked = np.array([max(command[0] - command[1], 0.0)])
+        self.law.follow(asked, demand, dt, speed)
+        now, before, kappa = damper_weights(damper.frequency * dt)
+        passed = speed - command.item(2)
+        moment = damper.coefficient * (now * passed + before * command.item(3))
+        torque = asked.item() + moment * drivetrain.gearbox_efficiency / drivetrain.gear_ratio
+        command[0] = min(max(torque, 0.0), available_torque(drivetrain, speed))
+        command[1] = command[0] - asked[0]
+        command[2] += kappa * passed
+        command[3] = passed
+
+    def moment(self, command: NDArray[np.float64]) -> float:
+        """See `TorqueCommand.moment`."""
+        return self.law.moment(command)
+
+    def torque(self, command: NDArray[np.float64], speed: float) -> float:
+        """See `TorqueCommand.torque`."""
+        return self.law.torque(command, speed)
+
+
 @dataclass(frozen=True)
 class LinearDamper:
     """A generator whose torque is proportional to its speed, M = c Ω (Gebhardt et al. 2012); it takes no demand.
@@ -306,6 +401,7 @@ class LinearDamper:
 
     damping: float
     drivetrain: Drivetrain
+    held = False
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.damping < math.inf:
@@ -338,11 +434,12 @@ class LinearDamper:
             raise ActionError(f"generator_torque is {demand} N m; a generator that is a linear damper takes no demand")
 
 
-def _own_law(drivetrain: Drivetrain) -> TorqueCommand | LinearDamper:
+def _own_law(drivetrain: Drivetrain) -> GeneratorLaw:
     """Law of a generator as its drivetrain describes it."""
-    if drivetrain.takes_torque:
-        return LaggedTorque(drivetrain) if drivetrain.torque_lag > 0.0 else TorqueCommand(drivetrain)
-    return LinearDamper(drivetrain.generator_damping, drivetrain)
+    if not drivetrain.takes_torque:
+        return LinearDamper(drivetrain.generator_damping, drivetrain)
+    law = LaggedTorque(drivetrain) if drivetrain.torque_lag > 0.0 else TorqueCommand(drivetrain)
+    return law if drivetrain.shaft_damper is None else DampingTorque(law, drivetrain)
 
 
 class Fault(Protocol):
@@ -370,6 +467,9 @@ class Drives:
         Without faults.
     command : array (2 + n_blades,)
         Generator torque [N m], yaw and pitch of each blade [rad]; part of the state of the simulation.
+    generator_command : array (n,)
+        All that the law of the generator remembers, the torque first; that part of ``command`` if there is no more,
+        else part of the state beside it.
     drivetrain : Drivetrain
     """
 
@@ -379,6 +479,8 @@ class Drives:
         self.generator: GeneratorLaw = _own_law(turbine.drivetrain) if generator is None else generator
         self._sound_pitch, self.sound_generator = self.pitch, self.generator
         self.command, self.drivetrain = np.zeros(2 + turbine.n_blades), turbine.drivetrain
+        remembered = self.generator.first(0.0, 0.0).size
+        self.generator_command = self.command[TORQUE] if remembered == 1 else np.zeros(remembered)
         self._ideal_pitch = turbine.pitch.servo_frequency is None
         self._step, self._before = 0.0, np.zeros(turbine.n_blades)  # the last step, and the pitch command before it
 
@@ -414,20 +516,25 @@ class Drives:
             For values that a drive refuses; the commands are then as they were.
         """
         first = self.yaw.first(yaw, speed), self.pitch.first(pitch, speed)
-        torque = 0.0 if generator_torque is None else self.generator.first(generator_torque, speed)
-        self.command[TORQUE] = torque
+        torque = self.generator.first(0.0 if generator_torque is None else generator_torque, speed)
+        self._generate(torque)
         self.command[YAW], self.command[PITCH] = first
         self._step, self._before[:] = 0.0, self.command[PITCH]
 
     def load(self, moment: float, speed: float, generator_torque: float | None = None) -> None:
         """Load a rotor on which the air acts with a moment [N m], with a torque or with what balances the moment."""
         chosen = self.generator.balance(moment, speed) if generator_torque is None else generator_torque
-        self.command[TORQUE] = self.generator.first(chosen, speed)
+        self._generate(self.generator.first(chosen, speed))
+
+    def _generate(self, command: NDArray[np.float64]) -> None:
+        self.generator_command[:] = command
+        self.command[TORQUE] = command[0]
 
     def follow(self, pitch: ArrayLike, yaw_rate: float, generator_torque: float, dt: float, speed: float) -> None:
         """Move all commands towards the demands through one step of dt [s]."""
         pitch_command = self.command[PITCH]
-        self.generator.follow(self.command[TORQUE], generator_torque, dt, speed)
+        self.generator.follow(self.generator_command, generator_torque, dt, speed)
+        self.command[TORQUE] = self.generator_command[0]
         self.yaw.follow(self.command[YAW], yaw_rate, dt, speed)
         self._before[:] = pitch_command
         self.pitch.follow(pitch_command, pitch, dt, speed)
@@ -446,11 +553,13 @@ class Drives:
             1: at the end of a step; 0: at both ends.
         """
         act(
-            self.command, self._before, self._step, float(self.generator.moment(self.command[TORQUE])),
+            self.command, self._before, self._step, float(self.generator.moment(self.generator_command)),
             self._ideal_pitch, azimuth_u, first, inputs.dof_force, inputs.servo_command, inputs.servo_rate,
             inputs.servo_interval,
         )  # fmt: skip
+        if self.generator.held:
+            inputs.dof_force[0, azimuth_u] = inputs.dof_force[1, azimuth_u]
 
     def torque(self, speed: float) -> float:
         """Torque of the generator [N m, high-speed shaft] at a speed of the rotor [rad/s]."""
-        return self.generator.torque(self.command[TORQUE], speed)
+        return self.generator.torque(self.generator_command, speed)

@@ -385,6 +385,11 @@ class _GeneratorInPlace:
         """See `GeneratorLaw`."""
         return self.law.damping
 
+    @property
+    def held(self) -> bool:
+        """See `GeneratorLaw`."""
+        return self.law.held
+
     def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """See `GeneratorLaw`."""
         return self.law.first(value, speed)
