@@ -1,5 +1,6 @@
 """The agents that come with the project."""
 
+from itertools import filterfalse
 from pathlib import Path
 
 import numpy as np
@@ -20,20 +21,35 @@ def test_there_are_agents():
     assert FOLDERS
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
-def test_it_spares_the_blades_in_a_wind_it_has_not_seen(folder):
-    """A minute at 16 m/s against the controller of its task; wt-gym evaluate measures the damage of ten minutes."""
-    wind = Wind(16.0, 1013)
+def moves_blades(folder):
+    """Whether an agent acts by the pitch."""
+    return any(name.startswith("pitch") for name in TrainedAgent.load(folder).record["action"])
+
+
+def beside_its_baseline(folder, wind, duration, skip):
+    """Metrics of the controller of an agent's task and of the agent, in a wind that it has not seen."""
     record = TrainedAgent.load(folder).record
     assert wind.seed not in record["wind_seeds"]
     env_id = present_id(record["config"]["env_id"])
-    config = EvaluationConfig(env_id=env_id, winds=(wind,), duration=60.0, skip=10.0)
+    config = EvaluationConfig(env_id=env_id, winds=(wind,), duration=duration, skip=skip)
     baseline = registered_arguments(env_id, {}).get("controller", "baseline")
-    found = evaluate({"baseline": baseline, "agent": str(folder)}, config)
-    flap, power = ([run.metrics[name] for run in found.runs] for name in ("blade_flap_del", "mean_power"))
-    assert np.isfinite(flap).all()
-    assert flap[1] < 0.95 * flap[0]
-    assert power[1] > 0.99 * power[0]
+    return [run.metrics for run in evaluate({"baseline": baseline, "agent": str(folder)}, config).runs]
+
+
+@pytest.mark.parametrize("folder", list(filter(moves_blades, FOLDERS)), ids=lambda path: path.name)
+def test_an_agent_of_the_pitch_spares_the_blades(folder):
+    """A minute at 16 m/s; wt-gym evaluate measures the damage of ten minutes."""
+    baseline, agent = beside_its_baseline(folder, Wind(16.0, 1013), 60.0, 10.0)
+    assert np.isfinite(agent["blade_flap_del"])
+    assert agent["blade_flap_del"] < 0.95 * baseline["blade_flap_del"]
+    assert agent["mean_power"] > 0.99 * baseline["mean_power"]
+
+
+@pytest.mark.parametrize("folder", list(filterfalse(moves_blades, FOLDERS)), ids=lambda path: path.name)
+def test_an_agent_of_the_torque_makes_more_energy(folder):
+    """Two minutes at 8 m/s, with what the rotor stores counted as energy."""
+    baseline, agent = beside_its_baseline(folder, Wind(8.0, 1013), 120.0, 20.0)
+    assert agent["corrected_power"] > 1.004 * baseline["corrected_power"]
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
