@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.agents.compilation import compile_kernels
@@ -93,12 +92,7 @@ def entry_of(text: str) -> Entry:
     """
     label, choice = split_name(text)
     name = read_name(choice)
-    return _entry(label or _default_name(name), name)
-
-
-def _default_name(name: Name) -> str:
-    """Label of an entry: what is said, of a path its last part."""
-    return Path(name.target).name if name.kind == "trained" else default_name(name)
+    return _entry(label or default_name(name), name)
 
 
 def _entry(label: str, name: Name) -> Entry:
@@ -133,7 +127,7 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
         If one is not an agent, or two different ones have the same name.
     """
     entries: dict[str, Entry] = {}
-    for label, text in each_named(texts, default=_default_name, groups=GROUPS):
+    for label, text in each_named(texts, groups=GROUPS):
         entry = _entry(label, read_name(text))
         if entries.setdefault(entry.name, entry) != entry:
             raise ValueError(f"two agents are called {entry.name!r}; give them names as NAME=CHOICE")

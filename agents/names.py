@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import logging
-from collections import Counter
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ from wt_gym.control.controllers.own_class import load_class, source_digest
 from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
 __all__ = [
     "BASELINE",
@@ -245,8 +245,6 @@ def _is_model(choice: str) -> bool:
 def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]:
     """Names for the agents of a command line: ``NAME=CHOICE``, or a name that follows from the choice.
 
-    Of several models by one algorithm each is called by its folder.
-
     Parameters
     ----------
     choices : iterable of str
@@ -265,13 +263,8 @@ def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]
     ValueError
         If two agents get the same label, or a choice is none.
     """
-    found, named = list(each_named(choices, own)), dict[str, str]()
-    count = Counter(shown for shown, _ in found)
-    for shown, single in found:
-        if count[shown] > 1:
-            name = read_name(single)
-            if name.kind == "trained" and shown == default_name(name):
-                shown = Path(name.target).name  # trainings by one algorithm are told apart by their folders
+    named = dict[str, str]()
+    for shown, single in each_named(choices, own):
         if shown in named:
             raise ValueError(f"two agents are called {shown!r}; give them names as NAME={single}")
         named[shown] = single
@@ -281,7 +274,6 @@ def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]
 def each_named(
     choices: Iterable[str],
     own: str = BASELINE,
-    default: Callable[[Name], str] | None = None,
     groups: Mapping[str, Iterable[str]] | None = None,
 ) -> Iterator[tuple[str, str]]:
     """Label and name of each agent of a command line, aliases resolved.
@@ -290,8 +282,6 @@ def each_named(
     ----------
     choices, own
         As of `named_choices`.
-    default : callable, optional
-        Gives the label of a name without one, by default `default_name`.
     groups : mapping, optional
         Words that stand for several choices.
 
@@ -305,7 +295,7 @@ def each_named(
         label, choice = split_name(given)
         name = read_name(own if choice in ALIASES else choice, known)
         for suffix, single in each_seed(name):
-            yield (label or (default or default_name)(name)) + suffix, single
+            yield (label or default_name(name)) + suffix, single
 
 
 def each_seed(name: Name) -> list[tuple[str, str]]:
@@ -383,16 +373,18 @@ def fingerprint(choice: str) -> dict[str, Any]:
 
 
 def default_name(name: Name) -> str:
-    """Label that says what a name is: of a model its algorithm, else its file or folder; of a class its name."""
+    """Label that says what a name is, the same in every command.
+
+    Of a trained model the name of its folder, of a file without the record of a training beside it that of the file; of
+    a class its name; of all else what is said.
+    """
     if name.kind == "class":
         return Name("class", name.target.rpartition(":")[2], name.parameters).text
     if name.kind != "trained":
         return name.text.removeprefix(PREFIX)
-    from wt_gym.agents.trained_agent import RECORD_FILE, read_record
+    from wt_gym.agents.trained_agent import RECORD_FILE
 
-    path = Path(name.target)
-    for folder in (path, path.parent, *_folders_of_seeds(path).values()):
-        record = folder / RECORD_FILE
-        if record.is_file():
-            return str(read_record(record)["algorithm"])
-    return path.stem
+    path = Path(os.path.abspath(name.target))  # a folder said as "." has a name too; links keep theirs
+    if path.is_dir():
+        return path.name
+    return path.parent.name if (path.parent / RECORD_FILE).is_file() else path.stem

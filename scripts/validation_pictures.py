@@ -198,7 +198,7 @@ def margin(case):
     A bound that is missed counts as 1 and by how much, in parts of the bound or of the width of the interval; a sign
     that is missed as 2.
     """
-    from validation.case import _bounds
+    from validation.case import bounds_of
 
     worst = None
     for check in case["checks"]:
@@ -206,7 +206,7 @@ def margin(case):
         if check["passed"]:
             found = error / tolerance if tolerance > 0.0 and not isinstance(check["expected"], str) else None
         elif isinstance(check["expected"], str):
-            low, high = _bounds(check["expected"])
+            low, high = bounds_of(check["expected"])
             scale = high - low if math.isfinite(high - low) else abs(low if math.isfinite(low) else high)
             found = 1.0 + error / (scale or error)
         else:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
-    "Case", "CaseResult", "Check", "Curve", "Figure", "absolute", "all_cases", "case", "load_cases", "run_case",
-    "worst",
+    "Case", "CaseResult", "Check", "Curve", "Figure", "absolute", "all_cases", "bounds_of", "case", "load_cases",
+    "run_case", "worst",
 ]  # fmt: skip
 
 
@@ -74,7 +74,7 @@ class Check:
     def error(self) -> float:
         """Distance from the expected value: relative or absolute; for a bound, how far outside it is (0 inside)."""
         if isinstance(self.expected, str):
-            low, high = _bounds(self.expected)
+            low, high = bounds_of(self.expected)
             return math.nan if math.isnan(self.obtained) else max(low - self.obtained, self.obtained - high, 0.0)
         difference = abs(self.obtained - self.expected)
         return difference / abs(self.expected) if self.is_relative else difference
@@ -141,7 +141,7 @@ def _finite(value: float) -> float | str:
     return float(value) if math.isfinite(value) else str(float(value))
 
 
-def _bounds(text: str) -> tuple[float, float]:
+def bounds_of(text: str) -> tuple[float, float]:
     """Lowest and highest accepted value of a bound written as ``<= a``, ``>= a`` or ``in [a, b]``."""
     stripped = text.strip()
     if stripped.startswith("<="):

@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import fftconvolve
 
 from wt_gym.agents.linear_design.identification import respond
+from wt_gym.agents.linear_design.series import POWER, TOWER, amplitude_weights, to_blades, without_slow
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
 from wt_gym.control.optimal.measured import OUTPUTS
@@ -42,9 +42,6 @@ _MEAN_READS, _TILT_YAW_READS = (0, 3, 5), (1, 2, 4)
 _LASTING = (1, 2)
 """Outputs whose lasting part is answered: static tilt and yaw of the loads cost fatigue, and no integrator undoes these
 offsets."""
-_TOWER = (6, 7)
-_POWER = 8
-"""Places of loads behind the outputs."""
 
 
 @dataclass(frozen=True)
@@ -152,6 +149,10 @@ class Plant:
         """Time from an offset to the pitch of a turbine that is asked every ``dt`` [s]."""
         return pitch_delay(turbine.pitch, dt)
 
+    def pitch_azimuth(self, run: Recording) -> NDArray[np.float64]:
+        """Azimuth (n,) at which offsets reach the blades in a recorded run [rad]."""
+        return run.azimuth[:-1] + self.lead * run.outputs[OUTPUTS.index("rotor_speed"), :-1]
+
 
 @dataclass(frozen=True)
 class Forecast:
@@ -246,59 +247,25 @@ def _features(run: Recording, plant: Plant, options: FeedbackOptions) -> tuple[N
     return mean, turning, turning
 
 
-def _to_blades(values: NDArray[np.float64], azimuth: NDArray[np.float64], n_blades: int) -> NDArray[np.float64]:
-    """Values (..., n_blades, n) of mean, tilt and yaw (..., 3, n), blade 1 at ``azimuth`` (n,) [rad]."""
-    angles = azimuth + 2.0 * math.pi / n_blades * np.arange(n_blades)[:, None]
-    out: NDArray[np.float64] = (
-        values[..., 0:1, :] + values[..., 1:2, :] * np.cos(angles) + values[..., 2:3, :] * np.sin(angles)
-    )
-    return out
-
-
-def _without_slow(series: NDArray[np.float64], length: int) -> NDArray[np.float64]:
-    """Series (..., n) without a smooth mean."""
-    window = np.hanning(2 * (length // 2) + 3)[1:-1]
-    window /= window.sum()
-    half = window.size // 2
-    padded = np.pad(series, [(0, 0)] * (series.ndim - 1) + [(half, half)], mode="edge")
-    smooth: NDArray[np.float64] = fftconvolve(
-        padded, window.reshape((1,) * (series.ndim - 1) + (-1,)), "valid", axes=-1
-    )
-    return series - smooth
-
-
-def _amplitude_weights(series: NDArray[np.float64], exponent: float, window: int) -> NDArray[np.float64]:
-    """Weights (..., n) of the local range over its 90 % quantile, within bounds that keep single cycles from ruling."""
-    span = maximum_filter1d(series, window, axis=-1) - minimum_filter1d(series, window, axis=-1)
-    common = np.quantile(span, 0.9, axis=-1, keepdims=True)
-    out: NDArray[np.float64] = np.clip((span / common) ** exponent, 0.02, 6.0)
-    return out
-
-
-def _pitch_azimuth(run: Recording, plant: Plant) -> NDArray[np.float64]:
-    """Azimuth (n,) at which offsets reach the blades [rad]."""
-    return run.azimuth[:-1] + plant.lead * run.outputs[OUTPUTS.index("rotor_speed"), :-1]
-
-
 def forecast(run: Recording, plant: Plant, offsets: NDArray[np.float64]) -> Forecast:
     """Forecast of a run without offsets under offsets (3, n) [rad]."""
     changed = respond(plant.responses, offsets)
     n_blades = len(run.flap)
     taken = plant.power_curvature * float((offsets**2).sum(0).mean())
     pitch = run.pitch.copy()
-    pitch[:, 1:] += _to_blades(offsets, _pitch_azimuth(run, plant), n_blades)
+    pitch[:, 1:] += to_blades(offsets, plant.pitch_azimuth(run), n_blades)
     return Forecast(
-        flap=run.flap + _to_blades(changed[:3], run.azimuth, n_blades),
+        flap=run.flap + to_blades(changed[:3], run.azimuth, n_blades),
         pitch=pitch,
-        tower=run.loads[:2] + changed[list(_TOWER)],
-        power=float((run.loads[2] + changed[_POWER]).mean()) - taken * float(run.loads[2].mean()),
+        tower=run.loads[:2] + changed[list(TOWER)],
+        power=float((run.loads[2] + changed[POWER]).mean()) - taken * float(run.loads[2].mean()),
     )
 
 
 def _columns(run: Recording, plant: Plant, options: FeedbackOptions) -> _Columns:
     """What each feature does to a run."""
     n_blades, length = len(run.flap), round(options.smooth / plant.dt)
-    azimuth = _pitch_azimuth(run, plant)
+    azimuth = plant.pitch_azimuth(run)
     parts = []
     for j, own in enumerate(_features(run, plant, options)):
         changed = np.stack(
@@ -306,14 +273,14 @@ def _columns(run: Recording, plant: Plant, options: FeedbackOptions) -> _Columns
         )
         offsets = np.zeros((len(own), 3, run.steps))
         offsets[:, j] = own
-        rate = np.diff(_to_blades(offsets, azimuth, n_blades), axis=-1, prepend=0.0) / plant.dt
+        rate = np.diff(to_blades(offsets, azimuth, n_blades), axis=-1, prepend=0.0) / plant.dt
         parts.append(_Columns(
-            _without_slow(_to_blades(changed[:, :3], run.azimuth[1:], n_blades), length),
-            _without_slow(changed[:, list(_TOWER)], length),
+            without_slow(to_blades(changed[:, :3], run.azimuth[1:], n_blades), length),
+            without_slow(changed[:, list(TOWER)], length),
             changed[:, OUTPUTS.index("rotor_speed")],
             rate,
             offsets,
-            changed[:, _POWER].mean(-1) / run.loads[2].mean(),
+            changed[:, POWER].mean(-1) / run.loads[2].mean(),
         ))  # fmt: skip
     return _Columns(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
@@ -340,13 +307,13 @@ def _rows(
         base: NDArray[np.float64], there: NDArray[np.float64], shares: list[float], exponent: float, fatigue: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Square roots of weights (k, n) of loads (k, n + 1) as they are, and loads without offsets."""
-        still = _without_slow(base[:, 1:], length)
-        moved = _without_slow(there[:, 1:], length)
+        still = without_slow(base[:, 1:], length)
+        moved = without_slow(there[:, 1:], length)
         time = float(samples) * dt
         start = run.steps + 1 - int(samples)
         before = np.array([damage_equivalent_load(row[start:], time, fatigue) for row in base])
         after = np.array([damage_equivalent_load(row[start:], time, fatigue) for row in there])
-        local = _amplitude_weights(moved, 0.0 if first else exponent, window) * counts
+        local = amplitude_weights(moved, 0.0 if first else exponent, window) * counts
         size = (local * moved**2).sum(1)
         factor = 0.5 * np.array(shares) * after / before / size
         return np.sqrt(factor[:, None] * local), still

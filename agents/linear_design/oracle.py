@@ -18,18 +18,10 @@ from scipy import fft
 from scipy.ndimage import uniform_filter1d
 from scipy.sparse.linalg import LinearOperator, cg
 
-from wt_gym.agents.linear_design.feedback import (
-    _TOWER,
-    FeedbackOptions,
-    _amplitude_weights,
-    _pitch_azimuth,
-    _to_blades,
-    _without_slow,
-    forecast,
-    forecast_change,
-)
+from wt_gym.agents.linear_design.feedback import FeedbackOptions, forecast, forecast_change
 from wt_gym.agents.linear_design.identification import respond
 from wt_gym.agents.linear_design.recording import LOADS
+from wt_gym.agents.linear_design.series import TOWER, amplitude_weights, to_blades, without_slow
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
 from wt_gym.control.optimal.measured import OUTPUTS
 
@@ -45,7 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["LoadQuadratic", "OracleOptions", "Played", "best_of", "learn_offsets", "limited", "optimal_change"]
 
 _SPEED = OUTPUTS.index("rotor_speed")
-_ANSWERING = (0, 1, 2, *_TOWER, _SPEED)
+_ANSWERING = (0, 1, 2, *TOWER, _SPEED)
 """Outputs and loads of the quadratic: flapwise moments, tower, rotor speed."""
 _SHARES = (1.0, 0.5, 0.25)
 """Of the way to the minimum of a quadratic, tried one after the other."""
@@ -165,7 +157,7 @@ class LoadQuadratic:
         weights, dt, n, n_blades = options.weights, plant.dt, run.steps, len(run.flap)
         change = np.zeros((3, n)) if change is None else change
         self.n, self.n_blades, self.dt = n, n_blades, dt
-        self._azimuth, self._ahead = run.azimuth[1:], _pitch_azimuth(run, plant)
+        self._azimuth, self._ahead = run.azimuth[1:], plant.pitch_azimuth(run)
         self._size = fft.next_fast_len(n + plant.responses.shape[-1] - 1, real=True)
         self._responses = fft.rfft(plant.responses[list(_ANSWERING)], self._size)
         length, window = round(options.smooth / dt), round(options.window / dt)
@@ -185,9 +177,9 @@ class LoadQuadratic:
             without: NDArray[np.float64], at: NDArray[np.float64], shares: list[float], exponent: float, fatigue: float
         ) -> NDArray[np.float64]:
             """Square roots of the weights (k, n) of loads (k, n + 1)."""
-            moved = _without_slow(at[:, 1:], length)
+            moved = without_slow(at[:, 1:], length)
             loads = [[damage_equivalent_load(row[start:], samples * dt, fatigue) for row in x] for x in (without, at)]
-            local = _amplitude_weights(moved, 0.0 if even else exponent, window) * counts
+            local = amplitude_weights(moved, 0.0 if even else exponent, window) * counts
             factor = 0.5 * np.array(shares) * np.array(loads[1]) / np.array(loads[0]) / (local * moved**2).sum(1)
             found: NDArray[np.float64] = np.sqrt(factor[:, None] * local)
             return found
@@ -202,8 +194,8 @@ class LoadQuadratic:
         self._speed = np.sqrt(options.speed_weight * counts / samples) / turbine.drivetrain.rated_rotor_speed
         self._sizes = np.sqrt(_offset_weights(base, turbine, options) / n)
         self.there = np.concatenate([
-            (self._flap * _without_slow(run.flap[:, 1:], length)).ravel(),
-            (self._tower * _without_slow(run.loads[:2, 1:], length)).ravel(),
+            (self._flap * without_slow(run.flap[:, 1:], length)).ravel(),
+            (self._tower * without_slow(run.loads[:2, 1:], length)).ravel(),
             self._speed * (run.outputs[_SPEED, 1:] - base.outputs[_SPEED, 1:]),
             (self._rate * np.diff(run.pitch, axis=1) / dt).ravel(),
             (self._sizes * run.offsets).ravel(),
@@ -220,9 +212,9 @@ class LoadQuadratic:
         inputs = fft.rfft(change, self._size)
         answer = fft.irfft(np.einsum("ijf,...jf->...if", self._responses, inputs), self._size)[..., : self.n]
         head = change.shape[:-2]
-        flap = self._flap * self._without_slow(_to_blades(answer[..., :3, :], self._azimuth, self.n_blades))
+        flap = self._flap * self._without_slow(to_blades(answer[..., :3, :], self._azimuth, self.n_blades))
         tower = self._tower * self._without_slow(answer[..., 3:5, :])
-        rate = np.diff(_to_blades(change, self._ahead, self.n_blades), axis=-1, prepend=0.0) / self.dt
+        rate = np.diff(to_blades(change, self._ahead, self.n_blades), axis=-1, prepend=0.0) / self.dt
         parts = (flap, tower, self._speed * answer[..., 5, :], self._rate * rate, self._sizes * change)
         return np.concatenate([part.reshape(*head, -1) for part in parts], axis=-1)
 

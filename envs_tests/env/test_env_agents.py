@@ -349,7 +349,7 @@ def test_report_is_one_file_that_needs_no_network(evaluation, tmp_path):
 
 def test_names_on_the_command_line(trained):
     folder = str(trained[0])
-    assert named_choices(["baseline", folder]) == {BASELINE: "discon", "PPO": folder}
+    assert named_choices(["baseline", folder]) == {BASELINE: "discon", trained[0].name: folder}
     assert named_choices(["a=baseline", f"b={folder}"]) == {"a": "discon", "b": folder}
     with pytest.raises(ValueError, match="two agents"):
         named_choices([folder, folder])

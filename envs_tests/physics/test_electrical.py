@@ -16,7 +16,7 @@ from wt_gym.simulation.drivetrain.faults import GeneratorLoss, VoltageDip
 from wt_gym.simulation.fidelity import fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.electrical import LossShares, electrical_power, with_electrical
-from wt_gym.turbines.shaft_damper import ShaftDamper
+from wt_gym.turbines.shaft_damping import shaft_damper_of
 from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")
@@ -144,7 +144,7 @@ def decay(twisting, dt):
 
 def test_the_frequency_of_the_shaft_is_the_published_one():
     """2.2 Hz and 5 % of the published 6.215e6 N m s/rad (Jonkman et al., NREL/TP-500-38060, table 6-1)."""
-    damper = ShaftDamper.of(TURBINE, 0.05)
+    damper = shaft_damper_of(TURBINE, 0.05)
     assert damper.frequency / (2.0 * math.pi) == pytest.approx(2.2, rel=0.02)
     assert DRIVE.damper * damper.frequency / (2.0 * DRIVE.spring) == pytest.approx(0.05, rel=0.02)
 
@@ -152,7 +152,7 @@ def test_the_frequency_of_the_shaft_is_the_published_one():
 @pytest.mark.parametrize(("dt", "ratio"), [(0.02, 0.05), (0.05, 0.1), (0.1, 0.05)])
 def test_the_converter_adds_its_damping_ratio_to_two_rigid_inertias(dt, ratio):
     free, damped = (decay(pulsed(turbine, dt), dt) for turbine in (BARE, with_electrical(BARE, shaft_damping=ratio)))
-    assert free[0] == pytest.approx(ShaftDamper.of(TURBINE, 0.1).frequency, rel=0.01)
+    assert free[0] == pytest.approx(shaft_damper_of(TURBINE, 0.1).frequency, rel=0.01)
     assert damped[1] - free[1] == pytest.approx(ratio, rel=0.1)
     assert damped[0] == pytest.approx(free[0], rel=0.02)
 
@@ -264,7 +264,7 @@ def test_options_reach_simulator_controller_alone_and_info():
     _, info = env.reset(seed=0, options={"fault": {"kind": "voltage_dip", "time": 0.5, "size": 0.3}})
     assert env.simulator.turbine.drivetrain.torque_lag == 0.2
     assert env.simulator.turbine.drivetrain.losses == LossShares()
-    assert env.simulator.turbine.drivetrain.shaft_damper == ShaftDamper.of(TURBINE, 0.1)
+    assert env.simulator.turbine.drivetrain.shaft_damper == shaft_damper_of(TURBINE, 0.1)
     assert info["grid_voltage"] == 1.0
     rows = [env.step(np.zeros(1)) for _ in range(12)]
     assert [row[4]["grid_voltage"] for row in rows][5] == pytest.approx(0.3)

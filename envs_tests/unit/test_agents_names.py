@@ -70,7 +70,7 @@ def test_a_training_with_several_seeds_is_an_agent_a_seed(tmp_path):
         (tmp_path / f"seed-{seed}" / "training.json").write_text('{"algorithm": "SAC"}')
     (tmp_path / "seed-3").mkdir()  # not trained yet; 7 was left there by an earlier training
     found = named_choices([str(tmp_path), f"mine={tmp_path}"])
-    assert list(found) == ["SAC seed 2", "SAC seed 10", "mine seed 2", "mine seed 10"]
+    assert list(found) == [f"{tmp_path.name} seed 2", f"{tmp_path.name} seed 10", "mine seed 2", "mine seed 10"]
     assert found["mine seed 10"] == str(tmp_path / "seed-10")
     (tmp_path / "seeds.json").write_text('{"seeds": [3], "config": {}}')
     with pytest.raises(FileNotFoundError, match="none of its seeds"):
@@ -80,18 +80,24 @@ def test_a_training_with_several_seeds_is_an_agent_a_seed(tmp_path):
         named_choices([f"mine={tmp_path}"])
 
 
-def test_models_by_one_algorithm_are_called_by_their_folders(tmp_path):
+def test_models_are_called_by_their_folders(tmp_path, monkeypatch):
     for name in ("first", "second", "third"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "training.json").write_text('{"algorithm": "PPO"}')
         (tmp_path / name / "model.zip").write_bytes(b"")
     one, other, third = (str(tmp_path / name) for name in ("first", "second", "third"))
-    assert named_choices(["ipc", one]) == {"ipc": "ipc", "PPO": one}
+    assert named_choices(["ipc", one]) == {"ipc": "ipc", "first": one}
     assert named_choices([one, other, f"mine={third}"]) == {"first": one, "second": other, "mine": third}
     with pytest.raises(ValueError, match="two agents are called 'mine'"):
         named_choices([f"mine={one}", f"mine={other}"])
     with pytest.raises(ValueError, match="two agents are called 'first'"):
         named_choices([one, one])
+    with pytest.raises(ValueError, match="two agents are called 'first'; give them names as NAME="):
+        named_choices([one, f"{one}/model.zip"])
+    (tmp_path / "loose.zip").touch()
+    assert [*named_choices([f"{other}/model.zip", str(tmp_path / "loose.zip")])] == ["second", "loose"]
+    monkeypatch.chdir(tmp_path / "third")
+    assert [*named_choices([".", "../first"])] == ["third", "first"]
 
 
 def test_a_choice_is_a_word_before_a_controller_before_a_path(tmp_path, monkeypatch):

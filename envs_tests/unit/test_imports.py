@@ -130,7 +130,7 @@ for name in sys.argv[1:]:
 
 def test_every_package_can_be_imported_first():
     """Users import what they need, in whatever order."""
-    rooms = sorted(name for name, path in modules().items() if path.name == "__init__.py" and ".agents" not in name)
+    rooms = sorted(name for name, path in modules().items() if path.name == "__init__.py")
     assert "wt_gym.control.bladed" in rooms
     done = subprocess.run([sys.executable, "-c", FIRST, *rooms], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
@@ -139,6 +139,32 @@ def test_every_package_can_be_imported_first():
 def test_no_circle(graph):
     assert len(graph) > 300
     assert circles(graph) == [TWO_WAYS_TO_COMPILE]
+
+
+def private_names(source):
+    """Names that begin with one underscore and that a source takes from modules of this package, with their lines."""
+    ours = ("wt_gym", "validation")
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in ours:
+            for alias in node.names:
+                if alias.name.startswith("_") and not alias.name.startswith("__"):
+                    yield alias.name, node.lineno
+
+
+def test_a_private_name_is_found():
+    assert list(private_names("import os\nfrom wt_gym.files import (\n    _a,\n    b,\n)\n")) == [("_a", 2)]
+    assert list(private_names("from wt_gym import __version__\nfrom ctypes import _Pointer\n")) == []
+
+
+def test_private_names_stay_in_their_modules():
+    """Names with an underscore may change without a look at other modules."""
+    paths = [*modules().values(), *(path for name in ("scripts", "validation") for path in (ROOT / name).rglob("*.py"))]
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} imports {name}"
+        for path in paths
+        for name, line in private_names(path.read_text(encoding="utf-8"))
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
 def test_no_arrow_between_rooms_runs_back():

@@ -17,7 +17,7 @@ current of generator and grid, and one with their squares (Polinder et al., IEEE
 side is taken in proportion to the shaft power. L follows from the efficiency of the turbine's generator, which is that
 at rated operation; a generator without torque is off and has no losses.
 
-*Damping of the shaft.* See `wt_gym.turbines.shaft_damper` and `wt_gym.simulation.drivetrain.drives.DampingTorque`.
+*Damping of the shaft.* See `wt_gym.turbines.shaft_damping` and `wt_gym.simulation.drivetrain.drives.DampingTorque`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from wt_gym.turbines.loss_shares import LONGEST_LAG, LossShares
-from wt_gym.turbines.shaft_damper import ShaftDamper
+from wt_gym.turbines.shaft_damping import shaft_damper_of
 
 if TYPE_CHECKING:
     from wt_gym.turbines.model import Drivetrain, Turbine
@@ -81,6 +81,6 @@ def with_electrical(
     """
     if torque_lag == 0.0 and losses is None and shaft_damping == 0.0:
         return turbine
-    damper = ShaftDamper.of(turbine, shaft_damping) if shaft_damping != 0.0 else None
+    damper = shaft_damper_of(turbine, shaft_damping) if shaft_damping != 0.0 else None
     drivetrain = replace(turbine.drivetrain, torque_lag=torque_lag, losses=losses, shaft_damper=damper)
     return replace(turbine, drivetrain=drivetrain)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
-from wt_gym.turbines.shaft_damper import rotor_inertia_without_generator
+from wt_gym.turbines.shaft_damping import rotor_inertia_without_generator
 from wt_gym.turbines.source import Node, within
 from wt_gym.turbines.windio_estimates import Machine, shaft_stiffness
 

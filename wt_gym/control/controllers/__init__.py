@@ -3,20 +3,10 @@
 `make_controller` makes any of them by name. docs/baselines.md says what each does and what it was measured to do.
 """
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.coleman import from_harmonic, to_harmonic
-from wt_gym.control.controllers.catalogue import (
-    ADDITIONS,
-    BASES,
-    COMPILED,
-    CONTROLLERS,
-    GUARDS,
-    WRAPPERS,
-    controller_parameters,
-    controller_summary,
-    declared_parameters,
-)
 from wt_gym.control.controllers.controller import (
     Addition,
     Combined,
@@ -38,10 +28,8 @@ from wt_gym.control.controllers.discon import (
     nrel_5mw_parameters,
 )
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
-from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, fault_supervisor_of
 from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
-from wt_gym.control.controllers.names import Name, make_controller, name_and_parameters, parse_name
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.supervisor import STATES, Supervisor, SupervisorParameters, supervisor_of
@@ -51,6 +39,21 @@ from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.controllers.yaw import YawByDeadBand
 from wt_gym.control.rotor_table import RotorTable, rotor_table
 from wt_gym.deprecated import renamed_names
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers.catalogue import (
+        ADDITIONS,
+        BASES,
+        COMPILED,
+        CONTROLLERS,
+        GUARDS,
+        WRAPPERS,
+        controller_parameters,
+        controller_summary,
+        declared_parameters,
+    )
+    from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, fault_supervisor_of
+    from wt_gym.control.controllers.names import Name, make_controller, name_and_parameters, parse_name
 
 __all__ = [
     "ADDITIONS",
@@ -108,5 +111,36 @@ __all__ = [
     "to_harmonic",
 ]
 
+_ON_DEMAND = {
+    "catalogue": (
+        "ADDITIONS",
+        "BASES",
+        "COMPILED",
+        "CONTROLLERS",
+        "GUARDS",
+        "WRAPPERS",
+        "controller_parameters",
+        "controller_summary",
+        "declared_parameters",
+    ),
+    "fault_supervisor": ("FaultSupervisor", "fault_supervisor_of"),
+    "names": ("Name", "make_controller", "name_and_parameters", "parse_name"),
+}
+"""Modules that need others above this package, `wt_gym.control.bladed` and `wt_gym.control.optimal`, with what is taken
+of them: they are imported when it is asked for, so that those can be imported first, which need modules of this one."""
+_HOME = {name: module for module, names in _ON_DEMAND.items() for name in names}
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
 if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
+    _renamed = renamed_names(__name__)
+
+    def __getattr__(name: str) -> Any:
+        """Names of `_ON_DEMAND`, and former ones."""
+        if name not in _HOME:
+            return _renamed(name)
+        found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+        return found

@@ -338,7 +338,7 @@ class DampingTorque:
     """A generator that damps the torsion of the shaft, on top of a law for the torque that is asked for.
 
     The converter adds c (Ω - mean) to the torque, c and the frequency of the torsion as in
-    `wt_gym.turbines.shaft_damper`, in samples of an aerodynamic step (`damper_weights`). The sum is within what the
+    `wt_gym.turbines.shaft_damping`, in samples of an aerodynamic step (`damper_weights`). The sum is within what the
     generator can brake with; the greatest rate of the torque is that of demands and does not bind the converter.
 
     Its command is the torque that acts, the part of it that is for the shaft [N m, high-speed shaft], the low-passed

@@ -79,7 +79,7 @@ class DriveFault:
 
 @dataclass(frozen=True)
 class _BladeFault(DriveFault):
-    """Something that happens to the pitch drive of one blade."""
+    """Something that happens to the pitch of one blade."""
 
     blade: int = 1
     _what: ClassVar[str]
@@ -93,6 +93,15 @@ class _BladeFault(DriveFault):
 
     def in_place(self, law: PitchLaw, clock: Callable[[], float]) -> PitchLaw:
         """Give the law that fails for a sound one."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class _PitchDriveFault(_BladeFault):
+    """A fault under which the pitch drive of one blade moves otherwise, from its time on."""
+
+    def in_place(self, law: PitchLaw, clock: Callable[[], float]) -> PitchLaw:
+        """See `_BladeFault.in_place`."""
         return _FailingPitch(law, self, clock)
 
     def move_pitch(
@@ -103,7 +112,7 @@ class _BladeFault(DriveFault):
 
 
 @dataclass(frozen=True)
-class StuckPitch(_BladeFault):
+class StuckPitch(_PitchDriveFault):
     """From a time on one blade stays at the pitch it has been commanded to: its rate is zero.
 
     Parameters
@@ -126,7 +135,7 @@ class StuckPitch(_BladeFault):
 
 
 @dataclass(frozen=True)
-class SlowPitch(_BladeFault):
+class SlowPitch(_PitchDriveFault):
     """From a time on the drive of one blade turns no faster than at a rate of its own.
 
     Parameters
@@ -348,7 +357,7 @@ class _PitchInPlace:
 class _FailingPitch(_PitchInPlace):
     """Pitch drives under a fault that acts from its time on."""
 
-    fault: _BladeFault | ShutDown
+    fault: _PitchDriveFault | ShutDown
 
     def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
         """Move the commands as far as the fault lets them."""
