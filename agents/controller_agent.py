@@ -25,8 +25,8 @@ __all__ = ["ControllerAgent", "ObservedSignals"]
 class ObservedSignals:
     """The channels of the simulator that can be read from an observation, by name.
 
-    The azimuth comes from its sine and cosine, a gate of a lidar as the mean of its beams where these are observed apart;
-    where only the mean of the blades is observed (collective pitch), each
+    The azimuth comes from its sine and cosine, a gate of a lidar as the mean of its beams where these are apart; where
+    only the mean of the blades is observed (collective pitch), each
     blade has it.
 
     Parameters

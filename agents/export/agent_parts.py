@@ -81,7 +81,8 @@ _FIXED_FRAME = {
 }
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "LIDAR_BEAM", "DIAL", "SUPERVISOR_STATE", "HELD",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "LIDAR_BEAM", "DIAL",
+    "SUPERVISOR_STATE", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
 

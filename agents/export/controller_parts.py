@@ -241,9 +241,10 @@ def note_lidar(parts: Parts, lidar: Lidar, apart: bool = False) -> None:
     """
     lidar = replace(lidar, apart=apart)
     if lidar.n_readings > MOST_LIDAR_POINTS:
+        what = "beams over all gates" if apart else "gates"
         raise ValueError(
-            f"a lidar to be exported must have at most {MOST_LIDAR_POINTS} gates, or beams apart of all gates, for which "
-            f"the Bladed interface has records, got {lidar.n_readings}"
+            f"a lidar to be exported must have at most {MOST_LIDAR_POINTS} {what}, for which the Bladed interface has "
+            f"records, got {lidar.n_readings}"
         )
     parts.groups.add("lidar")
     parts.lidar = lidar

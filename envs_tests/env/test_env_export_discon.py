@@ -81,7 +81,8 @@ AGENTS = {
     }),
     "beams apart": ("SAC", torch.nn.ReLU, {
         "pitch": "collective", "action_components": ["pitch"], "controller": "discon", "history": 2,
-        "observation": ["rotor", "lidar_2_3", "lidar_1_1", "lidar_1_5"], "lidar": Lidar((30.0, 150.0), 0.3, 5, apart=True),
+        "observation": ["rotor", "lidar_2_3", "lidar_1_1", "lidar_1_5"],
+        "lidar": Lidar((30.0, 150.0), 0.3, 5, apart=True),
     }),
     "beams apart on preview, counter-clockwise": ("PPO", torch.nn.Tanh, {
         "pitch": "fixed-frame", "action_components": ["pitch"], "controller": "lidar:fade=False", "sensor_delay": 0.2,

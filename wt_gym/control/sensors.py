@@ -301,7 +301,7 @@ class Lidar:
 
     @lru_cache(maxsize=4)  # noqa: B019 - a lidar is small, and the nacelle seldom yaws
     def _beams(self, yaw: float, height: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Points that are measured [m], shape (n_ranges, n_beams, 3), and minus the beams over how many are averaged."""
+        """Points that are measured [m], shape (n_ranges, n_beams, 3), and minus the beams over those in a mean."""
         side = self._side
         ahead = np.array([-math.cos(yaw), -math.sin(yaw), 0.0])
         across = np.array([-math.sin(yaw), math.cos(yaw), 0.0])

@@ -380,12 +380,12 @@ class Observable:
         return channels
 
     def _lidar_channels(self) -> list[Observed]:
-        """A channel for each gate, or for each of its beams; beams count in the sense of rotation, hence all are even."""
+        """A channel for each gate or beam; beams count in the sense of rotation, hence all are even."""
         lidar = self._lidar
         texts = [f"wind {distance:.0f} m ahead, mean over the beams of a cone" for distance in lidar.ranges]
         if lidar.apart:
             texts = [
-                f"wind {distance:.0f} m ahead, beam of a cone at the azimuth of {360.0 * beam / lidar.n_beams:.0f} degrees"
+                f"wind {distance:.0f} m ahead, beam at an azimuth of {360.0 * beam / lidar.n_beams:.0f} degrees on a cone"
                 for distance in lidar.ranges
                 for beam in range(lidar.n_beams)
             ]

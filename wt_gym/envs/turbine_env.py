@@ -695,8 +695,8 @@ def _lidar(given: Lidar | None, controller: Controller | None) -> Lidar | None:
     # a controller that reads gates gets the means over the beams that an agent sees apart
     if given not in (of_controller, replace(of_controller, apart=True)):
         raise ValueError(
-            f"the base controller reads {of_controller}; lidar must be the same, the same with apart=True, or None, got "
-            f"{shown(given)}"
+            f"the base controller reads {of_controller}; lidar must be the same, the same with apart=True, or None, "
+            f"got {shown(given)}"
         )
     return given
 

@@ -58,8 +58,8 @@ class PointLidar(Lidar):
             )
         if self.apart and not self.whole:
             raise ValueError(
-                f"a lidar with its beams apart must have at most {MOST_POINTS} beams over all gates in OpenFAST, as many "
-                f"points as InflowWind reads; got {self.n_readings}"
+                f"a lidar in OpenFAST must have at most {MOST_POINTS} beams over all gates where they are apart, as many "
+                f"as the points that InflowWind reads; got {self.n_readings}"
             )
 
     @classmethod
@@ -96,7 +96,7 @@ class PointLidar(Lidar):
     def read(
         self, inflow: Inflow, time: float, yaw: float, height: float, rotation: str = "clockwise"
     ) -> NDArray[np.float64]:
-        """Measure: magnitude of the wind at each point, or its mean over the points of a gate, shape (n_readings,) [m/s].
+        """Measure: magnitude of the wind, of each beam or mean over the points of a gate, shape (n_readings,) [m/s].
 
         Parameters
         ----------

@@ -290,8 +290,8 @@ def _lidar(given: Lidar | bool, turbine: Turbine) -> Lidar | None:
         return None
     lidar = Lidar.for_rotor(turbine.rotor_diameter) if given is True else given
     if lidar.n_readings > MOST_LIDAR_POINTS:
+        what = "beams over all gates" if lidar.apart else "gates"
         raise ValueError(
-            f"a lidar on the Bladed interface must have at most {MOST_LIDAR_POINTS} gates, or beams apart of all gates, "
-            f"got {lidar.n_readings}"
+            f"a lidar on the Bladed interface must have at most {MOST_LIDAR_POINTS} {what}, got {lidar.n_readings}"
         )
     return lidar
