@@ -219,8 +219,8 @@ def _lidar_page(parts: Parts, library: str) -> list[str]:
         "A gate reads the mean over its points, times `lidar_speed_factor`: 1 over the cosine of the half angle where "
         "the records hold speeds along the beams.",
         *beams,
-        "", f"While a {what} has no point, or a point no speed, the pitch does not follow the wind ahead{rests}; the rest "
-        "of the controller continues.",
+        "", f"While a {what} has no point, or a point no speed, the pitch does not follow the wind ahead{rests}; "
+        "the rest of the controller continues.",
         "", "In wt_gym: `BladedController(turbine, library, lidar=Lidar(..., apart=True))`."
         if lidar.apart else f"In wt_gym: `bladed:{library}:lidar=True` for the lidar by the rotor's size, else "
         "`BladedController(turbine, library, lidar=Lidar(...))`.",

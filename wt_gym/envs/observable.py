@@ -385,7 +385,7 @@ class Observable:
         texts = [f"wind {distance:.0f} m ahead, mean over the beams of a cone" for distance in lidar.ranges]
         if lidar.apart:
             texts = [
-                f"wind {distance:.0f} m ahead, beam at an azimuth of {360.0 * beam / lidar.n_beams:.0f} degrees on a cone"
+                f"wind {distance:.0f} m ahead, beam at an azimuth of {360 * beam / lidar.n_beams:.0f} degrees on a cone"
                 for distance in lidar.ranges
                 for beam in range(lidar.n_beams)
             ]

@@ -58,8 +58,8 @@ class PointLidar(Lidar):
             )
         if self.apart and not self.whole:
             raise ValueError(
-                f"a lidar in OpenFAST must have at most {MOST_POINTS} beams over all gates where they are apart, as many "
-                f"as the points that InflowWind reads; got {self.n_readings}"
+                f"a lidar in OpenFAST must have at most {MOST_POINTS} beams over all gates where they are apart, as "
+                f"many as the points that InflowWind reads; got {self.n_readings}"
             )
 
     @classmethod
