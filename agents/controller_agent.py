@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections import deque
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -24,7 +25,8 @@ __all__ = ["ControllerAgent", "ObservedSignals"]
 class ObservedSignals:
     """The channels of the simulator that can be read from an observation, by name.
 
-    The azimuth comes from its sine and cosine; where only the mean of the blades is observed (collective pitch), each
+    The azimuth comes from its sine and cosine, a gate of a lidar as the mean of its beams where these are apart; where
+    only the mean of the blades is observed (collective pitch), each
     blade has it.
 
     Parameters
@@ -52,6 +54,9 @@ class ObservedSignals:
         else:
             stem, _, number = name.rpartition("_")
             candidates = [(name,), (stem,)] if number.isdigit() else [(name,)]
+            lidar = self.layout.lidar
+            if stem == "lidar" and lidar is not None and lidar.apart:
+                candidates = [tuple(f"{name}_{beam + 1}" for beam in range(lidar.n_beams))]
         for candidate in candidates:
             if all(channel in names for channel in candidate):
                 return candidate
@@ -62,7 +67,9 @@ class ObservedSignals:
 
     def __getitem__(self, name: str) -> float:
         values = [float(self.layout.observation.value(self.observation, channel)) for channel in self.source(name)]
-        return math.atan2(*values) % (2.0 * math.pi) if len(values) == 2 else values[0]
+        if name == "azimuth":
+            return math.atan2(*values) % (2.0 * math.pi)
+        return sum(values) / len(values)
 
 
 class ControllerAgent:
@@ -104,9 +111,10 @@ class ControllerAgent:
                 "others make it the base controller, controller=..."
             )
         lidar = lidar_of(self.controller)
-        if lidar is not None and lidar != layout.lidar:
+        if lidar is not None and layout.lidar not in (lidar, replace(lidar, apart=True)):
             raise ValueError(
-                f"the controller reads {lidar}, the observation has {layout.lidar}: give both the same, lidar=..."
+                f"the controller reads {lidar}, the observation has {layout.lidar}: give both the same, lidar=..., or "
+                "the observation the same with apart=True"
             )
         if "azimuth" in self.controller.channels and action.pitch != "individual":
             raise ValueError(f"pitch must be 'individual' for a controller of individual pitch, got {action.pitch!r}")

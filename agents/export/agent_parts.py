@@ -81,7 +81,8 @@ _FIXED_FRAME = {
 }
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "DIAL", "SUPERVISOR_STATE", "HELD",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "LIDAR_BEAM", "DIAL",
+    "SUPERVISOR_STATE", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
 
@@ -156,6 +157,9 @@ def _seen(channel: Any, layout: EnvLayout) -> Seen:
         return Seen("LINEAR_PITCH", _LINEAR[parted[1]], channel, LINEAR_READS)
     if parted := re.fullmatch(r"lidar_(\d+)", name):
         return Seen("LIDAR", int(parted[1]) - 1, channel, {"lidar", "nacelle_yaw"})
+    if re.fullmatch(r"lidar_\d+_\d+", name):
+        assert layout.lidar is not None  # what the channels are read by
+        return Seen("LIDAR_BEAM", layout.lidar.names.index(name), channel, {"lidar", "nacelle_yaw"})
     if parted := re.fullmatch(rf"dial_({'|'.join(DIAL_NAMES)})", name):
         return Seen("DIAL", DIAL_NAMES.index(parted[1]), channel, set())
     if parted := re.fullmatch(rf"state_({'|'.join(STATES)})", name):
@@ -269,7 +273,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
     reads = set().union(*(one.reads for one in seen))
     if "lidar" in reads:
         assert layout.lidar is not None  # what the channels are read by
-        note_lidar(parts, layout.lidar)
+        note_lidar(parts, layout.lidar, any(one.kind == "LIDAR_BEAM" for one in seen))
     if turning:
         reads |= {"azimuth", "rotor_speed"}
     if parts.constants["FADE_AGENT"] or torque:

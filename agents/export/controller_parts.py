@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -106,7 +106,7 @@ class Parts:
     linear : LinearPitch or None
         Arrays of linear optimal pitch.
     lidar : Lidar or None
-        That is read.
+        That is read, with its beams apart where an agent reads them.
     feedforward : LidarFeedforward or None
         That moves the collective pitch.
     supervisor : Supervisor or None
@@ -223,18 +223,28 @@ def _refused(part: object) -> ValueError:
     return ValueError(f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}")
 
 
-def note_lidar(parts: Parts, lidar: Lidar) -> None:
+def note_lidar(parts: Parts, lidar: Lidar, apart: bool = False) -> None:
     """Note the lidar that a controller or an agent reads.
+
+    Parameters
+    ----------
+    parts : Parts
+        Changed.
+    lidar : Lidar
+    apart : bool
+        Whether its beams are read apart.
 
     Raises
     ------
     ValueError
-        For more gates than the interface has records for.
+        For more gates, or beams apart, than the interface has records for.
     """
-    if len(lidar.ranges) > MOST_LIDAR_POINTS:
+    lidar = replace(lidar, apart=apart)
+    if lidar.n_readings > MOST_LIDAR_POINTS:
+        what = "beams over all gates" if apart else "gates"
         raise ValueError(
-            f"a lidar to be exported must have at most {MOST_LIDAR_POINTS} gates, for which the Bladed interface has "
-            f"records, got {len(lidar.ranges)}"
+            f"a lidar to be exported must have at most {MOST_LIDAR_POINTS} {what}, for which the Bladed interface has "
+            f"records, got {lidar.n_readings}"
         )
     parts.groups.add("lidar")
     parts.lidar = lidar

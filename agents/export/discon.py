@@ -199,6 +199,14 @@ def _lidar_page(parts: Parts, library: str) -> list[str]:
     lidar = parts.lidar
     assert lidar is not None
     ranges = ", ".join(f"{value:.4g}" for value in lidar.ranges)
+    what, rests, beams = "gate", "", []
+    if lidar.apart:
+        what, rests = "beam", ", the offsets of the agent return to zero"
+        beams = [
+            "", f"The agent reads the {lidar.n_beams} beam(s) of a gate apart: evenly spaced, the first one upward, "
+            "the others in the sense of rotation. A point belongs to the nearest beam of its gate, unless it is "
+            "farther from it than half of the way between two beams; a beam reads the mean over its points.",
+        ]  # fmt: skip
     return [
         "", "## Lidar", "", f"Gates {ranges} m ahead of the tower axis, made for {lidar.n_beams} beam(s) on a cone of "
         f"{math.degrees(lidar.half_angle):.3g}° half angle about a level axis at hub height.",
@@ -210,8 +218,10 @@ def _lidar_page(parts: Parts, library: str) -> list[str]:
         "heading of the nacelle (record 37); points farther than a fifth of the range from every gate are not read. "
         "A gate reads the mean over its points, times `lidar_speed_factor`: 1 over the cosine of the half angle where "
         "the records hold speeds along the beams.",
-        "", "While a gate has no point, or a point no speed, the pitch does not follow the wind ahead; the rest of the "
-        "controller continues.",
-        "", f"In wt_gym: `bladed:{library}:lidar=True` for the lidar by the rotor's size, else "
+        *beams,
+        "", f"While a {what} has no point, or a point no speed, the pitch does not follow the wind ahead{rests}; "
+        "the rest of the controller continues.",
+        "", "In wt_gym: `BladedController(turbine, library, lidar=Lidar(..., apart=True))`."
+        if lidar.apart else f"In wt_gym: `bladed:{library}:lidar=True` for the lidar by the rotor's size, else "
         "`BladedController(turbine, library, lidar=Lidar(...))`.",
     ]  # fmt: skip

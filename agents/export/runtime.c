@@ -66,6 +66,9 @@ struct readings {
 #if WITH_LIDAR
     double gate[N_GATES];
 #endif
+#if WITH_BEAMS
+    double beam[N_GATES * N_BEAMS];
+#endif
 };
 
 struct state {
@@ -1342,6 +1345,9 @@ static double observed(const struct parameters *p, const struct state *s, const 
 #if WITH_LIDAR
     case SEE_LIDAR: return r->gate[i];
 #endif
+#if WITH_BEAMS
+    case SEE_LIDAR_BEAM: return r->beam[i];
+#endif
 #if WITH_SUPERVISOR
     case SEE_SUPERVISOR_STATE: return s->supervisor.state == i;
     case SEE_SUPERVISOR_WIND: return s->supervisor.mean;
@@ -1651,12 +1657,32 @@ static void take_acceleration(const struct parameters *p, struct state *s) {
 #if WITH_LIDAR
 static const double LIDAR_TOLERANCE = 0.2; /* of a distance ahead of the tower axis, in ranges of the gate */
 
+#if WITH_BEAMS
+/* Number of the beam that a point in a gate belongs to, -1 of none: the nearest one, within half of the way to the next. */
+static int beam_of(double left, double up, double range) {
+    double least = BEAM_TOLERANCE * range;
+    int beam = -1;
+    for (int b = 0; b < N_BEAMS; b++) {
+        double away = hypot(left - BEAM_LEFT[b] * range, up - BEAM_UP[b] * range);
+        if (away <= least) {
+            least = away;
+            beam = b;
+        }
+    }
+    return beam;
+}
+#endif
+
 /* Each point belongs to the gate whose range is nearest to its distance ahead of the tower axis; means over the points of the
- * gates. Returns whether every gate has points, and each of them a speed. */
+ * gates, and of each beam where they are read apart. Returns whether every gate, or beam, has points, and each of them a speed. */
 static int read_lidar(const struct parameters *p, struct state *s, const float *swap) {
     const float *of_lidar = swap + LIDAR_SENSOR - 1, *points = swap + LIDAR_SPEEDS - 1;
     double sum[N_GATES] = {0.0}, yaw = s->raw[READ_NACELLE_YAW];
     int found[N_GATES] = {0}, n;
+#if WITH_BEAMS
+    double beam_sum[N_GATES * N_BEAMS] = {0.0};
+    int beam_found[N_GATES * N_BEAMS] = {0};
+#endif
     if (!(swap[128] >= LIDAR_SPEEDS)) return 0; /* the array ends before */
     if (!(of_lidar[1] >= 1.0f && of_lidar[2] >= 1.0f && of_lidar[1] * of_lidar[2] <= MOST_LIDAR_POINTS)) return 0;
     n = (int)lround(of_lidar[1]) * (int)lround(of_lidar[2]);
@@ -1671,10 +1697,26 @@ static int read_lidar(const struct parameters *p, struct state *s, const float *
         if (!(speed >= READINGS[READ_LIDAR].low && speed <= READINGS[READ_LIDAR].high)) return 0;
         sum[gate] += speed;
         found[gate]++;
+#if WITH_BEAMS
+        {
+            double left = cos(yaw) * points[2 * n + k] - sin(yaw) * points[n + k];
+            int beam = beam_of(left, points[3 * n + k] - HUB_HEIGHT, LIDAR_RANGES[gate]);
+            if (beam < 0) continue;
+            beam_sum[gate * N_BEAMS + beam] += speed;
+            beam_found[gate * N_BEAMS + beam]++;
+        }
+#endif
     }
+#if WITH_BEAMS
+    for (int k = 0; k < N_GATES * N_BEAMS; k++)
+        if (beam_found[k] == 0) return 0;
+#endif
     for (int g = 0; g < N_GATES; g++)
         if (found[g] == 0) return 0;
     for (int g = 0; g < N_GATES; g++) s->now.gate[g] = p->lidar_speed_factor * sum[g] / found[g];
+#if WITH_BEAMS
+    for (int k = 0; k < N_GATES * N_BEAMS; k++) s->now.beam[k] = p->lidar_speed_factor * beam_sum[k] / beam_found[k];
+#endif
     return 1;
 }
 #endif

@@ -26,12 +26,15 @@ if TYPE_CHECKING:
     from wt_gym.control import Lidar
     from wt_gym.control.controllers import LidarFeedforward
     from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.turbines import Turbine
 
 __all__ = ["c_source", "readings"]
 
 _MARK = "/* DATA */"
 _MAKER = "wt_gym "
 """First bytes of every checkpoint, whichever controller it belongs to."""
+_BESIDE = 0.2
+"""Of a range, from the only beam of a lidar, where a point still belongs to it."""
 _USERS = ("BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD", "SUPERVISOR")
 _ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW", "LINEAR_PITCH_ADDED")
 _DERATED = ("NOT_DERATED", "BY_SPEED", "BY_TORQUE", "BY_PITCH", "BY_ROTOR_ENERGY")
@@ -165,13 +168,23 @@ def _linear(linear: LinearPitch) -> list[str]:
     ]
 
 
-def _lidar(lidar: Lidar, feedforward: LidarFeedforward | None) -> list[str]:
-    """Gates of a lidar, and the steady pitch of a feed-forward."""
+def _lidar(lidar: Lidar, turbine: Turbine, feedforward: LidarFeedforward | None) -> list[str]:
+    """Gates of a lidar, its beams where they are apart, and the steady pitch of a feed-forward."""
     lines = [
         _enum([f"LIDAR_SENSOR = {LIDAR_SENSOR}", f"LIDAR_SPEEDS = {LIDAR_SPEEDS}",
                f"MOST_LIDAR_POINTS = {MOST_LIDAR_POINTS}", f"N_GATES = {len(lidar.ranges)}"]),
         _array("double", "LIDAR_RANGES", lidar.ranges),
     ]  # fmt: skip
+    if lidar.apart:
+        left, up = lidar.sides(turbine.rotation)
+        # half of the way between neighbors; a beam alone has none
+        beside = math.tan(lidar.half_angle) * math.sin(math.pi / lidar.n_beams) if lidar.n_beams > 1 else _BESIDE
+        lines += [
+            _enum([f"N_BEAMS = {lidar.n_beams}"]),
+            _array("double", "BEAM_LEFT", left),
+            _array("double", "BEAM_UP", up),
+            f"static const double BEAM_TOLERANCE = {_number(beside)}, HUB_HEIGHT = {_number(turbine.hub_height)};",
+        ]
     if feedforward is not None:
         # way of the air from the farthest gate to where the filter takes it, over the way between two readings
         way = max(lidar.ranges) + FASTEST_LIDAR_WIND * LONGEST_LIDAR_DELAY
@@ -234,6 +247,7 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
         "N_DIAL": len(DIAL_NAMES),
         "WITH_LINEAR": int(parts.linear is not None),
         "WITH_LIDAR": int(parts.lidar is not None),
+        "WITH_BEAMS": int(parts.lidar is not None and parts.lidar.apart),
         "WITH_FEEDFORWARD": int(parts.feedforward is not None),
         "WITH_GUARD": int("guard" in parts.groups),
         "WITH_SUPERVISOR": int("supervisor" in parts.groups),
@@ -272,7 +286,7 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
     if parts.linear is not None:
         lines += _linear(parts.linear)
     if parts.lidar is not None:
-        lines += _lidar(parts.lidar, parts.feedforward)
+        lines += _lidar(parts.lidar, parts.turbine, parts.feedforward)
     if network is not None and seen is not None:
         lines += [_enum(_FORMS), _enum(_ACTIVATIONS), *_agent(network, seen)]
     runtime = Path(__file__).with_name("runtime.c").read_text(encoding="utf-8")

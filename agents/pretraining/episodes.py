@@ -168,10 +168,12 @@ def check_environment(env: WindTurbineEnv) -> None:
             "effect of the agent's offsets off what is measured"
         )
     names = env.layout.observation.names
-    if foreign := [name for name in names if not name.startswith(("disturbance_", "linear_pitch_", "dial_"))]:
+    # a lidar reads the wind without the rotor's induction, from a nacelle that no action turns
+    independent = ("disturbance_", "linear_pitch_", "lidar_", "dial_")
+    if foreign := [name for name in names if not name.startswith(independent)]:
         raise ValueError(
-            "pretraining needs observations that do not depend on the actions: observation=['disturbances'], "
-            f"with a dial ['disturbances', 'dial'], got "
+            "pretraining needs observations that do not depend on the actions: observation=['disturbances'], with a "
+            "lidar ['disturbances', 'lidar'], with a dial ['disturbances', 'dial'], got "
             f"{', '.join(foreign[:5])}"
         )
     if env.operation.count != 1:

@@ -79,6 +79,16 @@ AGENTS = {
         "pitch": "collective", "action_components": ["pitch"], "controller": "discon", "history": 2,
         "observation": ["rotor", "lidar"], "lidar": Lidar((80.0, 150.0), 0.3, 5),
     }),
+    "beams apart": ("SAC", torch.nn.ReLU, {
+        "pitch": "collective", "action_components": ["pitch"], "controller": "discon", "history": 2,
+        "observation": ["rotor", "lidar_2_3", "lidar_1_1", "lidar_1_5"],
+        "lidar": Lidar((30.0, 150.0), 0.3, 5, apart=True),
+    }),
+    "beams apart on preview, counter-clockwise": ("PPO", torch.nn.Tanh, {
+        "pitch": "fixed-frame", "action_components": ["pitch"], "controller": "lidar:fade=False", "sensor_delay": 0.2,
+        "site": {"rotation": "counter-clockwise"},
+        "observation": ["rotor", "offsets", "lidar"], "lidar": Lidar((63.0, 126.0, 189.0), apart=True),
+    }),
     "dial": ("PPO", torch.nn.Tanh, {
         "pitch": "fixed-frame", "action_components": ["pitch"], "controller": "discon",
         "observation": ["rotor", "offsets", "dial"], "dial_weights": {"fatigue": 3.0, "travel": 0.5},
@@ -144,8 +154,8 @@ def fly_both(env, agent, library, parameters, duration, held=(), **options):
     def seen(instant):
         """What the lidar sees, in single precision."""
         found = look(instant)
-        names = {f"lidar_{k + 1}": value for k, value in enumerate(found.tolist())}
-        write_lidar(swap, names | {"yaw": instant[1]}, lidar.ranges, env.turbine.hub_height)
+        names = dict(zip(lidar.names, found.tolist(), strict=True))
+        write_lidar(swap, names | {"yaw": instant[1]}, lidar, env.turbine.hub_height, env.turbine.rotation)
         return found.astype(np.float32).astype(float)
 
     if lidar is not None:

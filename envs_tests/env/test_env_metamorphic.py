@@ -536,6 +536,20 @@ def test_every_observation_of_a_mirrored_world(pitch):
             )
 
 
+@pytest.mark.parametrize("sensors", ["agent", "all"])
+def test_beams_of_a_lidar_in_a_mirrored_world(sensors):
+    """Left and right beams change places, and count in the sense of rotation: each channel sees the same, noise too."""
+    envs = mirrored_envs(
+        "wt_gym/NREL5MW-Turbulent-v1", action_mode="residual", controller="lidar", observation=("lidar",),
+        lidar={"ranges": [63.0, 126.0, 189.0], "apart": True}, sensors=sensors, sensor_noise=1.0, start="steady",
+        **WIND,
+    )  # fmt: skip
+    size = envs[0].action_space.shape[0]
+    first, second = mirrored_courses(envs, (Waves(size), Mirrored(Waves(size), envs[1].unwrapped.layout)), lidar=True)
+    assert np.abs(first.observations[:, 1] - first.observations[:, 3]).max() > 0.05
+    assert_mirrored(envs, first, second)
+
+
 def test_disturbances_of_a_mirrored_world():
     """What linear optimal pitch knows, and offsets as actions."""
     envs = mirrored_envs(

@@ -177,7 +177,7 @@ def test_a_lidar_looks_once_for_observation_and_controller(monkeypatch):
     env.reset(seed=0)
     looks, read = [], Lidar.read
 
-    def looked(lidar, inflow, time, yaw, height):
+    def looked(lidar, inflow, time, yaw, height, rotation):
         looks.append(time)
         return read(lidar, inflow, time, yaw, height)
 

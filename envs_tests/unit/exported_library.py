@@ -34,7 +34,7 @@ class Exported:
         """Take readings and give them back as the library has them: in single precision."""
         write_readings(self.swap, signals, self.turbine.n_blades)
         if self.lidar is not None:
-            write_lidar(self.swap, signals, self.lidar.ranges, self.turbine.hub_height)
+            write_lidar(self.swap, signals, self.lidar, self.turbine.hub_height, self.turbine.rotation)
         return as_read(self.swap, self.turbine.n_blades)
 
     def call(self, time, interval, status=None):

@@ -296,6 +296,14 @@ PITCH_OFFSETS = [
 ]
 
 
+def test_a_lidar_is_seen_by_no_action():
+    seen = {"observation": ["disturbances", "lidar"], "lidar": {"ranges": [30.0, 60.0], "apart": True}}
+    env = gym.make("wt_gym/LoadReduction-v2", **(ARGUMENTS | seen)).unwrapped
+    assert "lidar_2_4" in env.layout.observation.names
+    check_environment(env)
+    env.close()
+
+
 @pytest.mark.parametrize("env_id", PITCH_OFFSETS)
 def test_pretraining_brings_the_arguments_that_it_needs(env_id):
     config = TrainingConfig(env_id=env_id, pretraining={}, total_steps=0, env_kwargs={"wind_speed": 15.0})

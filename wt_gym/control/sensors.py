@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.angles import wrapped
+from wt_gym.fields import later_field
 from wt_gym.wind.protocol import velocity_ahead
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.wind import Inflow
 
@@ -189,7 +190,10 @@ class Lidar:
     """A lidar on the nacelle: what the wind will be, by beams on a cone about the shaft.
 
     At each range the reading is the mean over the beams of the speed along the beam, divided by the cosine of the
-    cone's half angle: the wind along the axis, if it is uniform. A point is measured, no volume; the wind is without
+    cone's half angle: the wind along the axis, if it is uniform. With the beams apart there is one reading for each
+    range and beam, without the mean: their differences forecast what the wind does to the tilt and yaw moments of the
+    rotor. Ranges may be near for this, a quarter of a rotor diameter or less: what differs from beam to beam is
+    smaller than the rotor, and loses its coherence on a longer way. A point is measured, no volume; the wind is without
     the rotor's induction. Turbulence that is seen is not quite what arrives: it changes on its way
     (`wt_gym.wind.evolution`). The cone has its tip on the tower axis at hub height and a level
     axis that yaws with the nacelle: no overhang, no tilt of the shaft, no motion of the tower. Nothing keeps a beam
@@ -206,17 +210,22 @@ class Lidar:
         Evenly spaced, the first one upward.
     frozen : bool
         True: turbulence arrives as it is seen (Taylor's hypothesis).
+    apart : bool
+        True: a reading for each range and beam. Beams count in the sense in which the rotor turns, as the azimuth does:
+        of four beams on a rotor that turns clockwise the second one looks to the right, seen looking downwind.
 
     Raises
     ------
     ValueError
-        For ranges that are not positive, an angle outside [0, 80 degrees] or no beam.
+        For ranges that are not positive, an angle outside [0, 80 degrees], no beam, or several beams apart that all
+        lie on the axis.
     """
 
     ranges: tuple[float, ...]
     half_angle: float = math.radians(15.0)
     n_beams: int = 4
     frozen: bool = False
+    apart: bool = later_field(False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", tuple(map(float, self.ranges)))
@@ -227,32 +236,90 @@ class Lidar:
                 f"a lidar needs a half angle of 0 to 80 degrees and a beam, got {self.half_angle!r} rad and "
                 f"{self.n_beams!r} beams"
             )
-        if not isinstance(self.frozen, bool):
-            raise ValueError(f"frozen must be True or False, got {self.frozen!r}")
+        for name in ("frozen", "apart"):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"{name} must be True or False, got {getattr(self, name)!r}")
+        if self.apart and self.n_beams > 1 and self.half_angle == 0.0:
+            raise ValueError(
+                f"half_angle must be above 0 for beams apart, got 0.0 rad: all {self.n_beams} beams would see the same"
+            )
 
     @classmethod
     def for_rotor(cls, diameter: float) -> Lidar:
-        """Ranges of a half, one and one and a half rotor diameters [m]."""
+        """Ranges of a half, one and one and a half rotor diameters [m].
+
+        They are for preview of the mean wind over the rotor. For tilt and yaw moments, which pitch can follow within
+        seconds, a nearer range is of use too, such as 0.25 diameters, with the beams apart.
+        """
         return cls((0.5 * diameter, diameter, 1.5 * diameter))
+
+    @property
+    def n_readings(self) -> int:
+        """Numbers that a look gives."""
+        return len(self.ranges) * self.n_beams if self.apart else len(self.ranges)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the readings: ``lidar_2`` of the second gate, ``lidar_2_3`` of its third beam."""
+        gates = [f"lidar_{gate + 1}" for gate in range(len(self.ranges))]
+        if not self.apart:
+            return tuple(gates)
+        return tuple(f"{gate}_{beam + 1}" for gate in gates for beam in range(self.n_beams))
+
+    def gate_means(self, readings: ArrayLike) -> NDArray[np.float64]:
+        """Mean over the beams of each gate, shape (n_ranges,), of readings in their order [m/s]."""
+        of_gates: NDArray[np.float64] = np.asarray(readings, dtype=np.float64).reshape(len(self.ranges), -1)
+        return of_gates.mean(axis=1)
 
     @cached_property
     def _side(self) -> NDArray[np.float64]:
-        """Way of the beams off the axis, level and upward, per way along it, shape (2, n_beams)."""
+        """Way of the beams off the axis, to the left and upward, per way along it, shape (2, n_beams)."""
         angle = 2.0 * math.pi * np.arange(self.n_beams) / self.n_beams
-        return math.tan(self.half_angle) * np.array([np.sin(angle), np.cos(angle)])
+        # a mean is the same in either sense but for its rounding, which recorded numbers have
+        turn = -1.0 if self.apart else 1.0
+        return math.tan(self.half_angle) * np.array([turn * np.sin(angle), np.cos(angle)])
+
+    def sides(self, rotation: str = "clockwise") -> NDArray[np.float64]:
+        """Way of the beams off the axis per way along it, to the left seen looking downwind, and upward.
+
+        Parameters
+        ----------
+        rotation : {"clockwise", "counter-clockwise"}
+            Of the rotor, by which beams apart are counted.
+
+        Returns
+        -------
+        numpy.ndarray, shape (2, n_beams)
+            [-]
+        """
+        return self._side[:, self._beam_order(rotation)]
+
+    def _beam_order(self, rotation: str) -> NDArray[np.int64]:
+        """Places of the beams in the order in which a rotor of this rotation counts them."""
+        order = np.arange(self.n_beams)
+        return -order % self.n_beams if self.apart and rotation != "clockwise" else order
 
     @lru_cache(maxsize=4)  # noqa: B019 - a lidar is small, and the nacelle seldom yaws
     def _beams(self, yaw: float, height: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Points that are measured [m], shape (n_ranges, n_beams, 3), and minus the beams over all of them."""
+        """Points that are measured [m], shape (n_ranges, n_beams, 3), and minus the beams over those in a mean."""
         side = self._side
         ahead = np.array([-math.cos(yaw), -math.sin(yaw), 0.0])
         across = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
         beams = ahead + side[0][:, None] * across + side[1][:, None] * np.array([0.0, 0.0, 1.0])
         points = np.multiply.outer(np.asarray(self.ranges), beams) + np.array([0.0, 0.0, height])
         points.setflags(write=False)
-        return points, (beams / -self.n_beams).ravel()
+        return points, (beams / -(1 if self.apart else self.n_beams)).ravel()
 
-    def read(self, inflow: Inflow, time: float, yaw: float, height: float) -> NDArray[np.float64]:
+    def places(self, yaw: float, height: float, rotation: str = "clockwise") -> NDArray[np.float64]:
+        """Points that are measured, from the foot of the tower, shape (n_ranges, n_beams, 3) [m].
+
+        Parameters as of `read`.
+        """
+        return self._beams(yaw, height)[0][:, self._beam_order(rotation)]
+
+    def read(
+        self, inflow: Inflow, time: float, yaw: float, height: float, rotation: str = "clockwise"
+    ) -> NDArray[np.float64]:
         """Measure.
 
         Parameters
@@ -264,11 +331,13 @@ class Lidar:
             Of the nacelle [rad].
         height : float
             Of the hub [m].
+        rotation : {"clockwise", "counter-clockwise"}
+            Of the rotor, by which beams apart are counted.
 
         Returns
         -------
-        numpy.ndarray, shape (n_ranges,)
-            [m/s]
+        numpy.ndarray, shape (n_readings,)
+            Gate by gate, and beam by beam where they are apart [m/s].
         """
         points, weights = self._beams(yaw, height)
         if self.frozen:
@@ -276,4 +345,7 @@ class Lidar:
         else:
             velocity = velocity_ahead(inflow, points, time, self.ranges)
         # the speed along a beam over the cosine is the product with a beam that is one long along the shaft
-        return velocity.reshape(len(points), -1) @ weights
+        if not self.apart:
+            return velocity.reshape(len(points), -1) @ weights
+        along: NDArray[np.float64] = np.add.reduce(velocity.reshape(points.shape) * weights.reshape(-1, 3), axis=-1)
+        return along[:, self._beam_order(rotation)].ravel()

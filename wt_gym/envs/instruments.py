@@ -51,7 +51,7 @@ class InstrumentTable:
         Channel of the observation by the name of the signal that it reads, "wind_speed" and the means of the blades
         (``root_flap_moment_mean``) among them (`wt_gym.envs.observable.Observable.of_signals`).
     lidar_noise : float
-        Of a gate [m/s].
+        Of a reading of the lidar [m/s].
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class InstrumentTable:
         Standard deviations at level 1, in the units of the signals, with the sign of an image for a rotor that turns
         counter-clockwise.
     wind_noise, lidar_noise : float
-        Of the anemometer and of a gate [m/s].
+        Of the anemometer and of a reading of the lidar [m/s].
     """
 
     def __init__(self, turbine: Turbine, channels: Mapping[str, Channel], lidar_noise: float):
@@ -111,8 +111,8 @@ class Instruments:
         Readings by which they are late.
     shifts : mapping
         See `InstrumentTable.offsets`.
-    n_gates : int
-        Of the lidar.
+    n_seen : int
+        Readings of the lidar.
     seed : int
         Of the noise.
 
@@ -130,7 +130,7 @@ class Instruments:
     instant: tuple[float, float]
 
     def __init__(
-        self, table: InstrumentTable, level: float, delay: int, shifts: Mapping[str, float], n_gates: int, seed: int
+        self, table: InstrumentTable, level: float, delay: int, shifts: Mapping[str, float], n_seen: int, seed: int
     ):
         self._table, self._level = table, level
         self.offset, self._wind_offset = table.offsets(shifts)
@@ -138,7 +138,7 @@ class Instruments:
         self._turns = level > 0.0 or self._shifted
         self._late: deque[NDArray[np.float64]] = deque(maxlen=delay + 1)
         self._rng = np.random.default_rng(seed)
-        self._of_lidar = np.zeros(n_gates)
+        self._of_lidar = np.zeros(n_seen)
 
     def take(self, signals: Signals) -> Signals:
         """Read once; before there are readings late enough, the first one stands for them."""
@@ -168,6 +168,6 @@ class Instruments:
         return self.readings
 
     def seen(self, look: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the lidar gives for what it has looked at, gate by gate [m/s]."""
+        """What the lidar gives for what it has looked at, in the order of its readings [m/s]."""
         out: NDArray[np.float64] = look + self._of_lidar
         return out

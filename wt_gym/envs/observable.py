@@ -380,11 +380,20 @@ class Observable:
         return channels
 
     def _lidar_channels(self) -> list[Observed]:
+        """A channel for each gate or beam; beams count in the sense of rotation, hence all are even."""
+        lidar = self._lidar
+        texts = [f"wind {distance:.0f} m ahead, mean over the beams of a cone" for distance in lidar.ranges]
+        if lidar.apart:
+            texts = [
+                f"wind {distance:.0f} m ahead, beam at an azimuth of {360 * beam / lidar.n_beams:.0f} degrees on a cone"
+                for distance in lidar.ranges
+                for beam in range(lidar.n_beams)
+            ]
+        row: tuple[Any, ...] = ("m/s", 12.0, 4.0, 0.0, 60.0, readers.lidar_noise(lidar))
         return [
-            self._computed(EVEN, readers.lidar, f"lidar_{k + 1}", "m/s", 12.0, 4.0, 0.0, 60.0, readers.LIDAR_NOISE,
-                           f"wind {distance:.0f} m ahead, mean over the beams of a cone", index=k, needs="lidar")
-            for k, distance in enumerate(self._lidar.ranges)
-        ]  # fmt: skip
+            self._computed(EVEN, readers.lidar, name, *row, text, index=k, needs="lidar")
+            for k, (name, text) in enumerate(zip(lidar.names, texts, strict=True))
+        ]
 
     def _dead_band(self) -> list[Observed]:
         if self._yaw_drive is None or not self._action.needs_controller:

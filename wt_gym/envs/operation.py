@@ -243,9 +243,7 @@ class Operation:
             elif biased:
                 signals = self.measured(signals)
             if controller is not None:
-                read: Readings = (
-                    WithLidar(signals, self.seen() if together else self.ahead(signals)) if sees else signals
-                )
+                read: Readings = self._with_lidar(signals, together) if sees else signals
                 if reference is not None:
                     read = WithDemandedPower(read, reference.at(signals["time"]), reference)
                 self.base = checked_demand(controller.step(read, dt), controller, n_blades)
@@ -327,8 +325,13 @@ class Operation:
 
     def _looked(self, instant: tuple[float, float]) -> np.ndarray:
         if self._look is None or self._look[0] != instant:
-            self._look = instant, self.lidar.read(self.wind.inflow, *instant, self.turbine.hub_height)
+            where = self.turbine.hub_height, self.turbine.rotation
+            self._look = instant, self.lidar.read(self.wind.inflow, *instant, *where)
         return self._look[1]
+
+    def _with_lidar(self, signals: Signals, together: bool) -> WithLidar:
+        """Signals and what the lidar gives a controller with them."""
+        return WithLidar(signals, self.seen() if together else self.ahead(signals), self.lidar)
 
     def _read_by(self, controller: Controller) -> Readings:
         """What a controller reads at the present instant: signals, what its lidar sees, what is asked for."""
@@ -336,7 +339,7 @@ class Operation:
         signals = self.readings() if together else self.measured(self.signals)
         read: Readings = signals
         if lidar_of(controller) is not None:
-            read = WithLidar(signals, self.seen() if together else self.ahead(signals))
+            read = self._with_lidar(signals, together)
         reference = self.reference
         return read if reference is None else WithDemandedPower(read, reference.at(signals["time"]), reference)
 

@@ -13,7 +13,7 @@ from wt_gym.control import NacelleAnemometer
 from wt_gym.control.coleman import to_fixed_frame
 
 if TYPE_CHECKING:
-    from wt_gym.control import AgentSetpoint, Channel, Demand
+    from wt_gym.control import AgentSetpoint, Channel, Demand, Lidar
     from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.control.controllers.wind_estimator import WindEstimator
     from wt_gym.control.controllers.yaw import YawByDeadBand
@@ -30,10 +30,20 @@ __all__ = [
     "Quantity",
     "Reader",
     "Sensors",
+    "lidar_noise",
 ]
 
 LIDAR_NOISE = 0.1
-"""Of a gate of a lidar, at level 1 [m/s]."""
+"""Of the mean over the beams of a gate of a lidar, at level 1 [m/s]."""
+
+
+def lidar_noise(lidar: Lidar) -> float:
+    """Noise of a reading of a lidar at level 1 [m/s].
+
+    That of a beam apart is so much larger that the mean over the beams of a gate, whose noises are independent, has
+    `LIDAR_NOISE`.
+    """
+    return LIDAR_NOISE * math.sqrt(lidar.n_beams) if lidar.apart else LIDAR_NOISE
 
 
 @dataclass(frozen=True)
@@ -51,7 +61,7 @@ class ObservationContext:
         Of the base controller.
     action : numpy.ndarray, shape (n_act,)
         That led here.
-    lidar : numpy.ndarray, shape (n_ranges,), optional
+    lidar : numpy.ndarray, shape (n_readings,), optional
         By the lidar, for an observer that `wt_gym.envs.observations.Observer.sees_lidar` [m/s].
     residual : ResidualPitch, optional
         What residual pitch passes.
@@ -124,7 +134,7 @@ class Sensors:
 
 
 Quantity: TypeAlias = Callable[[Sensors, ObservationContext, int], float]
-"""Reads a quantity of sensors and situation; the number is that of a blade, component or gate."""
+"""Reads a quantity of sensors and situation; the number is that of a blade, component or reading of the lidar."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +175,7 @@ class Computed:
     function : callable
         Takes sensors, situation and the index; stands at the top level of a module, so that an observer can be pickled.
     index : int
-        Blade, component or gate, from 0.
+        Blade, component or reading of the lidar, from 0.
     needs : {"", "lidar", "estimator", "disturbances"}
         What must be there for it.
     """
@@ -213,7 +223,7 @@ def previous_action(sensors: Sensors, context: ObservationContext, k: int) -> fl
 
 
 def lidar(sensors: Sensors, context: ObservationContext, k: int) -> float:
-    """Wind in a gate of the lidar [m/s]."""
+    """Reading of the lidar [m/s]."""
     return float(context.lidar[k])  # type: ignore[index]
 
 

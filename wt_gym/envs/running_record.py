@@ -143,13 +143,13 @@ class StartRecorder:
         names = dict.fromkeys((*_NEEDED, *controller.channels))
         known = _table(turbine.n_blades)
         lidar = lidar_of(controller)
-        self.n_gates = 0 if lidar is None else len(lidar.ranges)
-        # the gates of a lidar are among the names that a controller reads, and no signals
+        self.lidar_names = () if lidar is None else lidar.names
+        # the readings of a lidar are among the names that a controller reads, and no signals
         places = [np.atleast_1d(known[name]) for name in names if not name.startswith("lidar_")]
         self.places = np.unique(np.concatenate(places)).astype(int)
         self.time_scale = _time_scale(turbine)
         n_means = sum(_width(name, turbine.n_blades) for name in AVERAGED)
-        counts = len(self.places), 4, 3, n_means, turbine.n_blades, 1, self.n_gates, 2
+        counts = len(self.places), 4, 3, n_means, turbine.n_blades, 1, len(self.lidar_names), 2
         ends = np.cumsum(counts).tolist()
         parts = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
         self.columns = RowLayout._make([*parts, slice(ends[-1], None)])
@@ -181,7 +181,7 @@ class StartRecorder:
         point = starting_point(turbine, inflow)
         signals = simulator.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
         demand = Demand(np.array(signals.pitch), 0.0, signals.generator_torque)
-        readings = readings_of(controller, signals, inflow, turbine.hub_height)
+        readings = readings_of(controller, signals, inflow, turbine.hub_height, turbine.rotation)
         controller.start(readings, demand)
         dt = simulator.time_step
         settling, recorded = (
@@ -199,7 +199,7 @@ class StartRecorder:
                     if len(rows) >= before and (len(rows) - before) % spacing == 0:
                         memories.append(memory_of(controller))
                     wind = rotor_wind(inflow, turbine, 0.0, signals["time"])
-                    seen = [readings[f"lidar_{gate + 1}"] for gate in range(self.n_gates)]
+                    seen = [readings[name] for name in self.lidar_names]
                     y, s = simulator.coupling.integrator.state, simulator.structure
                     turning = y[s.azimuth_q] % (2.0 * math.pi), y[s.system.n_q + s.azimuth_u]
                     kept = [signals.values[self.places], simulator.tower_top(), wind, means, demand.pitch]
@@ -208,7 +208,7 @@ class StartRecorder:
                 demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
                 torque = demand.generator_torque if turbine.drivetrain.takes_torque else 0.0
                 signals = simulator.advance(dt, demand.pitch, 0.0, torque)
-                readings = readings_of(controller, signals, inflow, turbine.hub_height)
+                readings = readings_of(controller, signals, inflow, turbine.hub_height, turbine.rotation)
         except SimulationError as error:
             _log.warning("%s does not run in %s (%s): no start is taken of it", turbine.name, inflow, error)
             return None

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers import WithLidar
+from wt_gym.control.controllers import WithLidar, lidar_of
 from wt_gym.control.controllers.memory import Memory, remember
 from wt_gym.simulation import Signals
 
 if TYPE_CHECKING:
+    from wt_gym.control import Lidar
     from wt_gym.control.controllers import Controller, Readings
 
 __all__ = ["ControllerHistory", "Start", "Trail", "steady_start"]
@@ -46,8 +47,8 @@ class ControllerHistory:
         Demanded [rad].
     torque : numpy.ndarray, shape (n_times,)
         Demanded [N m].
-    lidar : numpy.ndarray, shape (n_times, n_gates)
-        [m/s].
+    lidar : numpy.ndarray, shape (n_times, n_readings)
+        Readings of the controller's lidar [m/s].
     dt : float
         Between the times [s].
     memory : Memory
@@ -66,14 +67,15 @@ class ControllerHistory:
 
     def feed(self, controller: Controller) -> None:
         """Let a controller read, after which it has the form to remember what it would after a longer time."""
-        controller.start(self._readings(0), Demand(self.pitch[0], 0.0, float(self.torque[0])))
+        lidar = lidar_of(controller)
+        controller.start(self._readings(0, lidar), Demand(self.pitch[0], 0.0, float(self.torque[0])))
         for k in range(len(self.signals)):
-            controller.step(self._readings(k), self.dt)
+            controller.step(self._readings(k, lidar), self.dt)
         remember(controller, self.memory, self.changing)
 
-    def _readings(self, k: int) -> Readings:
+    def _readings(self, k: int, lidar: Lidar | None) -> Readings:
         signals = Signals(self.signals[k], self.pitch.shape[1])
-        return WithLidar(signals, self.lidar[k]) if self.lidar.shape[1] else signals
+        return WithLidar(signals, self.lidar[k], lidar) if self.lidar.shape[1] else signals
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
@@ -689,11 +690,15 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 def _lidar(given: Lidar | None, controller: Controller | None) -> Lidar | None:
     """The lidar of the observation: that of the base controller, if it has one."""
     of_controller = None if controller is None else lidar_of(controller)
-    if given is not None and of_controller is not None and given != of_controller:
+    if given is None or of_controller is None:
+        return given or of_controller
+    # a controller that reads gates gets the means over the beams that an agent sees apart
+    if given not in (of_controller, replace(of_controller, apart=True)):
         raise ValueError(
-            f"the base controller reads {of_controller}; lidar must be the same or None, got {shown(given)}"
+            f"the base controller reads {of_controller}; lidar must be the same, the same with apart=True, or None, "
+            f"got {shown(given)}"
         )
-    return given or of_controller
+    return given
 
 
 def turbine_env_of(env: gym.Env[Any, Any]) -> WindTurbineEnv:

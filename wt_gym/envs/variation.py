@@ -24,7 +24,7 @@ from wt_gym.envs.observable import Observable
 from wt_gym.envs.options.observations import MOST_READINGS
 from wt_gym.envs.options.variation import CHOICES, HELD_BACK, NO_SENSOR, PRESETS, RANGES, STRUCTURAL, TRAIN, Variation
 from wt_gym.envs.pitch_gain import PitchGain
-from wt_gym.envs.readers import LIDAR_NOISE
+from wt_gym.envs.readers import lidar_noise
 from wt_gym.envs.varied_turbine import varied_turbine
 from wt_gym.errors import ActionError, InflowError
 from wt_gym.simulation.drivetrain.faults import SensorBias
@@ -181,7 +181,7 @@ class VariationDraws:
     ):
         self._variation, self._turbine, self._step, self.everyone = variation, turbine, step, everyone
         self.plants = Plants(turbine, variation)
-        self._n_gates = len(lidar.ranges)
+        self._n_seen = lidar.n_readings
         for name in variation.dead_sensor or ():
             if name != NO_SENSOR:
                 try:
@@ -194,7 +194,7 @@ class VariationDraws:
             raise ValueError(f"sensor_delay must be 0 to {MOST_READINGS} steps of the simulator, got {self._delay}")
         self._reads = everyone or any(name.startswith("sensor_") for name in variation.varies)
         channels = Observable(turbine, action, lidar).of_signals() if self._reads else {}
-        self._table = InstrumentTable(turbine, channels, LIDAR_NOISE) if self._reads else None
+        self._table = InstrumentTable(turbine, channels, lidar_noise(lidar)) if self._reads else None
         self._rng = np.random.default_rng(_STREAM)
 
     def seed(self, seed: int, numbered: bool = False) -> None:
@@ -244,7 +244,7 @@ class VariationDraws:
         delay = round(values["sensor_delay"] / self._step) if "sensor_delay" in values else self._delay
         if level == 0.0 and delay == 0 and not any(shifts.values()):
             return None
-        return Instruments(self._table, level, delay, shifts, self._n_gates, drawn.noise_seed)
+        return Instruments(self._table, level, delay, shifts, self._n_seen, drawn.noise_seed)
 
 
 def check_winds(variation: Variation, wind: WindOptions) -> None:

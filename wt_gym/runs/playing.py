@@ -217,15 +217,16 @@ def run_controller(
         point = starting_point(simulator.turbine, simulator.inflow)
         start = {"rotor_speed": point.rotor_speed if rotor_speed is None else rotor_speed, "pitch": point.pitch}
     signals = simulator.reset(**start)
-    inflow, height, n_blades = simulator.inflow, simulator.turbine.hub_height, simulator.turbine.n_blades
+    inflow, n_blades = simulator.inflow, simulator.turbine.n_blades
+    where = simulator.turbine.hub_height, simulator.turbine.rotation
     controller.start(
-        readings_of(controller, signals, inflow, height), Demand(np.array(signals.pitch), 0.0, signals.generator_torque)
+        readings_of(controller, signals, inflow, *where), Demand(np.array(signals.pitch), 0.0, signals.generator_torque)
     )
     recorder = Recorder(simulator) if recorder is None else recorder
     recorder.attributes |= {"controller": name, "control_interval_s": dt}
     recorder.append(signals)
     for _ in range(round(duration / dt)):
-        demand = controller.step(readings_of(controller, signals, inflow, height), dt)
+        demand = controller.step(readings_of(controller, signals, inflow, *where), dt)
         demand = checked_demand(demand, controller, n_blades)
         signals = simulator.advance(
             dt, pitch=demand.pitch, yaw_rate=demand.yaw_rate, generator_torque=demand.generator_torque

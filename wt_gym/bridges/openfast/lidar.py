@@ -40,13 +40,13 @@ class PointLidar(Lidar):
 
     Parameters
     ----------
-    ranges, half_angle, n_beams, frozen
+    ranges, half_angle, n_beams, frozen, apart
         As of `wt_gym.control.Lidar`; the wind does not change on its way in any case.
 
     Raises
     ------
     ValueError
-        For more than five gates.
+        For more than five gates, or more than five beams apart.
     """
 
     def __post_init__(self) -> None:
@@ -56,11 +56,16 @@ class PointLidar(Lidar):
                 f"a lidar in OpenFAST must have at most {MOST_POINTS} gates, as many points as InflowWind reads; got "
                 f"{len(self.ranges)}"
             )
+        if self.apart and not self.whole:
+            raise ValueError(
+                f"a lidar in OpenFAST must have at most {MOST_POINTS} beams over all gates where they are apart, as "
+                f"many as the points that InflowWind reads; got {self.n_readings}"
+            )
 
     @classmethod
     def of(cls, lidar: Lidar) -> PointLidar:
         """What InflowWind can read of a lidar."""
-        return cls(lidar.ranges, lidar.half_angle, lidar.n_beams, lidar.frozen)
+        return cls(lidar.ranges, lidar.half_angle, lidar.n_beams, lidar.frozen, lidar.apart)
 
     @property
     def whole(self) -> bool:
@@ -83,12 +88,15 @@ class PointLidar(Lidar):
             if not self.whole and count == 2 and gate % 2:
                 angle = angle + 0.5 * math.pi
             aside = 0.0 if count == 1 and not self.whole else spread
-            row = (np.full(count, -1.0), aside * np.sin(angle), aside * np.cos(angle))
+            level, up = self.sides() if self.apart else (aside * np.sin(angle), aside * np.cos(angle))
+            row = (np.full(count, -1.0), level, up)
             places.append((distance * np.array(row).T).round(_DIGITS) + 0.0)
         return tuple(places)
 
-    def read(self, inflow: Inflow, time: float, yaw: float, height: float) -> NDArray[np.float64]:
-        """Measure: mean magnitude of the wind at the points of each gate, shape (n_ranges,) [m/s].
+    def read(
+        self, inflow: Inflow, time: float, yaw: float, height: float, rotation: str = "clockwise"
+    ) -> NDArray[np.float64]:
+        """Measure: magnitude of the wind, of each beam or mean over the points of a gate, shape (n_readings,) [m/s].
 
         Parameters
         ----------
@@ -99,9 +107,14 @@ class PointLidar(Lidar):
             Of the nacelle, with which these points do not turn [rad].
         height : float
             Of the hub [m].
+        rotation : {"clockwise", "counter-clockwise"}
+            Of the rotor, by which beams apart are counted.
         """
         velocity = np.asarray(inflow.velocity(self.points + np.array([0.0, 0.0, height]), time))
         speeds, ends = np.linalg.norm(velocity, axis=-1), np.cumsum([len(places) for places in self._by_gate])
+        if self.apart:
+            by_gate: NDArray[np.float64] = speeds.reshape(len(self.ranges), self.n_beams)
+            return by_gate[:, self._beam_order(rotation)].ravel()
         return np.array([part.mean() for part in np.split(speeds, ends[:-1])])
 
     def inputs(self, hub: tuple[float, float, float], height: float, interval: float) -> dict[str, object]:

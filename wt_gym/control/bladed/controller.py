@@ -130,9 +130,8 @@ class BladedController:
         check_library(self.library, function)
         self.lidar = _lidar(lidar, turbine)
         """What `wt_gym.control.controllers.lidar_of` finds."""
-        n_gates = 0 if self.lidar is None else len(self.lidar.ranges)
-        self.channels = channels_read(turbine.n_blades, n_gates)
-        self._read = np.concatenate([_READ, lidar_indices(n_gates)])
+        self.channels = channels_read(turbine.n_blades, self.lidar)
+        self._read = np.concatenate([_READ, lidar_indices(self.lidar)])
         self._kept = np.concatenate([self._read, _DEMANDS])  # what is noted of a call
         self._loaded: Library | None = None
         self._swap = new_swap()
@@ -213,7 +212,7 @@ class BladedController:
         """Write the readings of an instant."""
         write_readings(self._swap, signals, self.turbine.n_blades)
         if self.lidar is not None:
-            write_lidar(self._swap, signals, self.lidar.ranges, self.turbine.hub_height)
+            write_lidar(self._swap, signals, self.lidar, self.turbine.hub_height, self.turbine.rotation)
 
     def _count(self, elapsed: float) -> int:
         """Calls in an interval of the controller."""
@@ -285,13 +284,14 @@ def _lidar(given: Lidar | bool, turbine: Turbine) -> Lidar | None:
     Raises
     ------
     ValueError
-        For more gates than there are records for.
+        For more points than there are records for.
     """
     if given is False:
         return None
     lidar = Lidar.for_rotor(turbine.rotor_diameter) if given is True else given
-    if len(lidar.ranges) > MOST_LIDAR_POINTS:
+    if lidar.n_readings > MOST_LIDAR_POINTS:
+        what = "beams over all gates" if lidar.apart else "gates"
         raise ValueError(
-            f"a lidar on the Bladed interface must have at most {MOST_LIDAR_POINTS} gates, got {len(lidar.ranges)}"
+            f"a lidar on the Bladed interface must have at most {MOST_LIDAR_POINTS} {what}, got {lidar.n_readings}"
         )
     return lidar

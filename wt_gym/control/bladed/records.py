@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
+    from wt_gym.control.sensors import Lidar
     from wt_gym.turbines import Turbine
 
 __all__ = [
@@ -116,11 +117,11 @@ RECORDS = (
     Record((110,), "N", "simulation", "axial force in the low-speed shaft"),
     Record((129,), "-", "turbine", "length of the array"),
     Record((2001,), "-", "lidar", "kind of lidar, 3: pulsed"),
-    Record((2002, 2003), "-", "lidar", "1 beam, n gates"),
+    Record((2002, 2003), "-", "lidar", "1 beam, n gates; beams apart: their number, and that of the gates"),
     Record(
         (2005,), "m/s", "lidar",
         "wind along the axis, mean over the beams of a cone, in n records, one a gate; from 2005 + n on x, y and z of "
-        "the gates on the axis [m], n records each",
+        "the gates on the axis [m], n records each; beams apart: n points, gate by gate, each where its beam is",
     ),
 )  # fmt: skip
 """Records that are exchanged; every other one is zero."""
@@ -136,17 +137,18 @@ _SINGLE = (
 _ACCELERATIONS = ("nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side")
 
 
-def channels_read(n_blades: int, n_gates: int = 0) -> tuple[str, ...]:
-    """Channels behind the readings of a turbine with so many blades, and of a lidar with so many gates."""
+def channels_read(n_blades: int, lidar: Lidar | None = None) -> tuple[str, ...]:
+    """Channels behind the readings of a turbine with so many blades, and of a lidar."""
     per_blade = ("pitch", "root_flap_moment", "root_edge_moment")
     blades = [f"{name}_{b}" for name in per_blade for b in range(1, n_blades + 1)]
-    gates = [f"lidar_{k + 1}" for k in range(n_gates)]
-    return ("time", "wind_x", "wind_y", *_ACCELERATIONS, *(name for _, name in _SINGLE), *blades, *gates)
+    seen = () if lidar is None else lidar.names
+    return ("time", "wind_x", "wind_y", *_ACCELERATIONS, *(name for _, name in _SINGLE), *blades, *seen)
 
 
-def lidar_indices(n_gates: int) -> np.ndarray:
-    """Indices of the records of a lidar with so many gates; none without a lidar."""
-    return np.arange(LIDAR_SENSOR - 1, LIDAR_SPEEDS - 1 + 4 * n_gates if n_gates else LIDAR_SENSOR - 1)
+def lidar_indices(lidar: Lidar | None) -> np.ndarray:
+    """Indices of the records of a lidar; none without one."""
+    first = LIDAR_SENSOR - 1
+    return np.arange(first, first if lidar is None else LIDAR_SPEEDS - 1 + 4 * lidar.n_readings)
 
 
 def new_swap() -> np.ndarray:
@@ -210,26 +212,32 @@ def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:
         swap[_IN_PLANE[b] - 1] = flap * s + edge * c
 
 
-def write_lidar(swap: np.ndarray, signals: Readings, ranges: Sequence[float], hub_height: float) -> None:
-    """Write what a lidar sees: one beam along the axis with a gate at each range.
+def write_lidar(
+    swap: np.ndarray, signals: Readings, lidar: Lidar, hub_height: float, rotation: str = "clockwise"
+) -> None:
+    """Write what a lidar sees: one beam along the axis with a gate at each range, or each beam apart.
 
     Parameters
     ----------
     swap : numpy.ndarray, shape (`SIZE`,), float32
     signals : Readings
-        With ``yaw`` and ``lidar_1`` ….
-    ranges : sequence of float
-        Of the gates ahead of the tower axis [m].
+        With ``yaw`` and the names of the lidar's readings.
+    lidar : Lidar
     hub_height : float
         [m].
+    rotation : {"clockwise", "counter-clockwise"}
+        Of the rotor, by which beams apart are counted.
     """
-    n, yaw, first = len(ranges), signals["yaw"], LIDAR_SPEEDS - 1
-    swap[LIDAR_SENSOR - 1 : first] = _PULSED, 1.0, n, 0.0
-    ahead = np.asarray(ranges)
-    swap[first : first + n] = [signals[f"lidar_{k + 1}"] for k in range(n)]
-    swap[first + n : first + 2 * n] = -ahead * math.cos(yaw)
-    swap[first + 2 * n : first + 3 * n] = -ahead * math.sin(yaw)
-    swap[first + 3 * n : first + 4 * n] = hub_height
+    n, yaw, first = lidar.n_readings, signals["yaw"], LIDAR_SPEEDS - 1
+    beams = lidar.n_beams if lidar.apart else 1
+    swap[LIDAR_SENSOR - 1 : first] = _PULSED, beams, len(lidar.ranges), 0.0
+    swap[first : first + n] = [signals[name] for name in lidar.names]
+    if lidar.apart:
+        places = lidar.places(yaw, hub_height, rotation).reshape(n, 3).T
+    else:
+        ahead = np.asarray(lidar.ranges)
+        places = -ahead * math.cos(yaw), -ahead * math.sin(yaw), np.full(n, hub_height)
+    swap[first + n : first + 4 * n] = np.concatenate(places)
 
 
 def write_demand(swap: np.ndarray, demand: Demand) -> None:

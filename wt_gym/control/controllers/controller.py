@@ -134,13 +134,30 @@ def _gates(count: int) -> tuple[str, ...]:
 
 
 class WithLidar:
-    """Signals, and what a lidar sees as ``lidar_1`` … by gate [m/s]."""
+    """Signals, and what a lidar sees as ``lidar_1`` … by gate [m/s].
+
+    Parameters
+    ----------
+    signals : Readings
+    seen : sequence of float
+        Readings of the lidar, gate by gate [m/s].
+    lidar : Lidar, optional
+        Whose readings they are. With its beams apart ``lidar_1_1`` … are the readings, and ``lidar_1`` … the means over
+        the beams of a gate.
+    """
 
     __slots__ = ("_seen", "_signals")
 
-    def __init__(self, signals: Readings, seen: Sequence[float] | NDArray[np.float64]) -> None:
+    def __init__(
+        self, signals: Readings, seen: Sequence[float] | NDArray[np.float64], lidar: Lidar | None = None
+    ) -> None:
         self._signals = signals
-        self._seen = dict(zip(_gates(len(seen)), map(float, seen), strict=True))
+        if lidar is None or not lidar.apart:
+            self._seen = dict(zip(_gates(len(seen)), map(float, seen), strict=True))
+        else:
+            means = lidar.gate_means(seen).tolist()
+            self._seen = dict(zip(_gates(len(means)), means, strict=True))
+            self._seen.update(zip(lidar.names, map(float, seen), strict=True))
 
     def __getitem__(self, name: str) -> float:
         seen = self._seen.get(name)
@@ -242,7 +259,9 @@ def lidar_of(controller: Controller) -> Lidar | None:
     return lidar if isinstance(lidar, Lidar) else None
 
 
-def readings_of(controller: Controller, signals: Signals, inflow: Inflow, hub_height: float) -> Readings:
+def readings_of(
+    controller: Controller, signals: Signals, inflow: Inflow, hub_height: float, rotation: str = "clockwise"
+) -> Readings:
     """What a controller gets to read: the signals, with those of its lidar if it has one.
 
     Parameters
@@ -254,11 +273,13 @@ def readings_of(controller: Controller, signals: Signals, inflow: Inflow, hub_he
     inflow : Inflow
     hub_height : float
         [m]
+    rotation : {"clockwise", "counter-clockwise"}
+        Of the rotor, by which beams apart are counted.
     """
     lidar = lidar_of(controller)
     if lidar is None:
         return signals
-    return WithLidar(signals, lidar.read(inflow, signals["time"], signals["yaw"], hub_height))
+    return WithLidar(signals, lidar.read(inflow, signals["time"], signals["yaw"], hub_height, rotation), lidar)
 
 
 def is_controller(candidate: object) -> TypeGuard[Controller]:

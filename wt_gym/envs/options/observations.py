@@ -75,8 +75,9 @@ class ObservationOptions(OptionGroup):
     )
     lidar: Lidar | None = option(
         "Lidar or mapping, optional",
-        'Ranges and cone of the group "lidar", a mapping has the arguments of `wt_gym.control.Lidar`; default: the '
-        "lidar that the base controller reads, if it does, else `wt_gym.control.Lidar.for_rotor`",
+        'Ranges and cone of the group "lidar", a mapping has the arguments of `wt_gym.control.Lidar`, with '
+        "``apart=True`` for a channel of each beam. Where the base controller reads a lidar, all else must be as "
+        "there; default: the lidar that the base controller reads, if it does, else `wt_gym.control.Lidar.for_rotor`",
         default=None,
     )
 
