@@ -268,8 +268,8 @@ class Lidar:
 
     def gate_means(self, readings: ArrayLike) -> NDArray[np.float64]:
         """Mean over the beams of each gate, shape (n_ranges,), of readings in their order [m/s]."""
-        of_gates: NDArray[np.float64] = np.asarray(readings, dtype=np.float64).reshape(len(self.ranges), -1)
-        return of_gates.mean(axis=1)
+        means: NDArray[np.float64] = np.asarray(readings, dtype=np.float64).reshape(len(self.ranges), -1).mean(axis=1)
+        return means
 
     @cached_property
     def _side(self) -> NDArray[np.float64]:

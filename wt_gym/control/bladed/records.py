@@ -236,7 +236,7 @@ def write_lidar(
         places = lidar.places(yaw, hub_height, rotation).reshape(n, 3).T
     else:
         ahead = np.asarray(lidar.ranges)
-        places = -ahead * math.cos(yaw), -ahead * math.sin(yaw), np.full(n, hub_height)
+        places = np.stack([-ahead * math.cos(yaw), -ahead * math.sin(yaw), np.full(n, hub_height)])
     swap[first + n : first + 4 * n] = np.concatenate(places)
 
 
