@@ -12,7 +12,7 @@ from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.results import Wind
 from wt_gym.commands.train import configuration, parse_arguments
 from wt_gym.envs.options.environment import registered_arguments
-from wt_gym.ids import present_id
+from wt_gym.ids import name_of, present_id
 
 FOLDERS = sorted(path.parent for path in (Path(wt_gym.agents.__file__).parent / "trained").glob("*/model.zip"))
 
@@ -26,6 +26,13 @@ def moves_blades(folder):
     return any(name.startswith("pitch") for name in TrainedAgent.load(folder).record["action"])
 
 
+def of_the_pitch():
+    """Agents that act by the pitch; a simulator of the IEA turbines takes minutes to compile and to start."""
+    for folder in filter(moves_blades, FOLDERS):
+        large = name_of(TrainedAgent.load(folder).record["config"]["env_id"]).startswith("IEA")
+        yield pytest.param(folder, id=folder.name, marks=[pytest.mark.slow] if large else [])
+
+
 def beside_its_baseline(folder, wind, duration, skip):
     """Metrics of the controller of an agent's task and of the agent, in a wind that it has not seen."""
     record = TrainedAgent.load(folder).record
@@ -36,7 +43,7 @@ def beside_its_baseline(folder, wind, duration, skip):
     return [run.metrics for run in evaluate({"baseline": baseline, "agent": str(folder)}, config).runs]
 
 
-@pytest.mark.parametrize("folder", list(filter(moves_blades, FOLDERS)), ids=lambda path: path.name)
+@pytest.mark.parametrize("folder", list(of_the_pitch()))
 def test_an_agent_of_the_pitch_spares_the_blades(folder):
     """A minute at 16 m/s; wt-gym evaluate measures the damage of ten minutes."""
     baseline, agent = beside_its_baseline(folder, Wind(16.0, 1013), 60.0, 10.0)
