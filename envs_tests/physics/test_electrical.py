@@ -113,9 +113,9 @@ BARE = replace(TURBINE, drivetrain=replace(DRIVE, damper=0.0))
 STIFF = replace(fidelity("training"), name="stiff", blade_coordinates="rigid", tower_coordinates="rigid")
 
 
-def swinging(turbine, dt, duration=4.0, pulse=1.5e3, faults=()):
+def swinging(turbine, dt, duration=4.0, pulse=1.5e3, faults=(), fidelity=STIFF):
     """Twist rate of the shaft [rad/s] and torque [N m] in steady wind, the torque raised during the first 0.1 s."""
-    simulator, point = Simulator(turbine, WIND, replace(STIFF, time_step=dt)), operating_point(TURBINE, 15.0)
+    simulator, point = Simulator(turbine, WIND, replace(fidelity, time_step=dt)), operating_point(TURBINE, 15.0)
     simulator.faults = faults
     simulator.reset(rotor_speed=point.rotor_speed, pitch=point.pitch)
     found, torque = [], simulator.signals["generator_torque"]
@@ -128,6 +128,17 @@ def swinging(turbine, dt, duration=4.0, pulse=1.5e3, faults=()):
 def pulsed(turbine, dt):
     """Twist rate of the shaft after the pulse [rad/s], less that without it."""
     return (swinging(turbine, dt)[0] - swinging(turbine, dt, pulse=0.0)[0])[round(0.2 / dt) :]
+
+
+def modes(twisting, dt, order):
+    """Frequency [Hz] and damping ratio of each vibration in a free response, by a matrix pencil, weak ones left out."""
+    n = len(twisting)
+    hankel = np.array([twisting[k : k + n // 2] for k in range(n - n // 2)])
+    _, size, vt = np.linalg.svd(hankel, full_matrices=False)
+    keep = min(order, int((size > 1e-3 * size[0]).sum()))
+    left, right = vt[:keep, :-1].T, vt[:keep, 1:].T
+    poles = np.log(np.linalg.eigvals(np.linalg.pinv(left) @ right).astype(complex)) / dt
+    return [(abs(pole) / (2.0 * math.pi), -pole.real / abs(pole)) for pole in poles if pole.imag > 0.0]
 
 
 def decay(twisting, dt):
@@ -184,6 +195,54 @@ def test_a_generator_that_is_lost_damps_nothing():
     for k in range(5):
         damped.follow(np.full(3, 0.1), 0.0, 20e3, 0.1, RATED * (1.0 + 0.01 * (-1) ** k))
         assert damped.torque(RATED) == 0.0
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_after_a_dip_the_demand_begins_again_where_it_was_cut(sign):
+    """Whatever the damper did at the cut, the torque that is asked for returns as without a damper, within a step."""
+    asked = []
+    for turbine, place in ((TURBINE, 0), (with_electrical(TURBINE, shaft_damping=0.2), 1)):
+        drives, clock = Drives(turbine), [0.0]
+        drives.fail([VoltageDip(0.5, 0.2, 0.15, 20.0)], lambda clock=clock: clock[0])
+        drives.start(0.1, 0.0, RATED, 40e3)
+        found = []
+        for k in range(20):
+            speed = RATED * (1.0 + (0.02 * sign * (-1) ** k if place else 0.0))
+            drives.follow(np.full(3, 0.1), 0.0, 40e3, 0.1, speed)
+            found.append(drives.generator_command[place])
+            clock[0] = 0.1 * (k + 1)
+        asked.append(found)
+    reach = 0.1 * DRIVE.max_torque_rate
+    np.testing.assert_allclose(asked[1][:5], asked[0][:5])
+    np.testing.assert_allclose(asked[1][7:], asked[0][7:], atol=reach)
+
+
+def test_a_generator_that_is_off_damps_nothing():
+    damped = Drives(with_electrical(TURBINE, shaft_damping=0.1))
+    damped.start(0.1, 0.0, RATED, 0.0)
+    for k in range(10):
+        damped.follow(np.full(3, 0.1), 0.0, 0.0, 0.1, RATED * (1.0 + 0.02 * (-1) ** k))
+        assert damped.torque(RATED) == 0.0
+
+
+def test_what_is_not_given_stays_as_the_turbine_has_it():
+    damped = with_electrical(TURBINE, shaft_damping=0.1)
+    both = with_electrical(damped, torque_lag=0.1)
+    assert both.drivetrain.shaft_damper == damped.drivetrain.shaft_damper
+    assert both.drivetrain.torque_lag == 0.1
+
+
+def test_in_the_model_that_trains_the_first_torsion_is_damped_and_the_second_not_excited():
+    """Blades that bend make 1.7 and 4 Hz of the 2.2 Hz of two rigid inertias."""
+    ratios = []
+    for damping in (0.0, 0.05):
+        flexible = replace(fidelity("training"), name="flexible", tower_coordinates="rigid")
+        own = BARE if damping == 0.0 else with_electrical(BARE, shaft_damping=damping)
+        twisting = swinging(own, 0.1, 8.0, fidelity=flexible)[0] - swinging(own, 0.1, 8.0, 0.0, fidelity=flexible)[0]
+        ratios.append(modes(twisting[2:], 0.1, 24))
+    for known, least in ((1.67, 0.03), (4.0, 0.0)):
+        free, damped = (next(z for f, z in found if abs(f / known - 1.0) < 0.06) for found in ratios)
+        assert damped - free > least
 
 
 def test_a_snapshot_holds_what_the_damper_remembers():

@@ -161,3 +161,19 @@ def test_an_agent_may_see_the_beams_of_a_controllers_lidar():
         ValueError, match=r"the base controller reads Lidar.* must be the same, the same with apart=True"
     ):
         gym.make(ID, **more, lidar=replace(lidar, n_beams=5))
+
+
+def test_a_lidar_along_the_axis_beneath_an_agent_needs_no_beams_apart():
+    """Its beams see the same: they cannot be apart, and nothing asks for it."""
+    axis = {"ranges": [120.0], "half_angle": 0.0}
+    env = gym.make(ID, controller="lidar", observation=("rotor", "lidar"), action_mode="residual", lidar=None)
+    own = env.unwrapped.layout.lidar
+    env.close()
+    given = gym.make(ID, observation=("rotor", "lidar"), lidar=axis)
+    assert given.unwrapped.layout.lidar == Lidar((120.0,), 0.0)
+    given.close()
+    with pytest.raises(ValueError, match=r"lidar must be the same, the same with apart=True"):
+        gym.make(
+            ID, controller="lidar", observation=("rotor", "lidar"), action_mode="residual",
+            lidar=replace(own, half_angle=0.0),
+        )  # fmt: skip

@@ -693,7 +693,7 @@ def _lidar(given: Lidar | None, controller: Controller | None) -> Lidar | None:
     if given is None or of_controller is None:
         return given or of_controller
     # a controller that reads gates gets the means over the beams that an agent sees apart
-    if given not in (of_controller, replace(of_controller, apart=True)):
+    if given != of_controller and replace(given, apart=False) != of_controller:
         raise ValueError(
             f"the base controller reads {of_controller}; lidar must be the same, the same with apart=True, or None, "
             f"got {shown(given)}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from functools import partial
 from os import PathLike
@@ -18,7 +17,7 @@ from wt_gym.multibody.errors import MultibodyError
 from wt_gym.simulation.channels import Signals, parities
 from wt_gym.simulation.compilation import announce_compilation, compile_once
 from wt_gym.simulation.compile_ahead import compile_ahead
-from wt_gym.simulation.drivetrain.drives import LONGEST_DAMPER_STEP, Drives, check_finite
+from wt_gym.simulation.drivetrain.drives import Drives, check_damper_step, check_finite
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.geometry import turbine_shapes
 from wt_gym.simulation.model.assembly import assemble
@@ -504,16 +503,9 @@ class Simulator:
 
 def _check_damper(turbine: Turbine, flexible: bool, time_step: float) -> None:
     """Refuse a damper of a shaft that does not twist, or twists too fast for the step."""
-    damper = turbine.drivetrain.shaft_damper
-    if damper is None:
-        return
-    if not flexible:
+    if turbine.drivetrain.shaft_damper is not None and not flexible:
         raise SimulationError(
             f"the shaft of {turbine.name!r} is rigid at this fidelity (Fidelity.stiffest_shaft); a shaft_damper must "
             "have a shaft that twists"
         )
-    if (angle := damper.frequency * time_step) > LONGEST_DAMPER_STEP:
-        raise SimulationError(
-            f"a shaft_damper must have an aerodynamic step of at most {LONGEST_DAMPER_STEP / damper.frequency:.3g} s "
-            f"at {damper.frequency / (2.0 * math.pi):.3g} Hz of the shaft, got {time_step:g} s ({angle:.3g} rad)"
-        )
+    check_damper_step(turbine.drivetrain, time_step)

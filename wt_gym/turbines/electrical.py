@@ -23,7 +23,7 @@ at rated operation; a generator without torque is off and has no losses.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.turbines.loss_shares import LONGEST_LAG, LossShares
 from wt_gym.turbines.shaft_damping import shaft_damper_of
@@ -69,18 +69,22 @@ def with_electrical(
     ----------
     turbine : Turbine
     torque_lag : float
-        tau [s].
+        tau [s]; 0: as the turbine has it.
     losses : LossShares, optional
+        By default as the turbine has them.
     shaft_damping : float
-        Damping ratio that the converter adds to the torsion of the shaft; 0: none [-].
+        Damping ratio that the converter adds to the torsion of the shaft; 0: as the turbine has it [-].
 
     Raises
     ------
     TurbineDefinitionError
         If a value is out of range, or the generator takes no torque.
     """
-    if torque_lag == 0.0 and losses is None and shaft_damping == 0.0:
-        return turbine
-    damper = shaft_damper_of(turbine, shaft_damping) if shaft_damping != 0.0 else None
-    drivetrain = replace(turbine.drivetrain, torque_lag=torque_lag, losses=losses, shaft_damper=damper)
-    return replace(turbine, drivetrain=drivetrain)
+    given: dict[str, Any] = {}
+    if torque_lag != 0.0:
+        given["torque_lag"] = torque_lag
+    if losses is not None:
+        given["losses"] = losses
+    if shaft_damping != 0.0:
+        given["shaft_damper"] = shaft_damper_of(turbine, shaft_damping)
+    return replace(turbine, drivetrain=replace(turbine.drivetrain, **given)) if given else turbine

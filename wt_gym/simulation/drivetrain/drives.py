@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
-from wt_gym.errors import ActionError
+from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation.drivetrain.drive_kernels import act
 from wt_gym.turbines import Drivetrain, PitchSystem
 
@@ -42,6 +42,7 @@ __all__ = [
     "TorqueCommand",
     "YawDrive",
     "available_torque",
+    "check_damper_step",
     "check_finite",
     "pitch_delay",
 ]
@@ -226,16 +227,13 @@ class GeneratorLaw(Law[float], Protocol):
         Of a damper that the structure holds between nacelle and rotor [N m s/rad, low-speed shaft]. It acts at every
         stage of the integration; held over an aerodynamic step instead, a strong one would drive a light hub unstable.
     held : bool
-        Whether the torque jumps to its command at the start of a step; else it goes there evenly within the step.
+        Whether the torque jumps to its command at the start of a step; else, and in a law without it, it goes there
+        evenly within the step.
     """
 
     @property
     def damping(self) -> float:
         """Of the damper between nacelle and rotor [N m s/rad, low-speed shaft]."""
-
-    @property
-    def held(self) -> bool:
-        """Whether the torque jumps to its command at the start of a step."""
 
     def balance(self, moment: float, speed: float) -> float:
         """The torque [N m, high-speed shaft] that comes closest to holding a moment of the air [N m, low-speed]."""
@@ -307,6 +305,22 @@ class LaggedTorque(TorqueCommand):
         super().follow(command, now - math.expm1(-dt / drivetrain.torque_lag) * (target - now), dt, speed)
 
 
+def check_damper_step(drivetrain: Drivetrain, time_step: float) -> None:
+    """Refuse a damper of the shaft whose torsion is too fast for a step of the simulator [s].
+
+    Raises
+    ------
+    SimulationError
+        With the longest step.
+    """
+    damper = drivetrain.shaft_damper
+    if damper is not None and (angle := damper.frequency * time_step) > LONGEST_DAMPER_STEP:
+        raise SimulationError(
+            f"a shaft_damper must have an aerodynamic step of at most {LONGEST_DAMPER_STEP / damper.frequency:.3g} s "
+            f"at {damper.frequency / (2.0 * math.pi):.3g} Hz of the shaft, got {time_step:g} s ({angle:.3g} rad)"
+        )
+
+
 @lru_cache(maxsize=32)
 def damper_weights(angle: float) -> tuple[float, float, float]:
     """Weights with which a damper that holds its torque over a step damps as a continuous one.
@@ -338,11 +352,13 @@ class DampingTorque:
     """A generator that damps the torsion of the shaft, on top of a law for the torque that is asked for.
 
     The converter adds c (Ω - mean) to the torque, c and the frequency of the torsion as in
-    `wt_gym.turbines.shaft_damping`, in samples of an aerodynamic step (`damper_weights`). The sum is within what the
-    generator can brake with; the greatest rate of the torque is that of demands and does not bind the converter.
+    `wt_gym.turbines.shaft_damper`, in samples of an aerodynamic step (`damper_weights`). The sum is within what the
+    generator can brake with; the greatest rate of the torque is that of demands and does not bind the converter. A
+    generator without a demand is off and damps nothing.
 
-    Its command is the torque that acts, the part of it that is for the shaft [N m, high-speed shaft], the low-passed
-    speed and the high-passed one a step ago [rad/s, low-speed shaft].
+    Its command is the torque that acts, the torque that is asked for, the sum of it and of the damping as it was set
+    [N m, high-speed shaft], the low-passed speed and the high-passed one a step ago [rad/s, low-speed shaft]. Where the
+    torque that acts is less than was set, a fault has cut it, and the demand begins again from there.
 
     Parameters
     ----------
@@ -357,27 +373,28 @@ class DampingTorque:
     held = True
 
     def first(self, value: float, speed: float) -> NDArray[np.float64]:
-        """Command (4,) at the start, for a torque [N m] and a rotor speed [rad/s]."""
-        return np.array([self.law.first(value, speed)[0], 0.0, speed, 0.0])
+        """Command (5,) at the start, for a torque [N m] and a rotor speed [rad/s]."""
+        torque = self.law.first(value, speed).item()
+        return np.array([torque, torque, torque, speed, 0.0])
 
     def balance(self, moment: float, speed: float) -> float:
         """See `TorqueCommand.balance`."""
         return self.law.balance(moment, speed)
 
     def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
-        """Move the command (4,) towards the demanded torque [N m] and against the torsion."""
+        """Move the command (5,) towards the demanded torque [N m] and against the torsion."""
         drivetrain, damper = self.drivetrain, self.drivetrain.shaft_damper
         assert damper is not None
-        asked = np.array([max(command[0] - command[1], 0.0)])
-        self.law.follow(asked, demand, dt, speed)
+        acts, asked, was_set, mean, passed_before = command.tolist()
+        moved = np.array([min(asked, acts) if acts < was_set else asked])
+        self.law.follow(moved, demand, dt, speed)
         now, before, kappa = damper_weights(damper.frequency * dt)
-        passed = speed - command.item(2)
-        moment = damper.coefficient * (now * passed + before * command.item(3))
-        torque = asked.item() + moment * drivetrain.gearbox_efficiency / drivetrain.gear_ratio
-        command[0] = min(max(torque, 0.0), available_torque(drivetrain, speed))
-        command[1] = command[0] - asked[0]
-        command[2] += kappa * passed
-        command[3] = passed
+        passed = speed - mean
+        moment = damper.coefficient * (now * passed + before * passed_before)
+        asked = moved.item()
+        damping = moment * drivetrain.gearbox_efficiency / drivetrain.gear_ratio if asked > 0.0 else 0.0
+        acts = min(max(asked + damping, 0.0), available_torque(drivetrain, speed))
+        command[:] = acts, asked, acts, mean + kappa * passed, passed
 
     def moment(self, command: NDArray[np.float64]) -> float:
         """See `TorqueCommand.moment`."""
@@ -557,7 +574,7 @@ class Drives:
             self._ideal_pitch, azimuth_u, first, inputs.dof_force, inputs.servo_command, inputs.servo_rate,
             inputs.servo_interval,
         )  # fmt: skip
-        if self.generator.held:
+        if getattr(self.generator, "held", False):
             inputs.dof_force[0, azimuth_u] = inputs.dof_force[1, azimuth_u]
 
     def torque(self, speed: float) -> float:

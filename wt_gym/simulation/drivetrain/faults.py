@@ -273,7 +273,8 @@ class VoltageDip(DriveFault):
     M_aero - N T, and its speed rises. A slow recovery ramps the active power up, which reduces the shock to the shaft.
     A step of the simulator that is longer than the dip feels its mean, so that the impulse is that of the dip.
 
-    The torque returns no faster than at the greatest rate of the generator.
+    The torque that is asked for returns no faster than at the greatest rate of the generator. What a converter adds
+    against the torsion of the shaft (`wt_gym.simulation.drivetrain.drives.DampingTorque`) is cut with it.
 
     Parameters
     ----------
@@ -397,7 +398,7 @@ class _GeneratorInPlace:
     @property
     def held(self) -> bool:
         """See `GeneratorLaw`."""
-        return self.law.held
+        return getattr(self.law, "held", False)
 
     def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """See `GeneratorLaw`."""
