@@ -248,8 +248,8 @@ class Lidar:
     def for_rotor(cls, diameter: float) -> Lidar:
         """Ranges of a half, one and one and a half rotor diameters [m].
 
-        They are for preview of the mean wind over the rotor. For tilt and yaw moments, which pitch can follow within
-        seconds, a nearer range is of use too, such as 0.25 diameters, with the beams apart.
+        They are for preview of the mean wind over the rotor; what makes tilt and yaw moments is smaller than the rotor,
+        and ranges for it have to be nearer.
         """
         return cls((0.5 * diameter, diameter, 1.5 * diameter))
 
