@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers import DisconController, make_controller
+from wt_gym.control.controllers import DisconController, lidar_of, make_controller
 from wt_gym.control.controllers.memory import Memory, memory_of, remember
 from wt_gym.envs import record_store, running_record
 from wt_gym.envs.running_record import Record, RecordingPlan, StartRecorder
@@ -127,7 +127,7 @@ def test_controller_continues_as_the_one_that_was_recorded(name):
     record.at(0).start(running, None, None)
     k = maker.times(run.step)[1]
     present = record._before(run.rows[: k + 1].astype(float), Memory(*(part[0] for part in record.memory)), 0.0)
-    demand, recorded = running.step(present._readings(k), run.step), run.rows[k + 1]
+    demand, recorded = running.step(present._readings(k, lidar_of(running)), run.step), run.rows[k + 1]
     assert np.ptp(demand.pitch) > np.radians(0.1)
     np.testing.assert_allclose(demand.pitch, recorded[maker.columns.pitch], atol=1e-6)
     assert demand.generator_torque == pytest.approx(recorded[maker.columns.torque.start], rel=1e-3)
