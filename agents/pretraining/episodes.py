@@ -19,6 +19,7 @@ from wt_gym.envs.options.environment import registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import SimulationError
 from wt_gym.runs.playing import play
+from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,6 +59,8 @@ class RecordedEpisode:
         In the sense of rotation [rad].
     rotor_speed : numpy.ndarray, shape (n + 1,)
         [rad/s].
+    lead : float
+        Time from an offset to the pitch, with the drives of the episode [s].
     """
 
     speed: float
@@ -72,6 +75,7 @@ class RecordedEpisode:
     power: NDArray[np.float64]
     azimuth: NDArray[np.float64]
     rotor_speed: NDArray[np.float64]
+    lead: float
 
     @property
     def steps(self) -> int:
@@ -100,6 +104,8 @@ class EpisodeJob:
         Under the controller of the id instead of the base controller: the published one, with the additions of a task.
     dial : tuple of float or None
         Factors of `wt_gym.envs.dial`, for the whole episode.
+    condition : str
+        Further arguments of the environment, as JSON; those of ``arguments`` have no faults.
     """
 
     env_id: str
@@ -110,6 +116,7 @@ class EpisodeJob:
     agent: Agent | None = None
     baseline: bool = False
     dial: tuple[float, ...] | None = None
+    condition: str = "{}"
 
 
 class PlayedActions:
@@ -185,9 +192,10 @@ def check_environment(env: WindTurbineEnv) -> None:
 
 
 @lru_cache(maxsize=4)
-def _environment(env_id: str, arguments: str, baseline: bool) -> gym.Env[Any, Any]:
+def _environment(env_id: str, arguments: str, baseline: bool, condition: str) -> gym.Env[Any, Any]:
     """Environment that a process keeps."""
     given: dict[str, Any] = json.loads(arguments) | {"relative_reward": False, "fault_kinds": None}
+    given |= json.loads(condition)
     if baseline:
         published = registered_arguments(env_id, {}).get("controller", BASELINE)
         given |= {"controller": published, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
@@ -197,14 +205,14 @@ def _environment(env_id: str, arguments: str, baseline: bool) -> gym.Env[Any, An
 
 
 def record_episode(job: EpisodeJob) -> RecordedEpisode:
-    """Play an episode in which nothing breaks and record it.
+    """Play an episode and record it.
 
     Raises
     ------
     wt_gym.errors.SimulationError
         If the episode ends early.
     """
-    env = _environment(job.env_id, job.arguments, job.baseline)
+    env = _environment(job.env_id, job.arguments, job.baseline, job.condition)
     plain = turbine_env_of(env)
     agent = _Watched(job.agent or ConstantAgent(plain.layout))
     demands: list[tuple[Demand, Demand]] = []
@@ -248,4 +256,5 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
         power=series("generator_power"),
         azimuth=azimuth,
         rotor_speed=speed,
+        lead=pitch_delay(plain.simulator.turbine.pitch, plain.control_dt),
     )

@@ -37,6 +37,8 @@ OUTPUTS = ("flap_mean", "flap_tilt", "flap_yaw", "tower_fore_aft", "tower_side_s
 """What impulse responses give [MN m, MW]."""
 
 _MEGA = 1e6
+_LOOPS = 2
+"""Picard iterations of the loop from offsets over observations to offsets."""
 _DIALED = {
     "blade_flap_del": "fatigue", "tower_fore_aft_del": "fatigue", "tower_side_side_del": "fatigue",
     "captured_power": "power", "pitch_duty_cycle": "travel",
@@ -68,18 +70,17 @@ class Plants:
     ----------
     speeds : sequence of float
         Rising [m/s].
-    responses : numpy.ndarray, shape (n, 6, 3, n_taps)
-        Of `OUTPUTS` to mean, tilt and yaw [MN m/rad, MW/rad]; entry l is what an offset does l + 1 steps later.
-    lead : float
-        Time from an offset to the pitch [s].
+    responses : numpy.ndarray, shape (n, n_out, 3, n_taps)
+        Of outputs to mean, tilt and yaw, per radian; entry l is what an offset does l + 1 steps later. Of `OUTPUTS`
+        [MN m/rad, MW/rad], or of what the agent sees.
     """
 
-    def __init__(self, speeds: tuple[float, ...], responses: NDArray[np.float64], lead: float) -> None:
-        self.speeds, self.responses, self.lead = speeds, responses, lead
+    def __init__(self, speeds: tuple[float, ...], responses: NDArray[np.float64]) -> None:
+        self.speeds, self.responses = speeds, responses
         self._spectra: dict[tuple[float, int], torch.Tensor] = {}
 
     def at(self, speed: float) -> NDArray[np.float64]:
-        """Responses at a mean wind (6, 3, n_taps), those of the nearest beyond the ends."""
+        """Responses at a mean wind (n_out, 3, n_taps), those of the nearest beyond the ends."""
         x = min(max(speed, self.speeds[0]), self.speeds[-1])
         k = min(int(np.searchsorted(self.speeds, x, side="right")) - 1, max(len(self.speeds) - 2, 0))
         if len(self.speeds) == 1:
@@ -89,7 +90,16 @@ class Plants:
         out: NDArray[np.float64] = (1.0 - w) * self.responses[k] + w * self.responses[k + 1]
         return out
 
-    def spectrum(self, speed: float, steps: int) -> torch.Tensor:
+    def respond(self, speed: float, offsets: torch.Tensor) -> torch.Tensor:
+        """Changes (n_out, n + 1) by offsets (3, n): sample k follows from the offsets 0 … k - 1."""
+        steps = offsets.shape[-1]
+        spectrum = self._spectrum(speed, steps)
+        size = 2 * (spectrum.shape[-1] - 1)
+        product = torch.einsum("ojf,jf->of", spectrum, torch.fft.rfft(offsets, n=size))
+        changed = torch.fft.irfft(product, n=size)[:, :steps]
+        return torch.cat([torch.zeros(len(changed), 1), changed], 1)
+
+    def _spectrum(self, speed: float, steps: int) -> torch.Tensor:
         """Transform of the responses for a convolution with so many samples, kept."""
         size = 1 << math.ceil(math.log2(steps + self.responses.shape[-1]))
         key = (round(speed, 1), size)
@@ -185,6 +195,9 @@ class LinearizedEpisode:
         Start that does not count [s].
     dial_at : sequence of int
         Places of the factors of a dial in an observation, in the order of `DIAL_NAMES`; none without a dial.
+    seen : Plants, optional
+        Responses of what the agent sees to its own offsets, where the model of the base controller does not hold; by
+        default there are none.
     """
 
     def __init__(
@@ -198,17 +211,17 @@ class LinearizedEpisode:
         rated_power: float,
         skip: float,
         dial_at: Sequence[int] = (),
+        seen: Plants | None = None,
     ) -> None:
-        self._dial_at = list(dial_at)
+        self._dial_at, self._plants, self._seen = list(dial_at), plants, seen
         self.speed, self.seed, self.steps, self._dt = episode.speed, episode.seed, episode.steps, episode.dt
         self._limits, self._baseline, self._full_rate = limits, baseline, full_rate
         self._skip = round(skip / episode.dt)
         self.observations = torch.from_numpy(episode.observations)
         self._share = torch.from_numpy(episode.share.astype(np.float32))
-        self._spectrum = plants.spectrum(episode.speed, episode.steps)
         n = len(episode.flap)
         of_blades = 2.0 * math.pi / n * np.arange(n)[:, None]
-        ahead = episode.azimuth[:-1] + plants.lead * episode.rotor_speed[:-1] + of_blades
+        ahead = episode.azimuth[:-1] + episode.lead * episode.rotor_speed[:-1] + of_blades
         still = episode.azimuth + of_blades
         self._pitch_cos, self._pitch_sin = tensor(np.cos(ahead)), tensor(np.sin(ahead))
         self._flap_cos, self._flap_sin = tensor(np.cos(still)), tensor(np.sin(still))
@@ -227,6 +240,9 @@ class LinearizedEpisode:
     ) -> torch.Tensor:
         """Offsets (3, n) of a policy [rad].
 
+        Where the agent sees its own offsets u, these solve u = pi(o + H * (u - u_recorded)); Picard iterations from the
+        recorded observations give them as far as the loop is weak.
+
         Parameters
         ----------
         actor : callable
@@ -241,15 +257,17 @@ class LinearizedEpisode:
         if dial is not None:
             seen = seen.clone()
             seen[:, self._dial_at] = torch.tensor([math.log2(factor) for factor in dial])
-        return self._limits.offsets(actor(seen), self._share, self._dt)
+        offsets = self._limits.offsets(actor(seen), self._share, self._dt)
+        if self._seen is not None:
+            for _ in range(_LOOPS):
+                back = self._seen.respond(self.speed, offsets - self._acted)[:, : self.steps].T
+                offsets = self._limits.offsets(actor(seen + back), self._share, self._dt)
+        return offsets
 
     def metrics(self, offsets: torch.Tensor, exponents: tuple[float, float]) -> dict[str, torch.Tensor]:
         """Metrics under offsets (3, n) [rad]; power is the recorded one less what the offsets take, never more."""
         more = offsets - self._acted
-        size = 2 * (self._spectrum.shape[-1] - 1)
-        product = torch.einsum("ojf,jf->of", self._spectrum, torch.fft.rfft(more, n=size))
-        changed = torch.zeros(len(OUTPUTS), self.steps + 1)
-        changed[:, 1:] = torch.fft.irfft(product, n=size)[:, : self.steps]
+        changed = self._plants.respond(self.speed, more)
         flap = self._flap + changed[0] + changed[1] * self._flap_cos + changed[2] * self._flap_sin
         moved = more[0] + more[1] * self._pitch_cos + more[2] * self._pitch_sin
         pitch = torch.cat([self._pitch[:, :1], self._pitch[:, 1:] + moved], 1)

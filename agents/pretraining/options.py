@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS
 from wt_gym.errors import did_you_mean
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+__all__ = ["CONDITION_ARGUMENTS", "PretrainingOptions", "pretraining_environment"]
 
-__all__ = ["PretrainingOptions", "pretraining_environment"]
+CONDITION_ARGUMENTS = ("variation", "sensors", "faults")
+"""Groups and arguments of the environment that a condition of a pretraining may have."""
+_CONDITION_NAMES = ("vary_", "sensors", "fault_")
 
 _ENVIRONMENT: dict[str, Any] = {
     "controller": "linear_optimal",
@@ -113,6 +115,9 @@ class PretrainingOptions:
         Of the identification, see `wt_gym.agents.linear_design.identification.identify`.
     first_wind_seed : int
         Seed of the first episode's turbulence; each episode has its own.
+    conditions : sequence of mapping
+        What of plant, sensors and drives is other than in the environment: its arguments ``variation``, ``sensors`` and
+        ``faults`` (`CONDITION_ARGUMENTS`). Episodes have them in turns, one that is listed twice has twice as many.
 
     Raises
     ------
@@ -138,6 +143,7 @@ class PretrainingOptions:
     ridge: float = 1e-3
     decay: float = 4.0
     first_wind_seed: int = 1
+    conditions: tuple[Mapping[str, Any], ...] = ({},)
 
     def __post_init__(self) -> None:
         least = {
@@ -152,11 +158,21 @@ class PretrainingOptions:
         for name, smallest in least.items():
             if getattr(self, name) < smallest:
                 raise ValueError(f"{name} must be at least {smallest}, got {getattr(self, name)!r}")
+        object.__setattr__(self, "conditions", tuple(_checked_condition(one) for one in self.conditions))
+        if not self.conditions:
+            raise ValueError("conditions must have at least one, {} for that of the environment; got none")
         for field in fields(self):
+            if field.name == "conditions":
+                continue
             if not math.isfinite(getattr(self, field.name)) or getattr(self, field.name) < 0:
                 raise ValueError(f"{field.name} must be finite and not negative, got {getattr(self, field.name)!r}")
         if self.held_out >= self.episodes:
             raise ValueError(f"held_out must be less than the {self.episodes} episodes, got {self.held_out}")
+        if len(self.conditions) > self.held_out:
+            raise ValueError(
+                f"held_out must be at least the number of conditions, {len(self.conditions)}, so that each has a part "
+                f"in the choice; got {self.held_out}"
+            )
         if not 0.0 < self.memory <= 0.5 * (self.duration - self.skip):
             raise ValueError(
                 f"memory must be positive and at most half of the counted time, {0.5 * (self.duration - self.skip):g} "
@@ -184,13 +200,48 @@ class PretrainingOptions:
             If a name is unknown or a value has no meaning.
         """
         kinds = {field.name: int if isinstance(field.default, int) else float for field in fields(cls)}
+        del kinds["conditions"]
+        given: dict[str, Any] = {}
         for name, value in values.items():
+            if name == "conditions":
+                if not isinstance(value, list | tuple):
+                    raise ValueError(f"conditions must be a list of mappings, got {value!r}")
+                given[name] = tuple(value)
+                continue
             if name not in kinds:
+                known = [*kinds, "conditions"]
                 raise ValueError(
-                    f"pretraining has no option {name!r}; must be of {', '.join(kinds)}{did_you_mean(name, kinds)}"
+                    f"pretraining has no option {name!r}; must be of {', '.join(known)}{did_you_mean(name, known)}"
                 )
             whole = isinstance(value, int) and not isinstance(value, bool)
             if not (whole or (kinds[name] is float and isinstance(value, float))):
                 raise ValueError(f"{name} must be a {'whole ' if kinds[name] is int else ''}number, got {value!r}")
-        given: dict[str, Any] = {name: kinds[name](value) for name, value in values.items()}
+            given[name] = kinds[name](value)
         return cls(**given)
+
+
+def _checked_condition(given: Any) -> dict[str, Any]:
+    """A condition, as arguments by their flat names.
+
+    Raises
+    ------
+    ValueError
+        If it is no mapping, or has arguments that no condition has.
+    """
+    # the configuration of a training is read without them
+    from wt_gym.envs.options import flat_arguments
+    from wt_gym.envs.options.variation import STRUCTURAL
+
+    if not isinstance(given, Mapping):
+        raise ValueError(f"each of conditions must be a mapping of arguments of the environment, got {given!r}")
+    flat = flat_arguments(given)
+    if foreign := [name for name in flat if not name.startswith(_CONDITION_NAMES)]:
+        raise ValueError(
+            f"each of conditions must have {', '.join(CONDITION_ARGUMENTS)} alone, got {', '.join(map(str, foreign))}"
+        )
+    for name in ("pitch_gain", "sensor_delay", *STRUCTURAL):
+        if isinstance(flat.get(f"vary_{name}"), list | tuple):
+            raise ValueError(
+                f"{name} of a condition must be one number, for its plant is identified; got {flat[f'vary_{name}']!r}"
+            )
+    return flat

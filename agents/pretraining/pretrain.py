@@ -11,8 +11,8 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import gymnasium as gym
 import numpy as np
@@ -43,11 +43,11 @@ from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
 from wt_gym.envs.dial import scaled
 from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from numpy.typing import NDArray
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     from wt_gym.agents.export.network import Network
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Round", "forecast_front", "pretrain"]
 
+_T = TypeVar("_T")
 _MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
 _JUDGED = 4
 """Factors of a dial with which each held-out wind is judged."""
@@ -79,6 +80,8 @@ class Round:
         The same in the winds of the optimization.
     iteration : int
         Of the optimizer, at which the held-out winds chose the policy.
+    conditions : list of (float, float)
+        Recorded and forecast cost in the held-out winds of each condition.
     seconds : float
         Of recording and optimization.
     """
@@ -87,7 +90,27 @@ class Round:
     forecast: float
     fitted: float
     iteration: int
-    seconds: float
+    conditions: list[tuple[float, float]] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Identified:
+    """A condition.
+
+    Attributes
+    ----------
+    plants : Plants
+        From offsets to loads.
+    seen : Plants or None
+        From offsets to what the agent sees; None in the condition of the environment, where there is no such effect.
+    explained : dict
+        Shares of unseen runs that the plants explain, by wind speed.
+    """
+
+    plants: Plants
+    seen: Plants | None
+    explained: dict[float, dict[str, float]]
 
 
 class _Deployed:
@@ -140,7 +163,7 @@ def pretrain(
     Returns
     -------
     dict
-        Record: options, shares that the plants explain, rounds; JSON values.
+        Record: options, shares that the plants explain by condition, rounds; JSON values.
 
     Raises
     ------
@@ -175,7 +198,7 @@ def pretrain(
             # few of many inputs: as strong together as the others, so that they bend the policy from the start
             size = math.sqrt((len(names) - len(dial_at)) / len(dial_at))
             policy.mlp_extractor.policy_net[0].weight[:, dial_at] *= size
-    (plants, explained, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
+    (identified, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
     high = plain.operation.action.pitch_high
     limits = Limits(float(high[0]), float(high[1]), plain.options.controller.residual_washout)
     torch.manual_seed(seed)
@@ -188,13 +211,17 @@ def pretrain(
             recorded = work.recorded(agent, number)
         made = [
             LinearizedEpisode(
-                one, actor, plants, limits, _between(baselines, one.speed), plain.turbine.pitch.max_rate,
-                plain.turbine.drivetrain.rated_power, options.skip, dial_at,
+                one, actor, of.plants, limits, _between(baselines, one.speed), plain.turbine.pitch.max_rate,
+                plain.turbine.drivetrain.rated_power, options.skip, dial_at, of.seen,
             )
-            for one in recorded
+            for one, of in zip(recorded, work.in_turns(identified), strict=True)
         ]  # fmt: skip
+        before = _costs(actor, made[: options.held_out])
         found = _optimized(actor, policy, made, options, rng, say, check, dials)
-        rounds.append(Round(*found, seconds=round(time.monotonic() - began, 1)))
+        after = _costs(actor, made[: options.held_out])
+        several = len(options.conditions)
+        of_each = [(float(np.mean(before[c::several])), float(np.mean(after[c::several]))) for c in range(several)]
+        rounds.append(Round(*found, conditions=of_each, seconds=round(time.monotonic() - began, 1)))
         say(
             f"round {number + 1} of {options.rounds}: held-out winds {100 * rounds[-1].recorded:+.2f} % of the cost as "
             f"recorded, {100 * rounds[-1].forecast:+.2f} % forecast"
@@ -202,7 +229,7 @@ def pretrain(
     env.close()
     record = {
         "options": asdict(options),
-        "explained": {f"{speed:g} m/s": shares for speed, shares in explained.items()},
+        "explained": [{f"{speed:g} m/s": shares for speed, shares in of.explained.items()} for of in identified],
         "rounds": [asdict(one) for one in rounds],
     }
     if dials is not None and rounds:
@@ -253,7 +280,7 @@ def _before_any_policy(
 ) -> tuple[Any, list[RecordedEpisode]]:
     """Plants, and episodes under the base controller alone."""
     told = {name: value for name, value in env_kwargs.items() if not name.startswith("dial_")}
-    key = (env_id, json.dumps(told, sort_keys=True), options)
+    key = (env_id, json.dumps(told, sort_keys=True), json.dumps(asdict(options), sort_keys=True))
     if key not in _untrained:
         _untrained.clear()
         _untrained[key] = work.identified(), work.recorded(None, 0)
@@ -285,58 +312,83 @@ class _Work:
         self._options, self._executor, self._speeds, self._say = options, executor, speeds, say
 
     def _record(self, jobs: Sequence[EpisodeJob], what: str) -> list[RecordedEpisode]:
-        """Episodes of jobs, in their order."""
+        """Episodes of jobs, in their order; those of a condition run one after the other, with one environment."""
         found: dict[int, RecordedEpisode] = {}
-        for (k, _), episode in self._executor.results(_numbered, list(enumerate(jobs))):
+        queue = sorted(enumerate(jobs), key=lambda job: job[1].condition)
+        for (k, _), episode in self._executor.results(_numbered, queue):
             found[k] = episode
             self._check()
             if len(found) % max(len(jobs) // 8, 1) == 0 or len(found) == len(jobs):
                 self._say(f"{what}: {len(found)} of {len(jobs)}")
         return [found[k] for k in range(len(jobs))]
 
-    def _job(self, speed: float, seed: int, **more: Any) -> EpisodeJob:
-        return EpisodeJob(self._id, self._arguments, speed, seed, self._options.duration, **more)
+    def _job(self, speed: float, seed: int, condition: Mapping[str, Any], **more: Any) -> EpisodeJob:
+        told = json.dumps(condition)
+        return EpisodeJob(self._id, self._arguments, speed, seed, self._options.duration, condition=told, **more)
 
-    def identified(self) -> tuple[Plants, dict[float, dict[str, float]], dict[float, dict[str, float]]]:
-        """Plants, shares that they explain in unseen runs, and metrics of the published controller, by wind speed."""
-        options, env = self._options, self._env
-        low, high = self._speeds
+    def in_turns(self, values: Sequence[_T]) -> list[_T]:
+        """What each episode of a round has of values by condition."""
+        return [values[k % len(values)] for k in range(self._options.episodes)]
+
+    def identified(self) -> tuple[list[_Identified], dict[float, dict[str, float]]]:
+        """Conditions, and metrics of the published controller in that of the environment, by wind speed."""
+        options, (low, high) = self._options, self._speeds
         count = options.plant_speeds if high > low else 1
         at = tuple(float(v) for v in np.linspace(low, high, count)) if count > 1 else (0.5 * (low + high),)
         first = options.first_wind_seed + options.episodes
         winds = [(v, first + i * options.excited + k) for i, v in enumerate(at) for k in range(options.excited)]
+        published = self._record([self._job(v, s, {}, baseline=True) for v, s in winds], "runs of the published one")
+        baselines = {}
+        for i, v in enumerate(at):
+            metrics = [self._published(run) for run in published[i * options.excited : (i + 1) * options.excited]]
+            baselines[v] = {name: float(np.mean([m[name] for m in metrics])) for name in metrics[0]}
+        found: dict[str, _Identified] = {}
+        for condition in options.conditions:
+            key = json.dumps(condition, sort_keys=True)
+            if key not in found:
+                found[key] = self._identified(at, winds, condition)
+        return [found[json.dumps(condition, sort_keys=True)] for condition in options.conditions], baselines
+
+    def _identified(
+        self, at: tuple[float, ...], winds: Sequence[tuple[float, int]], condition: Mapping[str, Any]
+    ) -> _Identified:
+        options, env = self._options, self._env
         steps = round(options.duration / env.control_dt)
         spans = env.operation.action.pitch_high
         drawn = [
             PlayedActions((Excitation().draw(steps, env.control_dt, seed) / spans[:, None]).clip(-1.0, 1.0).T)
             for _, seed in winds
         ]
-        jobs = [self._job(v, s) for v, s in winds]
-        jobs += [self._job(v, s, agent=agent) for (v, s), agent in zip(winds, drawn, strict=True)]
-        jobs += [self._job(v, s, baseline=True) for v, s in winds]
-        runs = self._record(jobs, "runs to identify the plant")
-        n = len(winds)
-        still, moved, published = runs[:n], runs[n : 2 * n], runs[2 * n :]
+        jobs = [self._job(v, s, condition) for v, s in winds]
+        jobs += [self._job(v, s, condition, agent=agent) for (v, s), agent in zip(winds, drawn, strict=True)]
+        which = f" in {json.dumps(condition)}" if condition else ""
+        runs = self._record(jobs, f"runs to identify the plant{which}")
+        still, moved = runs[: len(winds)], runs[len(winds) :]
         taps = round(options.memory / env.control_dt)
-        responses, explained, baselines = [], {}, {}
+
+        def fitted(inputs: Sequence[NDArray[np.float64]], changes: Sequence[NDArray[np.float64]]) -> Any:
+            return identify(inputs, changes, taps, options.ridge, options.decay)
+
+        responses, seen, explained = [], [], {}
         for i, v in enumerate(at):
             own = slice(i * options.excited, (i + 1) * options.excited)
             inputs = [run.offsets for run in moved[own]]
             if not all(np.any([np.any(offsets[row]) for offsets in inputs]) for row in range(3)):
                 raise ValueError(
-                    f"pretraining needs winds in which offsets act, and at {v:g} m/s they have faded out: give "
-                    "wind_speed a higher lower end"
+                    f"pretraining needs winds in which offsets act, and at {v:g} m/s{which} they have faded out: give "
+                    "wind_speed a higher lower end, or leave the condition out"
                 )
-            changes = [plant_outputs(a) - plant_outputs(b) for a, b in zip(moved[own], still[own], strict=True)]
-            trial = identify(inputs[:-1], changes[:-1], taps, options.ridge, options.decay)
-            shares = explained_share(trial, inputs[-1:], changes[-1:])
+            pairs = list(zip(moved[own], still[own], strict=True))
+            changes = [plant_outputs(a) - plant_outputs(b) for a, b in pairs]
+            shares = explained_share(fitted(inputs[:-1], changes[:-1]), inputs[-1:], changes[-1:])
             explained[v] = dict(zip(OUTPUTS, np.round(shares, 3).tolist(), strict=True))
-            responses.append(identify(inputs, changes, taps, options.ridge, options.decay))
-            metrics = [self._published(run) for run in published[own]]
-            baselines[v] = {name: float(np.mean([m[name] for m in metrics])) for name in metrics[0]}
+            responses.append(fitted(inputs, changes))
+            if condition:
+                told = [(a.observations - b.observations).T.astype(float) for a, b in pairs]
+                seen.append(fitted([offsets[:, :-1] for offsets in inputs], told))
             self._say(f"{v:g} m/s: explained " + ", ".join(f"{k} {s:.2f}" for k, s in explained[v].items()))
-        lead = pitch_delay(env.turbine.pitch, env.control_dt)
-        return Plants(at, np.stack(responses), lead), explained, baselines
+        loop = Plants(at, np.stack(seen)) if condition else None
+        return _Identified(Plants(at, np.stack(responses)), loop, explained)
 
     def _published(self, run: RecordedEpisode) -> dict[str, float]:
         """Metrics of the published controller [MN m, MW]."""
@@ -355,16 +407,22 @@ class _Work:
         dials, rng = self._env.dials, np.random.default_rng((options.first_wind_seed, number))
         jobs = [
             self._job(
-                round(speed, 2), options.first_wind_seed + n, agent=agent,
+                round(speed, 2), options.first_wind_seed + n, condition, agent=agent,
                 dial=None if dials is None else dials.factors(rng),
             )
-            for n, speed in enumerate(winds.tolist())
+            for n, (speed, condition) in enumerate(zip(winds.tolist(), self.in_turns(options.conditions), strict=True))
         ]  # fmt: skip
         return self._record(jobs, f"episodes of round {number + 1}")
 
 
 def _numbered(job: tuple[int, EpisodeJob]) -> RecordedEpisode:
     return record_episode(job[1])
+
+
+def _costs(actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> list[float]:
+    """Costs of a policy in episodes, with the factors of a dial that they were recorded with."""
+    with torch.no_grad():
+        return [float(one.cost(one.offsets(actor))) for one in episodes]
 
 
 def _optimized(

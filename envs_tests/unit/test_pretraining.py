@@ -74,9 +74,7 @@ def test_a_load_that_stands_still_does_no_damage():
 def plants():
     rng = np.random.default_rng(3)
     decaying = np.exp(-np.arange(30) / 8.0)
-    return Plants(
-        SPEEDS, rng.normal(size=(2, 6, 3, 30)) * decaying * np.array([30, 30, 30, 60, 20, 1])[:, None, None], 0.3
-    )
+    return Plants(SPEEDS, rng.normal(size=(2, 6, 3, 30)) * decaying * np.array([30, 30, 30, 60, 20, 1])[:, None, None])
 
 
 def limits(washout=None):
@@ -107,7 +105,7 @@ def simulated(acting, speed):
         share=share(),
         flap=outputs[0] + outputs[1] * np.cos(angles) + outputs[2] * np.sin(angles),
         pitch=0.2 + np.concatenate([np.zeros((3, 1)), moved], axis=1), tower=outputs[3:5], power=outputs[5],
-        azimuth=azimuth, rotor_speed=rotor_speed,
+        azimuth=azimuth, rotor_speed=rotor_speed, lead=0.3,
     )  # fmt: skip
 
 
@@ -212,7 +210,97 @@ def test_a_dial_weighs_the_parts_of_the_cost_and_is_what_the_policy_sees():
     assert not noisy.any()  # what a user sets has no noise
 
 
+def test_a_policy_that_sees_what_it_does_acts_as_in_a_simulation_of_the_loop():
+    """Where the model of the base controller fails: offsets come back in the observations."""
+    rng = np.random.default_rng(7)
+    taps = 30
+    loop = Plants(SPEEDS, rng.normal(size=(2, 2, 3, taps)) * np.exp(-np.arange(taps) / 5.0) * 3.0)
+    calm = 0.3 * np.cumsum(rng.normal(size=(STEPS, 2)), axis=0) / np.sqrt(np.arange(1, STEPS + 1))[:, None]
+    weights = [tensor(0.1 * rng.normal(size=(3, 2))) for _ in range(2)]
+
+    def simulated_loop(weight):
+        """Observations and offsets, step by step."""
+        seen, acted = calm.copy(), np.zeros((3, STEPS))
+        for k in range(STEPS):
+            past = acted[:, max(k - taps, 0) : k][:, ::-1]
+            seen[k] += np.einsum("ojl,jl->o", loop.at(16.0)[:, :, : past.shape[1]], past)
+            action = np.clip(weight.numpy() @ seen[k], -1.0, 1.0)
+            acted[:, k] = share()[k] * np.array([math.radians(1.0), *[math.radians(2.0)] * 2]) * action
+        return seen, acted
+
+    first, second = (lambda seen, weight=weight: seen @ weight.T for weight in weights)
+    seen, acted = simulated_loop(weights[0])
+    recorded = replace(simulated(acted, 16.0), observations=seen.astype(np.float32))
+    base = {"blade_flap_del": 9.0, "tower_fore_aft_del": 30.0, "tower_side_side_del": 10.0, "pitch_duty_cycle": 0.01}
+    episode = LinearizedEpisode(
+        recorded, first, plants(), limits(), base | {"captured_power": 4.0}, FULL, RATED, 5.0, seen=loop
+    )
+    np.testing.assert_allclose(episode.offsets(first), acted, atol=1e-7)
+    expected = simulated_loop(weights[1])[1]
+    open_loop = limits().offsets(second(tensor(seen)), tensor(share()), DT).numpy()
+    missed = np.abs(open_loop - expected).max()
+    assert missed > 0.02 * np.abs(expected).max()  # the loop matters
+    assert np.abs(episode.offsets(second).numpy() - expected).max() < 0.05 * missed
+
+
 # ---------------------------------------------------------------- environments, options
+
+
+def test_a_condition_is_that_of_the_recorded_episode():
+    """Slow drives lag more, and a dead gauge reaches what the agent sees, not the loads."""
+    duration = 4.0
+    job = EpisodeJob("wt_gym/LoadReduction-v2", json.dumps(ARGUMENTS), 17.0, 3, duration)
+    nominal, slow, dead = (
+        record_episode(replace(job, condition=json.dumps({"variation": one})))
+        for one in ({}, {"drive_lag": 0.3}, {"dead_sensor": ["root_flap_moment_1"]})
+    )
+    assert slow.lead == pytest.approx(0.1 + 0.3)
+    assert nominal.lead == pytest.approx(0.1 + 0.05)
+    assert abs(dead.observations[0] - nominal.observations[0]).max() > 0.5
+    np.testing.assert_allclose(dead.flap[:, 0], nominal.flap[:, 0], rtol=1e-6)
+
+
+def test_conditions_are_recorded_in_turns_and_each_is_identified_once(monkeypatch):
+    delay = {"vary_sensor_delay": 0.2}
+    options = PretrainingOptions.of(
+        {"episodes": 6, "held_out": 3, "duration": 60.0, "memory": 5.0, "plant_speeds": 1, "excited": 2,
+         "conditions": [{}, {"variation": {"sensor_delay": 0.2}}, {}]}
+    )  # fmt: skip
+    asked: list[EpisodeJob] = []
+
+    def drawn(job):
+        asked.append(job)
+        rng = np.random.default_rng(len(asked))
+        inputs = rng.normal(size=(3, 600)) * (job.agent is not None)
+        return RecordedEpisode(
+            speed=job.speed, seed=job.seed, dt=0.1, observations=rng.normal(size=(600, 4)).astype(np.float32),
+            offsets=inputs, share=np.ones(600), flap=rng.normal(size=(3, 601)), pitch=rng.normal(size=(3, 601)),
+            tower=rng.normal(size=(2, 601)), power=rng.normal(size=601), azimuth=np.arange(601.0),
+            rotor_speed=np.ones(601), lead=0.1,
+        )  # fmt: skip
+
+    class Here:
+        def results(self, work, jobs):
+            return ((job, work(job)) for job in jobs)
+
+    monkeypatch.setattr(pretraining, "record_episode", drawn)
+    env = gym.make("wt_gym/LoadReduction-v2", **ARGUMENTS).unwrapped
+    work = pretraining._Work(
+        "wt_gym/LoadReduction-v2", ARGUMENTS, env, options, Here(), (15.0, 17.0), lambda _: None, lambda: None
+    )
+    found, baselines = work.identified()
+    assert list(baselines) == [16.0]
+    assert [one.condition for one in asked].count(json.dumps(delay)) == 4  # two winds, with and without offsets
+    assert len(asked) == 2 + 4 + 4
+    assert found[0] is found[2] is not found[1]
+    assert found[0].seen is None
+    assert found[1].seen.responses.shape == (1, 4, 3, 50)
+    asked.clear()
+    work.recorded(None, 0)
+    assert sorted(one.condition for one in asked) == [json.dumps(delay)] * 2 + ["{}"] * 4
+    assert [work.in_turns(found)[k] is found[1] for k in range(6)] == [False, True, False] * 2
+    of_delay = {one.seed for one in asked if one.condition == json.dumps(delay)}
+    assert of_delay == {2, 5}
 
 
 def test_an_episode_of_the_environment_is_recorded_with_the_offsets_that_act():
@@ -274,6 +362,12 @@ def test_environments_that_cannot_be_pretrained_on(changes, message):
         ({"memory": 1000.0}, "memory must be positive and at most half"),
         ({"first_wind_seed": 990}, "held back for evaluations, 1001 to"),
         ({"noise": -1.0}, "noise must be finite and not negative"),
+        ({"conditions": {}}, "conditions must be a list of mappings, got {}"),
+        ({"conditions": []}, "conditions must have at least one"),
+        ({"conditions": ["delay"]}, "must be a mapping of arguments of the environment, got 'delay'"),
+        ({"conditions": [{"controller": "ipc"}]}, "must have variation, sensors, faults alone, got controller"),
+        ({"conditions": [{"variation": {"drive_lag": [0.0, 0.3]}}]}, "drive_lag of a condition must be one number"),
+        ({"conditions": [{}] * 13}, "held_out must be at least the number of conditions, 13"),
     ],
 )
 def test_options_are_refused(values, message):
