@@ -987,8 +987,7 @@ static void linear_remember(struct linear *l, int passed) {
 }
 
 /* Disturbances over their scale: what is measured less what the offsets did. */
-static void linear_find(const struct state *s, const struct linear *l, double *found) {
-    const struct readings *r = &s->now;
+static void linear_find(const struct readings *r, const struct linear *l, double *found) {
     double measured[N_OUTPUTS], share;
     int low = design_below(l->slow, &share);
     to_fixed_frame(r->flap, r->azimuth, measured);
@@ -1045,7 +1044,7 @@ static void linear_pitch(const struct parameters *p, struct state *s, struct dem
     l->slow = low_pass(l->fresh ? slow : l->slow, slow, dt, p->linear_schedule_time);
     if (l->fresh || passed > 0) {
         linear_remember(l, passed);
-        linear_find(s, l, found);
+        linear_find(&s->now, l, found);
         linear_take(l, found, passed);
         linear_answer(p, l, l->wanted);
         l->age -= passed;
@@ -1082,14 +1081,14 @@ static void linear_sees(const struct parameters *p, struct state *s, const doubl
 #if WITH_AGENT
 /* What is known of the disturbances at an instant, before it acts: means over bins of delays, output by output, mean, tilt
  * and yaw that they ask for, share, slow pitch. */
-static void linear_known(const struct parameters *p, const struct state *s, double *known) {
+static void linear_known(const struct parameters *p, const struct state *s, const struct readings *r, double *known) {
     struct linear l = s->linear;
     double found[N_OUTPUTS];
     int passed = (int)(l.age + 1e-6);
-    if (l.fresh) l.slow = mean_of(s->now.pitch);
+    if (l.fresh) l.slow = mean_of(r->pitch);
     if (l.fresh || passed > 0) {
         linear_remember(&l, passed);
-        linear_find(s, &l, found);
+        linear_find(r, &l, found);
         linear_take(&l, found, passed);
     }
     for (int i = 0; i < N_OUTPUTS; i++) {
@@ -1164,11 +1163,9 @@ static void guard_watch(const struct parameters *p, struct state *s, double dt) 
     g->vane = r->yaw_error;
 }
 
-/* Put what can be believed in the place of the readings. */
-static void guard_read(const struct parameters *p, struct state *s, double dt) {
-    struct guard *g = &s->guard;
-    struct readings *r = &s->now;
-    double speeds[3] = {r->rotor_speed, r->generator_speed / p->gear_ratio, 0.0}, best, mean = 0.0, reach, lag;
+/* Put what can be believed in the place of readings; tilt and yaw of the moments move over a time. */
+static void guard_believe(const struct parameters *p, struct guard *g, struct readings *r, double dt) {
+    double speeds[3] = {r->rotor_speed, r->generator_speed / p->gear_ratio, 0.0}, best, mean = 0.0;
     double cosine[N_BLADES], sine[N_BLADES], tilt = 0.0, yaw = 0.0;
     int good = 0;
     best = fmax(speeds[0], speeds[1]);
@@ -1178,20 +1175,6 @@ static void guard_read(const struct parameters *p, struct state *s, double dt) {
     }
     if (fabs(speeds[0] - best) > p->guard_speed_tolerance) r->rotor_speed = best;
     if (fabs(speeds[1] - best) > p->guard_speed_tolerance) r->generator_speed = best * p->gear_ratio;
-    reach = p->drive_pitch_rate * dt;
-    lag = p->drive_servo_frequency > 0.0 ? 2.0 * p->drive_servo_damping / p->drive_servo_frequency : 0.0;
-    for (int b = 0; b < N_BLADES; b++) {
-        double target = clip(s->demand.pitch[b], p->drive_min_pitch, p->drive_max_pitch);
-        g->command[b] += clip(target - g->command[b], -reach, reach);
-        g->model[b] = low_pass(g->model[b], g->command[b], dt, lag);
-    }
-    if (!(s->bad_users & FOR_GUARD)) {
-        guard_watch(p, s, dt);
-#if WITH_SUPERVISOR
-        for (int b = 0; b < N_BLADES; b++)
-            if (g->drive[b] && fabs(r->pitch[b] - g->model[b]) > p->guard_stop_deviation) s->supervisor.stopped = 1;
-#endif
-    }
     for (int b = 0; b < N_BLADES; b++) {
         cosine[b] = cos(r->azimuth + 2.0 * PI * b / N_BLADES);
         sine[b] = sin(r->azimuth + 2.0 * PI * b / N_BLADES);
@@ -1214,6 +1197,28 @@ static void guard_read(const struct parameters *p, struct state *s, double dt) {
         if (g->encoder[b]) r->pitch[b] = g->model[b];
     }
     if (g->vane_bad) r->yaw_error = 0.0;
+}
+
+/* Watch the readings, and put what can be believed in their place. */
+static void guard_read(const struct parameters *p, struct state *s, double dt) {
+    struct guard *g = &s->guard;
+    struct readings *r = &s->now;
+    double reach, lag;
+    reach = p->drive_pitch_rate * dt;
+    lag = p->drive_servo_frequency > 0.0 ? 2.0 * p->drive_servo_damping / p->drive_servo_frequency : 0.0;
+    for (int b = 0; b < N_BLADES; b++) {
+        double target = clip(s->demand.pitch[b], p->drive_min_pitch, p->drive_max_pitch);
+        g->command[b] += clip(target - g->command[b], -reach, reach);
+        g->model[b] = low_pass(g->model[b], g->command[b], dt, lag);
+    }
+    if (!(s->bad_users & FOR_GUARD)) {
+        guard_watch(p, s, dt);
+#if WITH_SUPERVISOR
+        for (int b = 0; b < N_BLADES; b++)
+            if (g->drive[b] && fabs(r->pitch[b] - g->model[b]) > p->guard_stop_deviation) s->supervisor.stopped = 1;
+#endif
+    }
+    guard_believe(p, g, r, dt);
 }
 
 /* With a drive that fails, or gauges of less than two blades, all blades go over to the mean of the demands. */
@@ -1511,7 +1516,12 @@ static void agent_act(const struct parameters *p, struct state *s) {
     double action[N_ACT], *row = s->history[s->n_history % N_HISTORY];
     if (s->count > 0) sensors_advance(p, s);
 #if WITH_LINEAR
-    linear_known(p, s, s->known);
+    struct readings believed = s->now;
+#if WITH_GUARD
+    struct guard known = s->guard; /* nothing is remembered */
+    guard_believe(p, &known, &believed, 0.0);
+#endif
+    linear_known(p, s, &believed, s->known);
 #endif
     observe(p, s, row);
     s->n_history++;
@@ -1569,6 +1579,15 @@ static void agent_add(const struct parameters *p, struct state *s, double part, 
         }
         s->demand.pitch[b] = clip(s->base.pitch[b] + bound * s->share * added, p->drive_min_pitch, p->drive_max_pitch);
     }
+#if WITH_GUARD
+    if (s->guard.share < 1.0) { /* of its individual pitch acts what the supervisor of faults leaves */
+        double mean = mean_of(s->demand.pitch) - mean_of(s->base.pitch);
+        for (int b = 0; b < N_BLADES; b++) {
+            double added = s->demand.pitch[b] - s->base.pitch[b];
+            s->demand.pitch[b] = s->base.pitch[b] + mean + s->guard.share * (added - mean);
+        }
+    }
+#endif
     if (HAS_TORQUE) {
         double speed = s->now.rotor_speed;
         torque += bound * offset[N_SETPOINT - 1];

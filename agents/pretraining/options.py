@@ -226,7 +226,7 @@ def _checked_condition(given: Any) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If it is no mapping, or has arguments that no condition has.
+        If it is not a mapping, or has arguments that no condition has.
     """
     # the configuration of a training is read without them
     from wt_gym.envs.options import flat_arguments

@@ -32,6 +32,40 @@ def same(first, second):
     return all(np.array_equal(a[0], b[0]) and a[1] == b[1] for a, b in zip(first, second, strict=True))
 
 
+# ---- agents under the fault supervisor ----
+
+
+def test_individual_pitch_of_an_agent_ends_where_the_fault_supervisor_falls_back():
+    env = WindTurbineEnv(**MADE | {"residual_form": "offset"})
+    env.reset(seed=1, options={"fault": FAULT})
+    asked = np.array([0.0, 0.8, 0.0], dtype=np.float32)
+    before = []
+    for k in range(120):
+        env.step(asked)
+        pitch = env.operation.demand.pitch
+        if k < 5:
+            before.append(np.ptp(pitch - env.operation.base.pitch))
+    assert max(before) > 1e-3
+    assert env.controller.share == 0.0
+    assert np.ptp(pitch) < 1e-12
+    assert np.ptp(env.setpoint.pitch) > 1e-3  # the agent still asks
+
+
+def test_disturbances_that_an_agent_sees_are_those_of_repaired_readings():
+    """A dead gauge takes a third of the moments away; the supervisor puts its estimate in its place."""
+    made = MADE | {"observation": ("disturbances",), "inflow": SteadyInflow(15.0, shear_exponent=0.2)}
+    found = []
+    for controller in ("linear_optimal", "linear_optimal+fault_supervisor"):
+        env = WindTurbineEnv(**made | {"controller": controller})
+        names = [k for k, name in enumerate(env.layout.observation.names) if name.startswith("disturbance_")]
+        of_each = []
+        for kind in ("none", "dead_moment"):
+            env.reset(seed=1, options={"fault": {"kind": kind, **({} if kind == "none" else FAULT | {"kind": kind})}})
+            of_each.append(play(env, 60)[-1][0][names])
+        found.append(np.abs(of_each[1] - of_each[0]).max())
+    assert found[1] < 0.2 * found[0]
+
+
 # ---- draws ----
 
 

@@ -94,7 +94,8 @@ AGENTS = {
         "observation": ["rotor", "offsets", "dial"], "dial_weights": {"fatigue": 3.0, "travel": 0.5},
     }),
     "guarded": ("PPO", torch.nn.Tanh, {
-        "pitch": "fixed-frame", "action_components": ["pitch"], "observation": ["measurable"], "control_dt": 0.1,
+        "pitch": "fixed-frame", "action_components": ["pitch"], "control_dt": 0.1,
+        "observation": ["measurable", "disturbances"],
         # a drive that lags half a step behind is a fault to it
         "controller": "linear_optimal+yaw+fault_supervisor:pitch_tolerance=0.002,pitch_time=0.3",
     }),

@@ -205,6 +205,42 @@ def test_what_is_asked_for_beside_the_controller_counts_too():
     assert "drive_1" in guarded.alarms
 
 
+@pytest.mark.parametrize("name", ["root_flap_moment_2", "rotor_speed", "pitch_1", "yaw_error"])
+def test_what_is_believed_is_what_the_parts_read_next_and_leaves_no_trace(name):
+    """Of an instant that is looked at before the controller acts on it, as an agent does."""
+    twins = [make_controller("ipc+yaw+fault_supervisor", TURBINE) for _ in range(2)]
+    pitch, demand = np.full(3, 0.2), Demand(np.full(3, 0.2), 0.0, 40e3)
+    for k in range(60):
+        signals = readings(k, pitch)
+        if k >= 20:
+            signals[name] = 0.0
+        believed = twins[1].believed(signals) if k > 0 else signals
+        if 0 < k < 20:
+            assert believed is signals
+        if k == 50:  # well after it was found
+            true = 0.0 if name == "yaw_error" else readings(k, pitch)[name]  # a dead vane holds the nacelle
+            assert believed[name] == pytest.approx(true, rel=0.05)
+            assert believed["root_flap_moment_1"] == signals["root_flap_moment_1"]
+        for controller in twins:
+            if k == 0:
+                controller.start(signals, demand)
+        first, second = (controller.step(signals, DT) for controller in twins)
+        np.testing.assert_array_equal(first.pitch, second.pitch)
+        pitch = first.pitch
+
+
+def test_of_the_individual_pitch_of_an_agent_acts_what_the_supervisor_leaves():
+    guarded = make_controller("discon+fault_supervisor", TURBINE)
+    base = Demand(np.full(3, 0.2), 0.0, 40e3)
+    asked = Demand(np.array([0.23, 0.2, 0.2]), 0.01, 41e3)
+    assert guarded.with_agent(base, asked) is asked
+    for share, pitch in ((0.5, [0.22, 0.205, 0.205]), (0.0, [0.21, 0.21, 0.21])):
+        guarded.share = share
+        found = guarded.with_agent(base, asked)
+        np.testing.assert_allclose(found.pitch, pitch, atol=1e-12)
+        assert (found.yaw_rate, found.generator_torque) == (asked.yaw_rate, asked.generator_torque)
+
+
 @pytest.mark.parametrize("value", [0.0, lambda angle: angle + np.radians(4.0)])
 def test_an_encoder_that_jumps_is_no_drive_that_fails(value):
     guarded, found = fly("ipc+fault_supervisor", put("pitch_2", value))

@@ -236,6 +236,7 @@ class Operation:
         gain, n_blades = self.pitch_gain, self.turbine.n_blades
         biased, together = bool(self._sensor_faults) or gain is not None, self._reads_together
         observer, reference, watcher = linear_part(controller), self.reference, fault_supervisor_of(controller)
+        guarded = self.action.mode == "residual"
         for k in range(1, count + 1):
             part = k / count
             if together:
@@ -256,7 +257,10 @@ class Operation:
                 if residual is not None:
                     residual.mean *= share
             present = AgentSetpoint(wanted, yaw_rate, offset)
-            self.demand = demand = demand_of(present, self.base, signals["azimuth"], speed)
+            demand = demand_of(present, self.base, signals["azimuth"], speed)
+            if guarded and watcher is not None:
+                demand = watcher.with_agent(self.base, demand)
+            self.demand = demand
             if observer is not None:
                 observer.see_demand(self.base, demand, signals, dt)
             if watcher is not None:

@@ -14,6 +14,7 @@ from gymnasium.error import ResetNeeded
 
 from wt_gym.control import ActionMap, Lidar
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
+from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
 from wt_gym.control.controllers.supervisor import supervisor_of
@@ -572,8 +573,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         seen = o.seen() if self._observer.sees_lidar else None
         drive, known = yaw_drive_of(o.controller), None
         if self._observer.sees_disturbances:
-            part = linear_part(o.controller)
-            known = None if part is None else part.known(signals)
+            part, watcher = linear_part(o.controller), fault_supervisor_of(o.controller)
+            known = None if part is None else part.known(signals if watcher is None else watcher.believed(signals))
         demanded = None
         if o.reference is not None:
             demanded = tuple(o.reference.at(o.signals["time"] + ahead) for ahead in (0.0, *AHEAD))

@@ -27,7 +27,7 @@ reconfiguration.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -233,11 +233,12 @@ class FaultSupervisor(Combined):
     def step(self, signals: Readings, dt: float) -> Demand:
         """Demand for the next ``dt`` [s]."""
         p = self.parameters
-        repaired = self._speed_repairs(signals) | self._moment_repairs(signals, dt) | self._pitch_repairs(signals, dt)
+        speeds = self._speed_repairs(signals)
+        self._speeds_bad = {name: name in speeds for name in self._speeds_bad}
+        self._watch_moments(signals, dt)
+        self._watch_pitch(signals, dt)
         self._watch_vane(signals, dt)
-        if self._vane_bad:
-            repaired["yaw_error"] = 0.0
-        read: Readings = RepairedReadings(signals, repaired) if repaired else signals
+        read = self._repaired(signals, speeds, dt)
         if any(self._flags["drive"]) and (supervisor := supervisor_of(self)) is not None:
             off = zip(self._flags["drive"], self._deviation(signals), strict=True)
             supervisor.stopped = supervisor.stopped or any(bad and d > p.stop_deviation for bad, d in off)
@@ -252,6 +253,41 @@ class FaultSupervisor(Combined):
             demand = fallen
         self._demand = list(map(float, demand.pitch))
         return demand
+
+    def believed(self, signals: Readings) -> Readings:
+        """What the parts would read at an instant, by what is known to fail already; nothing is remembered.
+
+        Parameters
+        ----------
+        signals : Readings
+        """
+        return self._repaired(signals, self._speed_repairs(signals), 0.0)
+
+    def _repaired(self, signals: Readings, speeds: dict[str, float], dt: float) -> Readings:
+        """Readings with what stands for those that fail."""
+        repaired = speeds | self._moment_repairs(signals, dt)
+        for b, name in enumerate(self._pitches):
+            if self._flags["encoder"][b]:
+                repaired[name] = self._lags[b].value
+        if self._vane_bad:
+            repaired["yaw_error"] = 0.0
+        return RepairedReadings(signals, repaired) if repaired else signals
+
+    def with_agent(self, base: Demand, demand: Demand) -> Demand:
+        """A demand in which an agent acts on top of this controller, in as far as its individual pitch may.
+
+        Parameters
+        ----------
+        base : Demand
+            Of this controller.
+        demand : Demand
+            With what the agent adds.
+        """
+        if self.share == 1.0:
+            return demand
+        added = np.asarray(demand.pitch) - base.pitch
+        mean = added.mean()
+        return replace(demand, pitch=base.pitch + mean + self.share * (added - mean))
 
     def _fallen_back(self, demand: Demand) -> Demand:
         """Demand with a share of the individual part of the pitch, and a nacelle that is held if need be."""
@@ -268,18 +304,12 @@ class FaultSupervisor(Combined):
         if torque > p.least_torque:
             speeds.append(signals["generator_power"] / (p.efficiency * torque * p.gear_ratio))
         best = sorted(speeds)[1]
-        repaired = {}
-        for name, speed, factor in (("rotor_speed", speeds[0], 1.0), ("generator_speed", speeds[1], p.gear_ratio)):
-            self._speeds_bad[name] = abs(speed - best) > p.speed_tolerance
-            if self._speeds_bad[name]:
-                repaired[name] = factor * best
-        return repaired
+        found = (("rotor_speed", speeds[0], 1.0), ("generator_speed", speeds[1], p.gear_ratio))
+        return {name: factor * best for name, speed, factor in found if abs(speed - best) > p.speed_tolerance}
 
-    def _moment_repairs(self, signals: Readings, dt: float) -> dict[str, float]:
-        """Flapwise moments in the place of those that fail."""
+    def _watch_moments(self, signals: Readings, dt: float) -> None:
+        """Find out which gauges fail."""
         p, dead, shifted = self.parameters, self._flags["gauge"], self._flags["gauge_shift"]
-        good: list[tuple[float, float, float]] = []
-        turns = self._directions(signals["azimuth"])
         for b, name in enumerate(self._moments):
             now, before = signals[name], self._moment[b]
             self._same_for[b] = self._same_for[b] + dt if now == before else 0.0
@@ -288,17 +318,20 @@ class FaultSupervisor(Combined):
                 shifted[b] = True
             dead[b] = dead[b] or self._same_for[b] > p.frozen_time - _ROUNDING
             self._moment[b] = now
-            if not dead[b]:
-                good.append((now - self._shift[b], *turns[b]))
+
+    def _moment_repairs(self, signals: Readings, dt: float) -> dict[str, float]:
+        """Flapwise moments in the place of those that fail; tilt and yaw of the sound ones move over a time."""
+        dead, shifted, turns = self._flags["gauge"], self._flags["gauge_shift"], self._directions(signals["azimuth"])
+        moments = [signals[name] - self._shift[b] for b, name in enumerate(self._moments)]
+        good = [(moments[b], *turns[b]) for b in range(len(moments)) if not dead[b]]
         mean = 0.0
         if good:
             mean = sum(moment - self._tilt * cos - self._yaw * sin for moment, cos, sin in good) / len(good)
             errors = [moment - mean - self._tilt * cos - self._yaw * sin for moment, cos, sin in good]
             self._tilt += dt / _CYCLIC * sum(e * cos for e, (_, cos, _) in zip(errors, good, strict=True))
             self._yaw += dt / _CYCLIC * sum(e * sin for e, (_, _, sin) in zip(errors, good, strict=True))
-        instead = [mean + self._tilt * cos + self._yaw * sin for cos, sin in turns]
         return {
-            name: instead[b] if dead[b] else self._moment[b] - self._shift[b]
+            name: mean + self._tilt * turns[b][0] + self._yaw * turns[b][1] if dead[b] else moments[b]
             for b, name in enumerate(self._moments)
             if dead[b] or shifted[b]
         }
@@ -309,10 +342,10 @@ class FaultSupervisor(Combined):
         angles = [azimuth + 2.0 * math.pi * b / n for b in range(n)]
         return [(math.cos(angle), math.sin(angle)) for angle in angles]
 
-    def _pitch_repairs(self, signals: Readings, dt: float) -> dict[str, float]:
-        """Compare each pitch with the model of its drive; what stands for the readings of encoders that fail."""
+    def _watch_pitch(self, signals: Readings, dt: float) -> None:
+        """Compare each pitch with the model of its drive."""
         p, drives, encoders = self.parameters, self._flags["drive"], self._flags["encoder"]
-        reach, repaired = p.max_pitch_rate * dt, {}
+        reach = p.max_pitch_rate * dt
         for b, name in enumerate(self._pitches):
             target = min(max(self._demand[b], p.min_pitch), p.max_pitch)
             self._command[b] += min(max(target - self._command[b], -reach), reach)
@@ -322,9 +355,6 @@ class FaultSupervisor(Combined):
             off = abs(now - model) > p.pitch_tolerance and not encoders[b]
             self._off_for[b] = self._off_for[b] + dt if off else 0.0
             drives[b] = drives[b] or (off and self._off_for[b] > p.pitch_time - _ROUNDING)
-            if encoders[b]:
-                repaired[name] = model
-        return repaired
 
     def _deviation(self, signals: Readings) -> list[float]:
         """Of the pitch of each blade from the model of its drive [rad]."""
