@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 from collections import deque
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -16,7 +15,6 @@ from wt_gym.control.controllers import checked_demand, lidar_of, make_controller
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from wt_gym.control import Lidar
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.layout import EnvLayout
 
@@ -112,7 +110,7 @@ class ControllerAgent:
                 "others make it the base controller, controller=..."
             )
         lidar = lidar_of(self.controller)
-        if lidar is not None and not _sees(layout.lidar, lidar):
+        if lidar is not None and (layout.lidar is None or not layout.lidar.serves(lidar)):
             raise ValueError(
                 f"the controller reads {lidar}, the observation has {layout.lidar}: give both the same, lidar=..., or "
                 "the observation the same with apart=True"
@@ -194,8 +192,3 @@ class ControllerAgent:
         """Whether the observed demands are those asked for."""
         same_torque = abs(asked.generator_torque - seen.generator_torque) <= self._torque_tolerance
         return bool(same_torque and np.all(np.abs(asked.pitch - seen.pitch) <= self._pitch_tolerance))
-
-
-def _sees(lidar: Lidar | None, controllers: Lidar) -> bool:
-    """Whether the lidar of an observation gives what that of a controller does, maybe with its beams apart."""
-    return lidar is not None and (lidar == controllers or replace(lidar, apart=False) == controllers)

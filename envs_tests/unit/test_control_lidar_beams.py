@@ -177,3 +177,12 @@ def test_a_lidar_along_the_axis_beneath_an_agent_needs_no_beams_apart():
             ID, controller="lidar", observation=("rotor", "lidar"), action_mode="residual",
             lidar=replace(own, half_angle=0.0),
         )  # fmt: skip
+
+
+def test_a_lidar_serves_one_whose_readings_are_its_own_or_their_means():
+    gates = replace(APART, apart=False)
+    assert APART.serves(APART)
+    assert APART.serves(gates)
+    assert gates.serves(gates)
+    assert not gates.serves(APART)
+    assert not APART.serves(replace(gates, frozen=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -265,6 +265,10 @@ class Lidar:
         if not self.apart:
             return tuple(gates)
         return tuple(f"{gate}_{beam + 1}" for gate in gates for beam in range(self.n_beams))
+
+    def serves(self, other: Lidar) -> bool:
+        """Whether its readings, or their means over the beams of a gate, are those of another lidar."""
+        return other in (self, replace(self, apart=False))
 
     def gate_means(self, readings: ArrayLike) -> NDArray[np.float64]:
         """Mean over the beams of each gate, shape (n_ranges,), of readings in their order [m/s]."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
@@ -693,8 +692,7 @@ def _lidar(given: Lidar | None, controller: Controller | None) -> Lidar | None:
     of_controller = None if controller is None else lidar_of(controller)
     if given is None or of_controller is None:
         return given or of_controller
-    # a controller that reads gates gets the means over the beams that an agent sees apart
-    if given != of_controller and replace(given, apart=False) != of_controller:
+    if not given.serves(of_controller):
         raise ValueError(
             f"the base controller reads {of_controller}; lidar must be the same, the same with apart=True, or None, "
             f"got {shown(given)}"

@@ -23,7 +23,7 @@ from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.wind_file import repeats
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation.channels import Signals, parities
-from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite
+from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
@@ -328,7 +328,7 @@ class OpenFASTSimulator:
             path = self._path.follow(command[PITCH])
             part = np.arange(1, self._count + 1) / self._count
             turning = (command.item(1) - yaw) / self.time_step
-            held = getattr(drives.generator, "held", False)
+            held = holds_torque(drives.generator)
             torques = np.full(part.shape, command.item(0)) if held else torque + part * (command.item(0) - torque)
             demands = self._demands(path, torques, yaw + part * (command.item(1) - yaw), turning)
             try:

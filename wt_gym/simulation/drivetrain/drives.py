@@ -44,6 +44,7 @@ __all__ = [
     "available_torque",
     "check_damper_step",
     "check_finite",
+    "holds_torque",
     "pitch_delay",
 ]
 
@@ -248,6 +249,11 @@ class GeneratorLaw(Law[float], Protocol):
         ...
 
 
+def holds_torque(law: GeneratorLaw) -> bool:
+    """Whether the torque of a law is held over a step; users' laws need not say so."""
+    return bool(getattr(law, "held", False))
+
+
 @dataclass(frozen=True)
 class TorqueCommand:
     """A generator with the torque that is asked for, limited in rate and size.
@@ -342,9 +348,9 @@ def damper_weights(angle: float) -> tuple[float, float, float]:
     """
     z, kappa = cmath.exp(1j * angle), -math.expm1(-DAMPER_CORNER * angle)
     passed = 1.0 - kappa / (z - 1.0 + kappa)
-    wanted = cmath.exp(0.5j * angle) * (0.5 * angle / math.sin(0.5 * angle)) / passed
-    before = -wanted.imag / math.sin(angle)
-    return wanted.real - before * math.cos(angle), before, kappa
+    added = cmath.exp(0.5j * angle) * (0.5 * angle / math.sin(0.5 * angle)) / passed
+    before = -added.imag / math.sin(angle)
+    return added.real - before * math.cos(angle), before, kappa
 
 
 @dataclass(frozen=True)
@@ -574,7 +580,7 @@ class Drives:
             self._ideal_pitch, azimuth_u, first, inputs.dof_force, inputs.servo_command, inputs.servo_rate,
             inputs.servo_interval,
         )  # fmt: skip
-        if getattr(self.generator, "held", False):
+        if holds_torque(self.generator):
             inputs.dof_force[0, azimuth_u] = inputs.dof_force[1, azimuth_u]
 
     def torque(self, speed: float) -> float:

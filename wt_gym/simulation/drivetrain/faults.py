@@ -21,6 +21,7 @@ import numpy as np
 from wt_gym.angles import wrapped
 from wt_gym.errors import ActionError, did_you_mean
 from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.simulation.drivetrain.drives import holds_torque
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -398,7 +399,7 @@ class _GeneratorInPlace:
     @property
     def held(self) -> bool:
         """See `GeneratorLaw`."""
-        return getattr(self.law, "held", False)
+        return holds_torque(self.law)
 
     def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """See `GeneratorLaw`."""
