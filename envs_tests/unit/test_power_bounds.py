@@ -1,0 +1,76 @@
+"""Bounds of energy and tracking error: against rotors whose optimum is known in closed form."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wt_gym.agents import power_bounds
+from wt_gym.agents.power_bounds import RotorHull, disc_speeds, energy_bound, tracking_bound
+from wt_gym.control.design import rotor_inertia
+from wt_gym.control.rotor_table import rotor_table
+from wt_gym.envs.rewards.power import efficiency
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
+
+TURBINE = load_turbine("nrel_5mw")
+DRIVE = TURBINE.drivetrain
+
+
+def flat(coefficient):
+    """Rotor that takes the same share of the wind at any speed but standstill."""
+    table = rotor_table(TURBINE)
+    return replace(
+        table, tip_speed_ratio=np.array([1e-6, 20.0]), pitch=np.array([0.0, 0.1]),
+        power=np.full((2, 2), coefficient), thrust=np.ones((2, 2)),
+    )  # fmt: skip
+
+
+def test_hull_is_concave_above_the_table_and_meets_it():
+    table = rotor_table(TURBINE)
+    hull = RotorHull.of(table)
+    ratio, best = table.tip_speed_ratio, table.power.max(axis=1)
+    above = np.min(hull.slope[:, None] * ratio**2 + hull.intercept[:, None], axis=0) - best
+    assert above.min() > -1e-12
+    assert np.count_nonzero(above < 1e-12) == len(hull.slope) - 1  # and the origin
+    assert np.all(np.diff(hull.slope) < 0.0)
+    assert hull.peak == best.max()
+
+
+def test_most_energy_is_that_of_the_largest_coefficient_up_to_rated_power():
+    low, high = 7.0, 20.0
+    area = 0.5 * TURBINE.air_density * math.pi * (TURBINE.rotor_diameter / 2) ** 2
+    expected = efficiency(TURBINE) * area * rotor_table(TURBINE).power.max() * low**3
+    assert energy_bound(TURBINE, np.array([low])) == pytest.approx(expected, rel=1e-9)
+    assert energy_bound(TURBINE, np.array([low, high])) == pytest.approx(0.5 * (expected + DRIVE.rated_power), rel=1e-9)
+
+
+def test_wind_that_suffices_needs_no_error():
+    assert tracking_bound(TURBINE, np.full(300, 13.0), np.full(300, 4e6), 0.1, 5.0, 1.1) == pytest.approx(0.0, abs=1.0)
+
+
+def test_what_is_missing_is_made_up_by_the_kinetic_energy(monkeypatch):
+    """A rotor that takes the same at any speed spends all that it holds: error = deficit - eta E_0 / T."""
+    monkeypatch.setattr(power_bounds, "rotor_table", lambda turbine: flat(0.4))
+    n, dt, wind, demanded = 600, 0.1, 8.0, 3e6
+    table = flat(0.4)
+    eta = efficiency(TURBINE)
+    taken = eta * 0.5 * table.air_density * math.pi * table.radius**2 * 0.4 * wind**3
+    held = 0.5 * rotor_inertia(TURBINE) * DRIVE.rated_rotor_speed**2
+    expected = demanded - taken - eta * held / (n * dt)
+    assert expected > 5e5
+    found = tracking_bound(TURBINE, np.full(n, wind), np.full(n, demanded), dt, 0.0, 1.1)
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_real_rotor_takes_less_as_it_slows_down():
+    n, dt, wind, demanded = 600, 0.1, 8.0, 3e6
+    found = tracking_bound(TURBINE, np.full(n, wind), np.full(n, demanded), dt, 0.0, 1.1)
+    available = energy_bound(TURBINE, np.full(n, wind))
+    held = 0.5 * rotor_inertia(TURBINE) * DRIVE.rated_rotor_speed**2
+    assert demanded - available - efficiency(TURBINE) * held / (n * dt) < found < demanded - available
+
+
+def test_a_uniform_wind_is_that_of_the_disc():
+    np.testing.assert_allclose(disc_speeds(TURBINE, SteadyInflow(9.0), np.arange(5) * 0.1), 9.0, rtol=1e-12)
