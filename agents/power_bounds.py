@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from scipy.optimize import linprog
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.simulation.channels import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
@@ -47,8 +48,8 @@ def disc_speeds(turbine: Turbine, inflow: Inflow, times: NDArray[np.float64]) ->
     disc, step = DiscWind(turbine), float(times[1] - times[0])
     velocity = inflow.velocity(np.array([[0.0, 0.0, turbine.hub_height]]), float(times[0]))
     x, y = float(velocity[0, 0]), float(velocity[0, 1])
-    found = [disc.begin(inflow, {"wind_x": x, "wind_y": y, "time": float(times[0])})]
-    found += [disc.advance(inflow, {"wind_x": x, "wind_y": y, "time": t}, step) for t in times[1:].tolist()]
+    signals = [cast("Signals", {"wind_x": x, "wind_y": y, "time": t}) for t in times.tolist()]
+    found = [disc.begin(inflow, signals[0]), *(disc.advance(inflow, now, step) for now in signals[1:])]
     return np.array(found)
 
 
