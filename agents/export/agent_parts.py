@@ -81,7 +81,7 @@ _FIXED_FRAME = {
 }
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "LIDAR", "LIDAR_BEAM", "DIAL",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "MODEL_FIT", "LIDAR", "LIDAR_BEAM", "DIAL",
     "SUPERVISOR_STATE", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
@@ -155,6 +155,9 @@ def _seen(channel: Any, layout: EnvLayout) -> Seen:
         return Seen("DISTURBANCE", place, channel, LINEAR_READS)
     if parted := re.fullmatch(rf"linear_pitch_({'|'.join(_LINEAR)})", name):
         return Seen("LINEAR_PITCH", _LINEAR[parted[1]], channel, LINEAR_READS)
+    if parted := re.fullmatch(rf"model_(gain|lag)_({'|'.join(OUTPUTS)})", name):
+        place = OUTPUTS.index(parted[2]) + (len(OUTPUTS) if parted[1] == "lag" else 0)
+        return Seen("MODEL_FIT", place, channel, LINEAR_READS)
     if parted := re.fullmatch(r"lidar_(\d+)", name):
         return Seen("LIDAR", int(parted[1]) - 1, channel, {"lidar", "nacelle_yaw"})
     if re.fullmatch(r"lidar_\d+_\d+", name):

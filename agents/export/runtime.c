@@ -26,6 +26,9 @@ struct linear {
     double fade, share, slow, age, acted_for; /* age: since the last decision, in intervals */
     double asked[3], acting[3], wanted[3], sum[3];
     double acted[3][N_TAPS], past[N_OUTPUTS][N_DELAYS], lasting[N_OUTPUTS];
+#if WITH_AGENT
+    double fit_count, fit_past[2][2][N_OUTPUTS], fit_sum[4][N_OUTPUTS], fit[2 * N_OUTPUTS]; /* gains, lags [s] */
+#endif
 };
 #endif
 
@@ -118,7 +121,7 @@ struct state {
     double pitch_now[N_BLADES], pitch_before[N_BLADES], lasting_load[N_CHANNELS];
     double history[N_HISTORY][N_CHANNELS];
 #if WITH_LINEAR
-    double known[N_OUTPUTS * N_SEEN_BINS + 5]; /* of the disturbances */
+    double known[N_OUTPUTS * N_SEEN_BINS + 5 + 2 * N_OUTPUTS]; /* of the disturbances, and of the fit of the model */
 #endif
     long n_history;
     int has_rate;
@@ -986,9 +989,9 @@ static void linear_remember(struct linear *l, int passed) {
     l->acted_for = 0.0;
 }
 
-/* Disturbances over their scale: what is measured less what the offsets did. */
-static void linear_find(const struct readings *r, const struct linear *l, double *found) {
-    double measured[N_OUTPUTS], share;
+/* Disturbances, which are what is measured less what the offsets did, and the former, over their scale. */
+static void linear_find(const struct readings *r, const struct linear *l, double *found, double *measured) {
+    double share;
     int low = design_below(l->slow, &share);
     to_fixed_frame(r->flap, r->azimuth, measured);
     measured[3] = r->acceleration_fore_aft;
@@ -996,10 +999,35 @@ static void linear_find(const struct readings *r, const struct linear *l, double
     measured[5] = r->rotor_speed;
     for (int i = 0; i < N_OUTPUTS; i++) {
         const float *of_low = &LINEAR_RESPONSES[(low * N_OUTPUTS + i) * 3 * N_TAPS];
-        found[i] = measured[i] / LINEAR_SCALE[i] - (1.0 - share) * product(of_low, &l->acted[0][0], 3 * N_TAPS);
+        measured[i] /= LINEAR_SCALE[i];
+        found[i] = measured[i] - (1.0 - share) * product(of_low, &l->acted[0][0], 3 * N_TAPS);
         if (share > 0.0) found[i] -= share * product(of_low + N_OUTPUTS * 3 * N_TAPS, &l->acted[0][0], 3 * N_TAPS);
     }
 }
+
+#if WITH_AGENT
+/* What is left of the own effect in the disturbances: regression of their changes on those of what the model explains and
+ * of its rate, with a window of 30 s. */
+static void linear_fit(struct linear *l, const double *found, const double *measured, int passed) {
+    const double kept = exp(-LINEAR_INTERVAL / 30.0), least = 1e-4;
+    if (passed != 1) l->fit_count = 0.0;
+    for (int i = 0; i < N_OUTPUTS; i++) {
+        double explained = measured[i] - found[i];
+        if (l->fit_count > 1.5) {
+            double change = 0.5 * (found[i] - l->fit_past[0][1][i]), along = 0.5 * (explained - l->fit_past[1][1][i]);
+            double rate = (explained - 2.0 * l->fit_past[1][0][i] + l->fit_past[1][1][i]) / LINEAR_INTERVAL;
+            const double now[4] = {change * along, along * along, change * rate, rate * rate};
+            for (int k = 0; k < 4; k++) l->fit_sum[k][i] += (1.0 - kept) * (now[k] - l->fit_sum[k][i]);
+            l->fit[i] = l->fit_sum[0][i] / (l->fit_sum[1][i] + least);
+            l->fit[N_OUTPUTS + i] = -l->fit_sum[2][i] / (l->fit_sum[3][i] + least);
+        }
+        for (int which = 0; which < 2; which++) l->fit_past[which][1][i] = l->fit_past[which][0][i];
+        l->fit_past[0][0][i] = found[i];
+        l->fit_past[1][0][i] = explained;
+    }
+    l->fit_count += 1.0;
+}
+#endif
 
 /* Take the disturbances of now into the past, without what lasts. */
 static void linear_take(struct linear *l, const double *found, int passed) {
@@ -1033,6 +1061,7 @@ static void linear_pitch(const struct parameters *p, struct state *s, struct dem
     struct linear *l = &s->linear;
     double ahead = s->now.azimuth + s->now.rotor_speed * p->linear_lead, reach = p->linear_rate_limit * dt;
     double slow = mean_of(d->pitch) + l->acting[0], wanted[3], move[2], reached[N_BLADES], found[N_OUTPUTS];
+    double measured[N_OUTPUTS];
     int passed = (int)(l->age + 1e-6);
     if (FADE_LINEAR) {
         if (l->fresh) l->fade = mean_of(d->pitch);
@@ -1044,7 +1073,10 @@ static void linear_pitch(const struct parameters *p, struct state *s, struct dem
     l->slow = low_pass(l->fresh ? slow : l->slow, slow, dt, p->linear_schedule_time);
     if (l->fresh || passed > 0) {
         linear_remember(l, passed);
-        linear_find(&s->now, l, found);
+        linear_find(&s->now, l, found, measured);
+#if WITH_AGENT
+        linear_fit(l, found, measured, passed);
+#endif
         linear_take(l, found, passed);
         linear_answer(p, l, l->wanted);
         l->age -= passed;
@@ -1080,15 +1112,15 @@ static void linear_sees(const struct parameters *p, struct state *s, const doubl
 
 #if WITH_AGENT
 /* What is known of the disturbances at an instant, before it acts: means over bins of delays, output by output, mean, tilt
- * and yaw that they ask for, share, slow pitch. */
+ * and yaw that they ask for, share, slow pitch, fit of the model. */
 static void linear_known(const struct parameters *p, const struct state *s, const struct readings *r, double *known) {
     struct linear l = s->linear;
-    double found[N_OUTPUTS];
+    double found[N_OUTPUTS], measured[N_OUTPUTS];
     int passed = (int)(l.age + 1e-6);
     if (l.fresh) l.slow = mean_of(r->pitch);
     if (l.fresh || passed > 0) {
         linear_remember(&l, passed);
-        linear_find(r, &l, found);
+        linear_find(r, &l, found, measured);
         linear_take(&l, found, passed);
     }
     for (int i = 0; i < N_OUTPUTS; i++) {
@@ -1101,6 +1133,7 @@ static void linear_known(const struct parameters *p, const struct state *s, cons
     linear_answer(p, &l, known);
     known[3] = l.share;
     known[4] = l.slow;
+    memcpy(known + 5, l.fit, sizeof l.fit);
 }
 #endif
 #endif
@@ -1373,6 +1406,7 @@ static double observed(const struct parameters *p, const struct state *s, const 
 #if WITH_LINEAR
     case SEE_DISTURBANCE: return s->known[i / MOST_SEEN_BINS * N_SEEN_BINS + i % MOST_SEEN_BINS];
     case SEE_LINEAR_PITCH: return s->known[N_OUTPUTS * N_SEEN_BINS + i];
+    case SEE_MODEL_FIT: return s->known[N_OUTPUTS * N_SEEN_BINS + 5 + i];
 #endif
     default: return c->offset; /* not on the interface: held where the policy sees zero */
     }

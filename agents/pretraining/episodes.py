@@ -176,7 +176,7 @@ def check_environment(env: WindTurbineEnv) -> None:
         )
     names = env.layout.observation.names
     # a lidar reads the wind without the rotor's induction, from a nacelle that no action turns
-    independent = ("disturbance_", "linear_pitch_", "lidar_", "dial_")
+    independent = ("disturbance_", "linear_pitch_", "model_", "lidar_", "dial_")
     if foreign := [name for name in names if not name.startswith(independent)]:
         raise ValueError(
             "pretraining needs observations that do not depend on the actions: observation=['disturbances'], with a "

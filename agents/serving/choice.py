@@ -30,7 +30,7 @@ _NOT_RUN = {
 }  # fmt: skip
 """Of an environment that tells what an agent sees and does, but is not run: ROSCO is its base controller."""
 
-_OF_THE_CONTROLLER = ("disturbance_", "linear_pitch_", "dead_band_")
+_OF_THE_CONTROLLER = ("disturbance_", "linear_pitch_", "model_", "dead_band_")
 """Beginnings of the names of channels that a base controller knows and ROSCO does not."""
 
 

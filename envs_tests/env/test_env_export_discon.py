@@ -95,7 +95,7 @@ AGENTS = {
     }),
     "guarded": ("PPO", torch.nn.Tanh, {
         "pitch": "fixed-frame", "action_components": ["pitch"], "control_dt": 0.1,
-        "observation": ["measurable", "disturbances"],
+        "observation": ["measurable", "disturbances", "model_fit"],
         # a drive that lags half a step behind is a fault to it
         "controller": "linear_optimal+yaw+fault_supervisor:pitch_tolerance=0.002,pitch_time=0.3",
     }),

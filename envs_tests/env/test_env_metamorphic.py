@@ -505,7 +505,7 @@ def test_a_mirrored_world_is_the_same_for_every_shipped_agent(folder):
 @pytest.mark.parametrize("pitch", ["collective", "individual", "fixed-frame"])
 def test_every_observation_of_a_mirrored_world(pitch):
     """All groups and all single channels, with noise, delay, memory and a lidar, and every component of an action."""
-    groups = tuple(name for name in OBSERVATION_GROUPS if name != "disturbances")
+    groups = tuple(name for name in OBSERVATION_GROUPS if name not in ("disturbances", "model_fit"))
     arguments = {
         "action_mode": "residual", "pitch": pitch, "controller": "tsr_tracking", "observation": groups,
         "action_components": ("pitch", "yaw", "torque"), "residual_fade": True, "residual_washout": 20.0, **WIND,
@@ -554,8 +554,8 @@ def test_disturbances_of_a_mirrored_world():
     """What linear optimal pitch knows, and offsets as actions."""
     envs = mirrored_envs(
         "wt_gym/NREL5MW-Turbulent-v1", action_mode="residual", residual_form="offset", pitch="fixed-frame",
-        action_components=("pitch",), controller="linear_optimal", observation=("disturbances",), control_dt=0.1,
-        **(WIND | {"wind_speed": 16.0}),
+        action_components=("pitch",), controller="linear_optimal", control_dt=0.1,
+        observation=("disturbances", "model_fit"), **(WIND | {"wind_speed": 16.0}),
     )  # fmt: skip
     size = envs[0].action_space.shape[0]
     first, second = mirrored_courses(envs, (Waves(size), Mirrored(Waves(size), envs[1].unwrapped.layout)))

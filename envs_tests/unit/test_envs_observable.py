@@ -54,7 +54,7 @@ def context(now):
     setpoint = AgentSetpoint([0.01, 0.02, 0.03], 0.0, 4e3)
     return ObservationContext(
         now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]), None, turning(),
-        np.arange(6.0 * len(LINEAR.bins) + 5.0), supervisor=SUPERVISOR, demanded_power=DEMANDED,
+        np.arange(6.0 * len(LINEAR.bins) + 17.0), supervisor=SUPERVISOR, demanded_power=DEMANDED,
         dial=(0.5, 2.0, 0.5),
     )  # fmt: skip
 
@@ -146,7 +146,8 @@ def test_every_channel_has_a_reader_and_another_name():
         "rotor_wind", "lidar_1", "lidar_2", "lidar_3", "power_headroom",
     ]  # fmt: skip
     assert all(
-        (needs == "disturbances") == name.startswith(("disturbance_", "linear_")) for name, needs in needy.items()
+        (needs == "disturbances") == name.startswith(("disturbance_", "linear_", "model_"))
+        for name, needs in needy.items()
     )
 
 

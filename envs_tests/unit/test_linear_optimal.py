@@ -32,6 +32,7 @@ from wt_gym.control.controllers.linear_optimal import SHIPPED, LinearOptimalPitc
 from wt_gym.control.controllers.memory import memory_of, remember
 from wt_gym.control.optimal.design_file import LinearDesign, load_design, save_design
 from wt_gym.control.optimal.measured import channels_read, measured_outputs, recorded_outputs
+from wt_gym.control.optimal.model_fit import ModelFit
 from wt_gym.control.optimal.offsets import PitchOffsets, default_limits
 from wt_gym.control.optimal.past import bin_means, delay_bins, spread_over_bins, without_lasting
 from wt_gym.errors import ControllerError
@@ -496,18 +497,18 @@ def driven_with_an_agent(turbine, told=True, n=120):
             controller.see_demand(base, Demand(pitch, 0.0, base.generator_torque), signals, DT)
         acting[:, k] = np.array(controller.offsets.acting) + drawn[:, k]
         found.append(controller.disturbance / design.scale)
-    return controller, wanted / design.scale[:, None], np.array(found).T, np.array(seen)
+    return controller, wanted / design.scale[:, None], np.array(found).T, np.array(seen), acting
 
 
 def test_offsets_of_an_agent_are_no_disturbance(turbine):
-    _, wanted, found, _ = driven_with_an_agent(turbine)
+    _, wanted, found, *_ = driven_with_an_agent(turbine)
     np.testing.assert_allclose(found, wanted, atol=1e-6)
-    _, _, untold, _ = driven_with_an_agent(turbine, told=False)
+    _, _, untold, *_ = driven_with_an_agent(turbine, told=False)
     assert np.abs(untold - wanted).max() > 0.01
 
 
 def test_what_an_agent_sees_is_the_past_with_the_present_instant(turbine):
-    controller, wanted, _, seen = driven_with_an_agent(turbine)
+    controller, wanted, _, seen, _ = driven_with_an_agent(turbine)
     design, bins = controller.design, controller.bins
     assert bins[0] == (0, 1)
     assert bins[-1][1] == design.gains.shape[-1]
@@ -516,7 +517,19 @@ def test_what_an_agent_sees_is_the_past_with_the_present_instant(turbine):
     started = design.gains.shape[-1]
     shown = seen[:, : 6 * len(bins)].reshape(-1, 6, len(bins)).transpose(1, 2, 0)
     np.testing.assert_allclose(shown[..., started:], expected[..., started:], atol=1e-6)
-    np.testing.assert_allclose(seen[:, -2:], [[1.0, 0.15]] * len(seen), atol=0.01)
+    np.testing.assert_allclose(seen[:, -14:-12], [[1.0, 0.15]] * len(seen), atol=0.01)
+
+
+def test_an_agent_sees_how_the_model_fits(turbine):
+    """The fit of what the controller finds to what its model explains, up to the last step."""
+    controller, _, found, seen, acting = driven_with_an_agent(turbine)
+    design = controller.design
+    explained = respond(design.responses[0], acting)
+    fit = ModelFit(6, DT)
+    for k in range(found.shape[1]):
+        np.testing.assert_allclose(seen[k, -12:], fit.values, atol=1e-6)
+        fit.update(found[:, k], explained[:, k], int(k > 0))
+    assert np.abs(fit.values).max() > 0.1
 
 
 def test_looking_changes_nothing(turbine):

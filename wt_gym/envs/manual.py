@@ -82,6 +82,8 @@ named in ``info["saturated"]``. ``observation`` names groups and single channels
 | previous_action | last action                                | 0      | 1      | -1     | 1      | -       |
 | dead_band       | yaw error behind the controller's filter   | 0      | 4      | -180   | 180    | deg     |
 | dead_band       | direction in which it turns the nacelle    | 0      | 1      | -1     | 1      | -       |
+| model_fit       | gain that the model of an output lacks     | -0.7   | 0.5    | -20    | 20     | -       |
+| model_fit       | lag that it lacks                          | 0.1    | 0.1    | -10    | 10     | s       |
 | supervisor      | 1 in each of its five states, else 0       | 0      | 1      | 0      | 1      | -       |
 | supervisor      | mean wind by which it decides              | 15     | 8      | 0      | 60     | m/s     |
 | supervisor      | set point of the rotor speed over rated    | 1      | 0.2    | 0      | 1      | -       |

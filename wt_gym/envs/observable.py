@@ -38,7 +38,7 @@ __all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observabl
 
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
-    "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances",
+    "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances", "model_fit",
     "supervisor", "power_reference", "power_forecast", "dial",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
@@ -131,8 +131,9 @@ class Observable:
             "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
             "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
             "lidar": self._lidar_channels, "previous_action": self._previous_action, "measurable": self._measurable,
-            "dead_band": self._dead_band, "disturbances": self._disturbances, "supervisor": self._states,
-            "power_reference": self._power_reference, "power_forecast": self._power_forecast, "dial": self._dial,
+            "dead_band": self._dead_band, "disturbances": self._disturbances, "model_fit": self._model_fit,
+            "supervisor": self._states, "power_reference": self._power_reference,
+            "power_forecast": self._power_forecast, "dial": self._dial,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
         others = (*self._pitch_forms(), self._every_fixed_frame(), self._out_of_plane(), self._more())
@@ -470,6 +471,24 @@ class Observable:
         ]
         return [
             self._computed(EVEN, readers.disturbance, *row, index=k, needs="disturbances") for k, row in enumerate(rows)
+        ]
+
+    def _model_fit(self) -> list[Observed]:
+        """How the model of the linear optimal pitch fits, where readings are late, drives slow or gauges dead."""
+        if self._linear is None:
+            return []
+        n, first = len(OUTPUTS), len(OUTPUTS) * len(self._linear.bins) + len(FIXED_FRAME) + 2
+        rows: list[tuple[Any, ...]] = [
+            (f"model_gain_{name}", "-", -0.7, 0.5, -20.0, 20.0, 0.0, f"gain that the model of {name} leaves out")
+            for name in OUTPUTS
+        ]
+        rows += [
+            (f"model_lag_{name}", "s", 0.1, 0.1, -10.0, 10.0, 0.0, f"lag that the model of {name} leaves out")
+            for name in OUTPUTS
+        ]
+        return [
+            self._computed(EVEN, readers.disturbance, *rows[k], index=first + k, needs="disturbances")
+            for k in range(2 * n)
         ]
 
     def _power_reference(self) -> list[Observed]:

@@ -19,6 +19,7 @@ from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.control.optimal.design_file import LinearDesign, load_design
 from wt_gym.control.optimal.measured import OUTPUTS, channels_read, measured_outputs, side_sign
+from wt_gym.control.optimal.model_fit import ModelFit
 from wt_gym.control.optimal.offsets import PitchOffsets
 from wt_gym.control.optimal.past import delay_bins
 from wt_gym.control.sensors import LowPass
@@ -69,6 +70,8 @@ class LinearOptimalPitch:
     offsets : PitchOffsets
     disturbance : numpy.ndarray, shape (6,)
         Found in the last step, in the units of `OUTPUTS`.
+    fit : ModelFit
+        Of the model, over what is measured.
     """
 
     def __init__(self, turbine: Turbine, design: LinearDesign, gain: float = 1.0) -> None:
@@ -84,6 +87,7 @@ class LinearOptimalPitch:
         self._past = np.zeros((len(OUTPUTS), design.gains.shape[-1]))
         self._lasting = np.zeros(len(OUTPUTS))
         self.disturbance, self._sum = np.zeros(len(OUTPUTS)), np.zeros(3)
+        self.fit = ModelFit(len(OUTPUTS), design.interval)
         self.bins = seen_bins(design)
         self._first, self._last = np.array(self.bins).T
         self._forget()
@@ -120,6 +124,7 @@ class LinearOptimalPitch:
         self._acted[:] = self._past[:] = 0.0
         self._lasting[:] = self.disturbance[:] = 0.0
         self._sum[:] = 0.0
+        self.fit.start()
         self._wanted, self._age, self._acted_for, self._fresh = (0.0, 0.0, 0.0), 0.0, 0.0, True
 
     def see_demand(self, base: Demand, demand: Demand, signals: Readings, dt: float) -> None:
@@ -140,7 +145,8 @@ class LinearOptimalPitch:
         -------
         numpy.ndarray, shape (n,)
             Means of the disturbances over `bins` of delays, over their scale and without what lasts, output by output;
-            mean, tilt and yaw that they ask for [rad]; share in which offsets act; slow pitch [rad].
+            mean, tilt and yaw that they ask for [rad]; share in which offsets act; slow pitch [rad]; gains [-] and lags
+            [s] of `fit`.
         """
         passed = int(self._age + 1e-6)
         past, acted = self._past, self._acted
@@ -150,13 +156,13 @@ class LinearOptimalPitch:
             if passed > 0:
                 _shift(acted, passed)
                 acted[:, :passed] = (self._sum / self._acted_for)[:, None]
-            found = self._found(signals, acted, slow)
+            found, _ = self._found(signals, acted, slow)
             past, _ = self._moved(found, passed)
         sums = np.cumsum(past, axis=1)
         sums = np.concatenate([np.zeros((len(OUTPUTS), 1)), sums], axis=1)
         means = (sums[:, self._last] - sums[:, self._first]) / (self._last - self._first)
         wanted = self._answer(past, slow)
-        return np.concatenate([means.reshape(-1), wanted, [self.offsets.share, slow]])
+        return np.concatenate([means.reshape(-1), wanted, [self.offsets.share, slow], self.fit.values])
 
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
         """Add the offsets, which are decided at the interval of the design, or at every step where that is longer."""
@@ -189,23 +195,27 @@ class LinearOptimalPitch:
 
     def _decide(self, signals: Readings, pitch: float, passed: int) -> tuple[float, float, float]:
         """Offsets of what is measured now, at a slow pitch [rad], after so many intervals without a decision."""
-        found = self._found(signals, self._acted, pitch)
+        found, measured = self._found(signals, self._acted, pitch)
+        self.fit.update(found, measured - found, passed)
         self._past, self._lasting = self._moved(found, passed)
         self.disturbance[:] = found * self.design.scale
         mean, tilt, yaw = self._answer(self._past, pitch).tolist()
         return mean, tilt, yaw
 
-    def _found(self, signals: Readings, acted: NDArray[np.float64], pitch: float) -> NDArray[np.float64]:
-        """Disturbances over their scale (6,): what is measured less what the offsets (3, n_taps) did."""
+    def _found(
+        self, signals: Readings, acted: NDArray[np.float64], pitch: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Disturbances over scales (6,), which are what is measured less what the offsets did, and what is measured."""
         design = self.design
         found = np.empty(len(OUTPUTS))
         measured_outputs(signals, self.n_blades, self.sign, found)
         found /= design.scale
+        measured = found.copy()
         low, weight = _place(design.pitch, pitch)
         for k, share in ((low, 1.0 - weight), (low + 1, weight)):
             if share > 0.0:
                 found -= share * (design.responses[k].reshape(len(OUTPUTS), -1) @ acted.reshape(-1))
-        return found
+        return found, measured
 
     def _moved(self, found: NDArray[np.float64], passed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Past (6, n_delays) and what lasts of it (6,), with the disturbances found after so many intervals."""
