@@ -48,7 +48,7 @@ TEXTS = {
 FIRST_SEED = 10_000_000
 """Of the episodes; those of trainings are small numbers."""
 WIND_SEEDS = tuple(range(5001, 5033))
-"""Turbulence that no training and no selection has met; the boxes of more have no room in the cache."""
+"""Turbulence that no training and no selection has met, few enough for the cache to keep all boxes."""
 DURATION, FAULT_TIME = 30.0, 5.0
 """Of an episode, and when its fault begins [s]."""
 HORIZON, WATCH = 5.0, 0.75
