@@ -194,7 +194,8 @@ def check_environment(env: WindTurbineEnv) -> None:
 @lru_cache(maxsize=4)
 def _environment(env_id: str, arguments: str, baseline: bool, condition: str) -> gym.Env[Any, Any]:
     """Environment that a process keeps."""
-    given: dict[str, Any] = json.loads(arguments) | {"relative_reward": False, "fault_kinds": None}
+    given: dict[str, Any] = {k: value for k, value in json.loads(arguments).items() if not k.startswith("fault_")}
+    given |= {"relative_reward": False, "fault_kinds": None, "episode_length": None}  # a job has its own duration
     given |= json.loads(condition)
     if baseline:
         published = registered_arguments(env_id, {}).get("controller", BASELINE)

@@ -43,7 +43,8 @@ PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "AGENTS.md", "
 PAGES += [path for path in sorted((ROOT / "docs").rglob("*.md")) if path.relative_to(ROOT).as_posix() not in OTHERS]
 LONGEST = 60  # words of a sentence
 GENERATED = re.compile(
-    r"<!-- (scores|kinds|fault study|leaderboard|ceilings|ladder|crosscheck)[^>]*-->.*?<!-- end[^>]*-->", re.DOTALL
+    r"<!-- (scores|kinds|fault study|budget study|leaderboard|ceilings|ladder|crosscheck)[^>]*-->.*?<!-- end[^>]*-->",
+    re.DOTALL,
 )
 
 

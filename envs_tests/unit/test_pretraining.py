@@ -322,6 +322,13 @@ def test_an_episode_of_the_environment_is_recorded_with_the_offsets_that_act():
     )
 
 
+def test_a_recording_has_no_faults_and_its_own_length():
+    """Whatever the arguments of the training say of both."""
+    arguments = ARGUMENTS | {"fault_kinds": ["stuck_blade"], "fault_time": 1.0, "episode_length": 2.0}
+    found = record_episode(EpisodeJob("wt_gym/Faults-v0", json.dumps(arguments), 17.0, 3, 4.0, None))
+    assert found.steps == 40
+
+
 def test_a_pretraining_that_is_stopped_ends_and_keeps_nothing(tmp_path, monkeypatch):
     """After the episode that is under way, with the request that Ctrl-C and SIGTERM make."""
     recorded = []

@@ -1,0 +1,105 @@
+"""Arithmetic of the study of budgets, on results by hand; the table of the page is that of its record."""
+
+import json
+
+import budget_study as study
+import pytest
+from scipy.stats import beta
+
+HEAD = {"limits": study.LIMITS}
+
+
+def result(episode, violated=(), kind="none", **changes):
+    """Result of an episode."""
+    values = {
+        "episode": episode, "kind": kind, "wind": 15.0, "steps": 300, "ending": "time", "violated": list(violated),
+        "speed": 1.05, "clearance": 7.0, "acceleration": 0.4, "travel": 3000.0, "flap": 5.0, "power": 5.0,
+        "filtered": 0.0,
+    }  # fmt: skip
+    return values | changes
+
+
+def found():
+    """Four episodes; it violates limits in the last two, once with its base controller."""
+    agent = [
+        result(0),
+        result(1, kind="slow_drive", travel=5000.0),
+        result(2, ["rotor_speed"], "slow_drive", speed=1.2, ending="overspeed", steps=100),
+        result(3, ["rotor_speed", "tip_clearance"], clearance=1.0),
+    ]
+    base = [result(0), result(1, kind="slow_drive"), result(2, ["rotor_speed"], "slow_drive"), result(3)]
+    filtered = [result(0), result(1, kind="slow_drive", filtered=0.5, steps=100), *base[2:]]
+    rows = {study.PLAIN: agent, study.BASE: base, study.FILTERED: filtered, study.TASK: base}
+    return {policy: {row["episode"]: row for row in many} for policy, many in rows.items()}
+
+
+def test_violations_are_counted_by_limit_and_kind_and_beside_the_base_controller():
+    several = found()
+    several[study.PLAIN][4] = result(4)  # of the agent alone
+    several[study.PLAIN][6] = result(6, ["rotor_speed"])  # behind a gap
+    sums = study.summary(several, HEAD)
+    assert (sums["episodes"], sums["paired"]) == (5, 4)
+    agent = sums["agent"]
+    assert (agent["episodes"], agent["any"], agent["ended"]) == (5, 2, 1)
+    assert agent["limits"] == {"pitch_travel": 0, "rotor_speed": 2, "tip_clearance": 1, "tower_acceleration": 0}
+    assert agent["most"] == {
+        "pitch_travel": 5000.0, "rotor_speed": 1.2, "tip_clearance": 1.0, "tower_acceleration": 0.4
+    }  # fmt: skip
+    assert {kind: one["any"] for kind, one in sums["kinds"].items()} == {"none": 1, "slow_drive": 1}
+    assert [(row["episode"], bool(row["base"])) for row in sums["beyond"]] == [(2, True), (3, False)]
+    assert {policy: one["any"] for policy, one in sums["paired_counts"].items()} == {
+        "task": 1, "base": 1, "agent": 2, "filtered": 1
+    }  # fmt: skip
+    # by steps, not by episodes: 50 of 700
+    assert sums["filtered"] == {"none": 0.0, "slow_drive": pytest.approx(50 / 400)}
+    assert sums["paired_counts"]["filtered"]["filtered"] == pytest.approx(50 / 1000, rel=1e-3)
+
+
+def test_intervals_are_those_of_clopper_and_pearson():
+    low, high = study.interval(3, 1000)
+    assert low == pytest.approx(beta.ppf(0.025, 3, 998))
+    assert high == pytest.approx(beta.ppf(0.975, 4, 997))
+    assert study.interval(0, 1000) == (0.0, pytest.approx(1.0 - 0.025 ** (1 / 1000)))
+    assert study.share(30, 1000) == "30 (30 ‰, 20 to 43 ‰)"
+    assert study.share(3, 1000) == "3 (3 ‰, 0.62 to 8.7 ‰)"
+
+
+def test_results_are_kept_across_a_line_that_was_cut_off(tmp_path):
+    path = tmp_path / "agent.jsonl"
+    study.append(path, [result(0), result(1)])
+    path.write_text(path.read_text()[:-20])
+    assert list(study.read(tmp_path)["agent"]) == [0]
+    study.append(path, [result(1), result(2)])
+    assert list(study.read(tmp_path)["agent"]) == [0, 1, 2]
+
+
+def test_a_run_goes_on_where_it_ended_and_refuses_other_results(tmp_path, monkeypatch):
+    """Base controller and filter play the first episodes and those with a violation."""
+    calls = []
+
+    def play(policy, agent, episode):
+        calls.append((policy, episode))
+        return result(episode, ["rotor_speed"] if episode == 21 and policy == "agent" else ())
+
+    monkeypatch.setattr(study, "play", play)
+    monkeypatch.setattr(study, "setup", lambda agent: HEAD | {"model": str(agent)})
+    study.run(tmp_path, "one", episodes=3, paired=2, jobs=1)
+    assert calls[:3] == [("agent", 0), ("agent", 1), ("agent", 2)]
+    assert calls[3:] == [(policy, k) for policy in ("base", "filtered", "task") for k in (0, 1)]
+    calls.clear()
+    study.run(tmp_path, "one", episodes=22, paired=2, jobs=1)
+    assert [k for policy, k in calls if policy == "agent"] == list(range(3, 22))
+    assert [one for one in calls if one[0] != "agent"] == [("base", 21), ("filtered", 21)]
+    assert study.record_of(tmp_path)["beyond"][0] == {
+        "episode": 21, "kind": "none", "wind": 15.0, "violated": ["rotor_speed"], "ending": "time", "base": [],
+        "filtered": [],
+    }  # fmt: skip
+    with pytest.raises(ValueError, match="have another model: give --out another folder"):
+        study.run(tmp_path, "two", episodes=3, paired=2, jobs=1)
+
+
+def test_the_table_of_the_page_is_that_of_the_record():
+    record = json.loads(study.RECORD.read_text(encoding="utf-8"))
+    page = study.PAGE.read_text(encoding="utf-8")
+    assert study.MARKED.search(page)
+    assert study.with_tables(page, record) == page
