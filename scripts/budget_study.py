@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How often an agent with budgets violates its limits in drawn winds and faults, for the page about budgets.
+"""How often an agent violates limits in drawn winds and faults, for the page about budgets.
 
     scripts/budget_study.py run --out runs/budget_study --episodes 10000   # the same command goes on where it ended
     scripts/budget_study.py show --out runs/budget_study                   # the tables so far
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parent.parent
 RECORD = ROOT / "docs" / "data" / "budget_study.json"
 PAGE = ROOT / "docs" / "howto" / "budgets.md"
-AGENT = ROOT / "agents" / "trained" / "faults_in_budgets"
+AGENT = ROOT / "agents" / "trained" / "faults"
 MARKED = re.compile(r"(<!-- budget study -->\n).*?(<!-- end -->)", re.DOTALL)
 TASK, BASE, PLAIN, FILTERED = POLICIES = ("task", "base", "agent", "filtered")
 LIMITS = {"pitch_travel": 6000.0, "rotor_speed": 1.15, "tip_clearance": 3.2, "tower_acceleration": 1.0}
-"""Those that are counted; the budgets of the training are tighter."""
+"""Of the pages; an operator has others."""
 TEXTS = {
     "pitch_travel": "pitch travel above {:g} rad/d",
     "rotor_speed": "rotor speed above {:g} of rated",
