@@ -19,6 +19,7 @@ from wt_gym.agents.planning import ShootingPlanner
 from wt_gym.agents.trained_environment import check_environment, controller_of_training, interface_of_training
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.benchmark.fingerprint import differing
+from wt_gym.control.controllers import make_controller, supervisor_of
 from wt_gym.control.controllers.names import ALIASES, Name
 from wt_gym.control.controllers.own_class import load_class
 from wt_gym.deprecated import renamed_names
@@ -150,6 +151,7 @@ class Environments:
         choice = own
         if layout_of(self.plain).action.mode == "residual" and isinstance(given, str) and is_base_controller(given):
             choice = None if given in ALIASES else self._other(given)
+            chosen = chosen if choice is None else self._without_supervisor(choice) | chosen
         return self._make(choice, interface_of_training(record, self.plain, meaning=not as_given) | chosen)
 
     def _other(self, choice: str) -> str | None:
@@ -157,6 +159,18 @@ class Environments:
         here = registered_arguments(self._id, self._kwargs).get("controller", BASELINE)
         same = isinstance(here, str) and read_name(here) == read_name(choice)
         return None if same else choice
+
+    def _without_supervisor(self, choice: str) -> dict[str, Any]:
+        """Actions and observation without what a supervisor has, for a controller without one: its actions are zero."""
+        here = registered_arguments(self._id, self._kwargs)
+        left = {
+            key: tuple(name for name in given if name != foreign)
+            for key, foreign in (("action_components", "set_point"), ("observation", "supervisor"))
+            if isinstance(given := here.get(key), list | tuple) and foreign in given
+        }
+        if not left or supervisor_of(make_controller(choice.removeprefix(PREFIX), layout_of(self.plain).turbine)):
+            return {}
+        return left
 
     def _make(self, choice: str | None, seen: Mapping[str, Any]) -> gym.Env:
         key = choice, json.dumps(seen, sort_keys=True)

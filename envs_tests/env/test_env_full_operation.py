@@ -186,6 +186,48 @@ class Never:
         return Demand(self._pitch.copy(), 0.0, 0.0)
 
 
+def test_the_real_rosco_starts_is_held_back_in_storm_and_starts_again_under_the_supervisor():
+    pytest.importorskip("rosco")
+    env = make(controller="rosco+supervisor:averaging=10,restart_delay=2,run_up=30")
+    knots = (0.0, 14.0), (90.0, 14.0), (110.0, 29.0), (130.0, 29.0), (140.0, 32.0), (180.0, 32.0), (190.0, 14.0)
+    options = {"inflow": path(*knots), "rotor_speed": 0.0, "pitch": 0.5 * math.pi, "generator_torque": 0.0}
+    env.reset(seed=3, options=options)
+    states, _, info, _ = play(env, 88.0)
+    assert states == ["parked", "start_up", "production"]
+    assert info["generator_power"] == pytest.approx(5e6, rel=0.02)
+    states, _, info, _ = play(env, 42.0)
+    assert states == ["production", "soft_cut_out"]
+    p = env.operation.supervisor.parameters
+    speed, power = p.set_points(29.0)
+    assert info["rotor_speed"] == pytest.approx(speed * p.rated_speed, rel=0.1)
+    assert info["generator_power"] == pytest.approx(power * 5e6, rel=0.15)
+    states, _, info, _ = play(env, 160.0)
+    assert states[1:] == ["shut_down", "parked", "start_up", "production"]
+    assert info["generator_power"] == pytest.approx(5e6, rel=0.02)
+
+
+@pytest.mark.parametrize(("speed", "parked"), [(2.0, True), (10.0, False), (26.0, True)])
+def test_an_episode_of_the_real_rosco_starts_as_the_turbine_stands_in_the_wind(speed, parked):
+    pytest.importorskip("rosco")
+    env = make(controller="rosco:start_stop=True", **WITHOUT_STATES)
+    info = env.reset(seed=1, options={"wind_speed": speed, "wind_seed": 5})[1]
+    assert (info["rotor_speed"] == 0.0) == parked
+    assert "state" not in info
+
+
+def test_a_controller_without_supervisor_is_evaluated_without_set_point_and_states():
+    from wt_gym.agents.pool import Environments
+
+    there = Environments(ID, {"start": "steady"})
+    other = there.environment_of("discon", {}).unwrapped
+    assert other.options.controller.base == "discon"
+    assert not any("set_point" in name for name in other.action_names)
+    assert not {f"state_{state}" for state in STATES} & set(other.observation_names.tolist())
+    same = there.environment_of("linear_optimal+supervisor", {}).unwrapped
+    assert list(same.action_names) == list(there.plain.unwrapped.action_names)
+    there.close()
+
+
 WITHOUT_STATES = {"observation": ("measurable",), "action_components": ("pitch", "torque")}
 
 

@@ -5,6 +5,7 @@ import importlib.util
 import math
 import pickle
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,15 +16,16 @@ from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import RECORDS, BladedController, rosco_library
 from wt_gym.control.bladed.records import channels_read, new_swap, write_readings
-from wt_gym.control.bladed.rosco import tuned_input
+from wt_gym.control.bladed.rosco import quiet_input, tuned_input, with_values
 from wt_gym.control.bladed.rosco_input import PERFORMANCE_FILE, write_rosco_input
 from wt_gym.control.controllers import make_controller, parse_name
+from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import SteadyInflow
+from wt_gym.wind import PathInflow, SteadyInflow
 
 SOURCE = r"""
 #include <math.h>
@@ -337,6 +339,97 @@ def test_rosco_prints_nothing_and_copies_repeat(capfd):
     assert np.array_equal(ours.pitch, theirs.pitch)
     assert ours.generator_torque == theirs.generator_torque
     assert capfd.readouterr() == ("", "")
+
+
+def stood(turbine):
+    """Rotor speed, pitch and torque of a turbine that stands with feathered blades, and the demand that holds them."""
+    feather = min(turbine.pitch.max_pitch, 0.5 * math.pi)
+    return {"rotor_speed": 0.0, "pitch": feather, "generator_torque": 0.0}, Demand(np.full(3, feather), 0.0, 0.0)
+
+
+@needs_rosco
+def test_rosco_starts_a_parked_turbine_in_stages_up_to_rated():
+    """At a tenth of its durations: a wait of 12 s, free-wheeling for 20 s at 6.9 rpm, a fifth of the load, all."""
+    simulator = Simulator(TURBINE, SteadyInflow(14.0, TURBINE.hub_height), "training")
+    controller = make_controller("rosco", TURBINE, start_stop=True, time_scale=0.1)
+    start, demand = stood(TURBINE)
+    signals = simulator.reset(**start)
+    controller.start(signals, demand)
+    times, speeds, powers = [], [], []
+    while signals["time"] < 130.0 - 1e-6:
+        demand = controller.step(signals, 0.1)
+        if signals["time"] < 11.9:
+            assert demand.pitch == pytest.approx([0.5 * math.pi] * 3, abs=2e-3)
+        signals = simulator.advance(0.1, demand.pitch, 0.0, demand.generator_torque)
+        times.append(signals["time"])
+        speeds.append(signals["rotor_speed"])
+        powers.append(signals["generator_power"])
+    times, speeds, powers = map(np.array, (times, speeds, powers))
+    loaded = times[np.argmax(powers > 1e4)]
+    least = 0.7226  # of the turbine [rad/s]
+    assert times[np.argmax(speeds > 0.95 * least)] + 20.0 < loaded < 70.0
+    assert powers[(times > loaded + 12.0) & (times < loaded + 28.0)] == pytest.approx(1e6, rel=0.15)
+    last = times > 120.0
+    assert powers[last].mean() == pytest.approx(5e6, rel=0.01)
+    assert speeds[last].mean() * 30 / math.pi == pytest.approx(12.1, rel=0.01)
+
+
+@needs_rosco
+def test_rosco_stops_above_cut_out_for_good():
+    """The pitch in 28 m/s lies above the one in 25; pitch to feather at a degree a second, torque at 750 N m/s."""
+    inflow = PathInflow(
+        np.array([0.0, 10.0, 15.0, 100.0, 110.0, 150.0]), np.array([24.0, 24.0, 28.0, 28.0, 15.0, 15.0]),
+        SteadyInflow(1.0, TURBINE.hub_height),
+    )  # fmt: skip
+    controller = make_controller("rosco", TURBINE, start_stop=True, time_scale=0.02)
+    assert [controller.runs_in(wind) for wind in (2.0, 3.0, 25.0, 26.0)] == [False, True, True, False]
+    simulator, record = Simulator(TURBINE, inflow, "training"), []
+    point = operating_point(TURBINE, 24.0)
+    signals = simulator.reset(rotor_speed=point.rotor_speed, pitch=point.pitch, generator_torque=point.generator_torque)
+    controller.start(signals, Demand(np.full(3, point.pitch), 0.0, point.generator_torque))
+    while signals["time"] < 150.0:
+        demand = controller.step(signals, 0.1)
+        signals = simulator.advance(0.1, demand.pitch, 0.0, demand.generator_torque)
+        record.append([signals["time"], signals["pitch_1"], signals["generator_power"], signals["rotor_speed"]])
+    time, pitch, power, speed = np.array(record).T
+    assert power[time < 15.0] == pytest.approx(5e6, rel=0.03)
+    stops = time[np.argmax(power < 4.5e6)]
+    assert 15.0 < stops < 40.0
+    falling = (time > stops + 5.0) & (time < stops + 30.0)
+    assert np.polyfit(time[falling], pitch[falling], 1)[0] == pytest.approx(math.radians(1.0), rel=0.01)
+    assert (power[time > 100.0] < 1e3).all()  # also in 15 m/s
+    assert abs(speed[time > 100.0]).max() < 0.1
+
+
+@needs_rosco
+def test_rosco_starts_and_stops_with_the_numbers_of_a_file_that_is_given(tmp_path):
+    source = tuned_input(TURBINE)
+    given = with_values(quiet_input(source), {"SU_StartTime": 7.5, "SD_EnablePitch": 1})
+    (tmp_path / "mine.in").write_text(given, encoding="utf-8")
+    controller = make_controller("rosco", TURBINE, input_file=tmp_path / "mine.in", start_stop=True)
+
+    def values(name):
+        text = Path(controller.input_file).read_text(encoding="utf-8")
+        return re.search(rf"^(.*?) *! {name}\b", text, re.MULTILINE)[1].split()
+
+    _, parked = stood(TURBINE)
+    controller.start(readings(), parked)
+    assert [values(name) for name in ("SU_Mode", "SD_Mode", "SU_StartTime")] == [["1"], ["1"], ["7.5"]]
+    controller.start(readings(rotor_speed=1.2), HELD)  # no start-up of a turbine that runs
+    assert [values(name) for name in ("SU_Mode", "SD_Mode", "SD_EnablePitch")] == [["0"], ["1"], ["1"]]
+
+
+@needs_rosco
+@pytest.mark.parametrize("turbine", ["nrel_5mw", "iea_15mw", "iea_22mw", "gebhardt_45m"])
+def test_rosco_takes_the_stages_of_any_turbine(turbine):
+    turbine = load_turbine(turbine)
+    controller = make_controller("rosco", turbine, start_stop=True)
+    feather = min(turbine.pitch.max_pitch, 0.5 * math.pi)
+    signals = readings(pitch_1=feather, pitch_2=feather, pitch_3=feather, wind_x=8.0)
+    controller.start(signals, stood(turbine)[1])
+    demand = controller.step(signals, 0.1)
+    assert demand.pitch == pytest.approx([feather] * 3)
+    assert demand.generator_torque == 0.0
 
 
 def test_without_the_package_rosco_says_how_to_get_it(monkeypatch):

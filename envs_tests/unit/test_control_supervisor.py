@@ -276,7 +276,8 @@ def test_its_place_is_around_the_base_and_before_the_additions():
 @pytest.mark.parametrize(
     ("name", "parameters", "error", "message"),
     [
-        ("rosco+supervisor", {}, TypeError, "whose pitch can be shifted"),
+        ("rosco+supervisor", {"start_stop": True}, TypeError, "rosco without derate and start_stop"),
+        ("rosco+supervisor", {"derate": "torque"}, TypeError, "rosco without derate and start_stop"),
         ("discon+supervisor", {"cut_out": 5.0}, ControllerError, "cut-in < restart"),
         ("discon+supervisor", {"least_power": 0.9}, ControllerError, "least_power must be at most"),
         ("discon+supervisor", {"resonance": 0.1}, ValueError, "tracks the tip-speed ratio"),

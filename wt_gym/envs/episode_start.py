@@ -20,7 +20,7 @@ from wt_gym.wind.protocol import start_speed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from wt_gym.control.controllers.supervisor import Supervisor
+    from wt_gym.control.controllers.controller import StartsTurbine
     from wt_gym.envs.dial import DialCourse, DialDraws
     from wt_gym.envs.fault_draws import DrawnFault, FaultDraws
     from wt_gym.envs.power_reference import PowerReference, PowerReferenceDraws
@@ -85,7 +85,7 @@ class EpisodeStarts:
         Starts of the running turbine; None where all are steady.
     count : int, optional
         Of the beginnings that are drawn from; None: every one is another.
-    supervisor : Supervisor, optional
+    starter : StartsTurbine, optional
         Of the base controller: in winds in which it does not run a turbine for long, the turbine starts parked.
     references : PowerReferenceDraws, optional
         Draws what a grid operator asks for.
@@ -101,13 +101,13 @@ class EpisodeStarts:
         winds: WindSampler,
         running: RunningStart | None,
         count: int | None = None,
-        supervisor: Supervisor | None = None,
+        starter: StartsTurbine | None = None,
         references: PowerReferenceDraws | None = None,
         dials: DialDraws | None = None,
         breakages: FaultDraws | None = None,
     ):
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
-        self._supervisor, self._references, self._dials = supervisor, references, dials
+        self._starter, self._references, self._dials = starter, references, dials
         self._breakages = breakages
 
     def draw(
@@ -240,8 +240,8 @@ class EpisodeStarts:
         return steady_start(speed, pitch, torque, azimuth, self._turbine.n_blades)
 
     def _parked(self, wind: EpisodeWind) -> bool:
-        """Whether a supervisor lets the turbine stand in the wind of the start."""
-        return self._supervisor is not None and not self._supervisor.runs_in(start_speed(wind.inflow))
+        """Whether the controller lets the turbine stand in the wind of the start."""
+        return self._starter is not None and not self._starter.runs_in(start_speed(wind.inflow))
 
     def _point(self, wind: EpisodeWind) -> OperatingPoint:
         """Operating point of the wind, or a rotor at rest with feathered blades."""

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from wt_gym.control import ActionMap, Lidar
-from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
+from wt_gym.control.controllers import AboveRated, lidar_of, make_controller, starting_part
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
@@ -161,8 +161,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._observation: np.ndarray | None = None
         self._saturated: tuple[str, ...] = ()
         self._twin = Twin(self._make_twin(), self.wind.turbulence_key) if options.rewards.relative else None
-        supervisor = supervisor_of(controller)
-        if supervisor is None and "set_point" in action.components:
+        if supervisor_of(controller) is None and "set_point" in action.components:
             raise ValueError(
                 "action_components 'set_point' needs a base controller with a supervisor: 'discon+supervisor'"
             )
@@ -172,8 +171,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             self.dials = DialDraws(options.dial, [term.name for term in self.reward_terms])
         self._dial: DialCourse | None = None
         self._starts = EpisodeStarts(
-            self.turbine, self.wind, running, options.starts, supervisor, references, self.dials, breakages
-        )
+            self.turbine, self.wind, running, options.starts, starting_part(controller), references, self.dials,
+            breakages,
+        )  # fmt: skip
         self._renderer = self._make_renderer()
         self._running = self._failed = self._seeded = False
         self._steps = 0

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt_gym.control.bladed.controller import BladedController
-from wt_gym.control.bladed.rosco_input import write_rosco_input
+from wt_gym.control.bladed.rosco_input import start_stop_values, value_text, write_rosco_input
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.controllers.rotor_rules import same_rotor
@@ -56,6 +56,14 @@ PARAMETERS = (
     Parameter(
         "derate", "-", "what a demanded power lowers: ROSCO's factor on rated torque, and beside it that on rated "
         "speed or on the power at fine pitch", word="speed, torque or pitch", otherwise="nothing",
+    ),
+    Parameter(
+        "start_stop", "-", "whether it starts a parked turbine and stops it for good where the pitch or the speed is "
+        "high (SU_Mode, SD_Mode)", switch=True, only_object=True,
+    ),
+    Parameter(
+        "time_scale", "-", "factor on ROSCO's durations of a start-up, and on the 600 s over which the pitch is "
+        "averaged that stops the turbine", 0.0, above=True,
     ),
     Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
 )  # fmt: skip
@@ -131,6 +139,12 @@ class RoscoController(BladedController):
     derate : {"speed", "torque", "pitch"}, optional
         By what a demanded power is followed: its whole course, as it is known at a start, goes into an open-loop file
         of ROSCO's power reference control (PRC_Mode 2, PRC_Comm 1).
+    start_stop : bool
+        Switches ROSCO's shut-down on (SD_Mode), and its start-up (SU_Mode) where the controller starts on a turbine
+        that stands with feathered blades: on one that runs a start-up would take the torque away. Their numbers are
+        those of `wt_gym.control.bladed.rosco_input.start_stop_values`, in an ``input_file`` that is given its own.
+    time_scale : float
+        As of `start_stop_values` [-].
 
     Raises
     ------
@@ -150,6 +164,8 @@ class RoscoController(BladedController):
         interval: float | None = LONGEST_INTERVAL,
         isolated: bool = False,
         derate: str | None = None,
+        start_stop: bool = False,
+        time_scale: float = 1.0,
     ):
         if derate is not None and derate not in _FACTORS:
             raise ValueError(f"derate of the controller 'rosco' must be among {', '.join(_FACTORS)}, got {derate!r}")
@@ -167,28 +183,66 @@ class RoscoController(BladedController):
         self.input_folder = folder
         """Holds the input file as long as this controller or a copy of it lives."""
         self._derate, self._plain_input = derate, target.read_text(encoding="utf-8")
+        self._start_stop: dict[str, object] | None = None
+        if start_stop:
+            self._start_stop = start_stop_values(turbine, time_scale) if input_file is None else {}
+
+    @property
+    def holds_set_point(self) -> bool:
+        """Whether it holds what a `Supervisor` asks for, by readings of the speeds over their set point.
+
+        The demand of a power and the stages of a start-up are about speeds as they are.
+        """
+        return self._derate is None and self._start_stop is None
+
+    def runs_in(self, wind: float) -> bool:
+        """Whether a turbine runs in a mean wind [m/s] at a start: with ``start_stop`` from cut-in to cut-out.
+
+        See `wt_gym.control.controllers.controller.starting_part`.
+        """
+        return self._start_stop is None or self.turbine.cut_in <= wind <= self.turbine.cut_out
 
     def start(self, signals: Readings, demand: Demand) -> None:
-        """Load the library afresh, with the course of the demanded power in its files if it is to follow one."""
-        if self._derate is not None:
-            self._write_course(signals)
+        """Load the library afresh, with what this start alone has in its files.
+
+        That is the course of a demanded power if it is to follow one, and start-up and shut-down.
+        """
+        if self._derate is not None or self._start_stop is not None:
+            self._write_input(signals, demand)
         super().start(signals, demand)
 
-    def _write_course(self, signals: Readings) -> None:
-        """Write an input file with an open-loop file beside it, in a folder of this start: copies keep theirs."""
+    def _write_input(self, signals: Readings, demand: Demand) -> None:
+        """Write the input file of this start into a folder of its own: copies keep theirs."""
         before = Path(self.input_file).parent
         folder = tempfile.TemporaryDirectory(prefix="wt_gym_rosco_")
         made = Path(folder.name)
         for file in before.iterdir():
             (made / file.name).write_bytes(file.read_bytes())
+        values: dict[str, object] = {}
+        if self._derate is not None:
+            values |= self._write_course(signals, made)
+        if self._start_stop is not None:
+            parked = self._is_parked(signals, demand)
+            values |= self._start_stop | {"SU_Mode": int(parked), "SD_Mode": 1}
+            if self._start_stop and not parked:
+                values["SD_TimeActivate"] = 0.0
+        (made / "DISCON.IN").write_text(with_values(self._plain_input, values), encoding="utf-8")
+        self.input_file, self.input_folder = str(made / "DISCON.IN"), folder
+
+    def _is_parked(self, signals: Readings, demand: Demand) -> bool:
+        """Whether the rotor barely turns and the blades are feathered."""
+        feather = min(self.turbine.pitch.max_pitch, 0.5 * math.pi)
+        slow = signals["rotor_speed"] < 0.25 * self.turbine.drivetrain.rated_rotor_speed
+        return slow and float(sum(demand.pitch)) / len(demand.pitch) > 0.5 * feather
+
+    def _write_course(self, signals: Readings, folder: Path) -> dict[str, object]:
+        """Write an open-loop file; values of the input file that have ROSCO follow it."""
         factors = _FACTORS[self._derate or ""]
         course = _course(signals, self.turbine.drivetrain.rated_power, len(factors))
-        (made / _COURSE).write_text(course, encoding="utf-8")
+        (folder / _COURSE).write_text(course, encoding="utf-8")
+        values = {"PRC_Mode": 2, "PRC_Comm": 1, "OL_Mode": 1, "OL_Filename": f'"{folder / _COURSE}"'}
         columns = {name: column for column, name in enumerate(factors, start=2)}  # each wants one of its own
-        values = {"PRC_Mode": 2, "PRC_Comm": 1, "OL_Mode": 1, "OL_Filename": f'"{made / _COURSE}"', "Ind_Breakpoint": 1}
-        text = with_values(self._plain_input, values | columns)
-        (made / "DISCON.IN").write_text(text, encoding="utf-8")
-        self.input_file, self.input_folder = str(made / "DISCON.IN"), folder
+        return values | {"Ind_Breakpoint": 1} | columns
 
     @classmethod
     def of_turbine(  # type: ignore[override]  # its library is known
@@ -198,9 +252,14 @@ class RoscoController(BladedController):
         interval: float | None = LONGEST_INTERVAL,
         isolated: bool = False,
         derate: str | None = None,
+        start_stop: bool = False,
+        time_scale: float = 1.0,
     ) -> RoscoController:
         """Make one by name; parameters as of the class."""
-        return cls(turbine, input_file, interval=interval, isolated=isolated, derate=derate)
+        return cls(
+            turbine, input_file, interval=interval, isolated=isolated, derate=derate, start_stop=start_stop,
+            time_scale=time_scale,
+        )  # fmt: skip
 
 
 def _course(signals: Readings, rated_power: float, columns: int = 1) -> str:
@@ -230,9 +289,9 @@ def with_values(text: str, values: Mapping[str, object]) -> str:
         _, mark, comment = line.partition("!")
         found = re.match(r"\s*(\w+)", comment)
         if found is not None and found[1] in left:
-            line = f"{left.pop(found[1])} {mark}{comment}"
+            line = f"{value_text(left.pop(found[1]))} {mark}{comment}"
         lines.append(line)
-    return "\n".join([*lines, *(f"{value} ! {name}" for name, value in left.items())]) + "\n"
+    return "\n".join([*lines, *(f"{value_text(value)} ! {name}" for name, value in left.items())]) + "\n"
 
 
 def quiet_input(source: Path) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters
-from wt_gym.control.operating_point import operating_point, rotor_inertia, tracks_tip_speed_ratio
+from wt_gym.control.operating_point import operating_point, rotor_inertia, torque_curve, tracks_tip_speed_ratio
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.rotor_table import RotorTable
 from wt_gym.files import write_text_whole
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["performance_table", "write_rosco_input"]
+__all__ = ["performance_table", "start_stop_values", "value_text", "write_rosco_input"]
 
 PERFORMANCE_FILE = "Cp_Ct_Cq.txt"
 _PITCH = np.radians(np.arange(-5.0, 41.0, 1.0))
@@ -36,6 +36,14 @@ _RATIOS = np.concatenate([np.arange(1.0, 6.0, 0.5), np.arange(6.0, 11.0, 0.25), 
 _GAIN_POINTS = 30
 _WIND, _SMOOTHING = 0.20944, 0.62830
 """Corner frequencies of a rotor of 12.1 rpm, of ROSCO's input for the NREL 5-MW [rad/s]."""
+_WAIT, _FREE_WHEELING, _LOADS, _RAMPS, _HOLDS = 120.0, 200.0, (0.2, 1.0), (100.0, 100.0), (200.0, 100.0)
+"""Start-up by default (``toolbox_schema.yaml`` of ROSCO): durations [s] and shares of the load."""
+_CORNER = 0.41888
+"""Corner frequency of the filters of start-up and shut-down there [rad/s]."""
+_FILTER = 300.0
+"""Time constant of the filter of the pitch that stops the turbine [s]: `Supervisor` has the same for the wind."""
+_LEFT = 4.0
+"""Time constants after which a filter has forgotten where it began: 2 % are left."""
 _SMALL = 1e-3
 """Step of the central difference over the rotor speed."""
 
@@ -53,8 +61,42 @@ def write_rosco_input(turbine: Turbine, path: Path) -> None:
     """
     table = _coefficients(turbine)
     write_text_whole(path.with_name(PERFORMANCE_FILE), performance_table(table))
-    rows = [f"{_text(value)}  ! {key}" for key, value in _parameters(turbine, table).items()]
+    rows = [f"{value_text(value)}  ! {key}" for key, value in _parameters(turbine, table).items()]
     write_text_whole(path, "\n".join([f"! ROSCO input file for {turbine.name}", *rows]) + "\n")
+
+
+def start_stop_values(turbine: Turbine, time_scale: float = 1.0) -> dict[str, object]:
+    """Values of ROSCO's start-up and shut-down (inputs SU_* and SD_*), by the rules of its tuning tools.
+
+    The start-up of a parked turbine: a wait with the blades where they are, free-wheeling of the unloaded rotor at its
+    least speed, a fifth of the load, all of it. The shut-down is triggered by the pitch behind a low-pass filter, above
+    the steady one in the cut-out wind, or by a generator speed of 1.2 times rated; then pitch and torque go at constant
+    rates, and nothing ends it. It watches only after the pitch of the parked blades has left the filter.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    time_scale : float
+        Factor on the durations of the start-up, which are ROSCO's own, and on the time constant of the filter of the
+        pitch, half of the ten minutes of a mean wind: winds that are compressed in time need less than 1 [-].
+    """
+    drive, rated = turbine.drivetrain, BaselineParameters.from_turbine(turbine).reference_speed
+    time_constant = _FILTER * time_scale
+    wait, feather = _WAIT * time_scale, min(turbine.pitch.max_pitch, 0.5 * math.pi)
+    least = max(torque_curve(turbine).cut_in_speed / drive.gear_ratio, drive.min_rotor_speed)
+    return {
+        "SU_StartTime": wait, "SU_FW_MinDuration": _FREE_WHEELING * time_scale, "SU_RotorSpeedThresh": least,
+        "SU_RotorSpeedCornerFreq": _CORNER, "SU_LoadStages_N": len(_LOADS), "SU_LoadStages": _LOADS,
+        "SU_LoadRampDuration": tuple(time_scale * time for time in _RAMPS),
+        "SU_LoadHoldDuration": tuple(time_scale * time for time in _HOLDS),
+        "SD_TimeActivate": wait + feather / turbine.pitch.max_rate + _LEFT * time_constant,
+        "SD_EnablePitch": 1, "SD_EnableYawError": 0, "SD_EnableGenSpeed": 1, "SD_EnableTime": 0,
+        "SD_MaxPit": operating_point(turbine, turbine.cut_out).pitch, "SD_PitchCornerFreq": 1.0 / time_constant,
+        "SD_MaxYawError": 30.0, "SD_YawErrorCornerFreq": _CORNER, "SD_MaxGenSpd": 1.2 * rated,
+        "SD_GenSpdCornerFreq": _CORNER, "SD_Time": 9999.0, "SD_Method": 1, "SD_Stage_N": 1, "SD_StageTime": 1000.0,
+        "SD_StagePitch": feather, "SD_MaxTorqueRate": 0.05 * drive.max_torque_rate,
+        "SD_MaxPitchRate": 0.125 * turbine.pitch.max_rate,
+    }  # fmt: skip
 
 
 def _coefficients(turbine: Turbine) -> RotorTable:
@@ -146,8 +188,8 @@ def _row(values: Iterable[float], digits: int) -> str:
     return "   ".join(f"{value:.{digits}f}" for value in values)
 
 
-def _text(value: object) -> str:
+def value_text(value: object) -> str:
     """A value as ROSCO reads it."""
     if isinstance(value, np.ndarray | tuple):
-        return " ".join(map(_text, np.asarray(value).tolist()))
+        return " ".join(map(value_text, np.asarray(value).tolist()))
     return f"{value:.8g}" if isinstance(value, float) else str(value)

@@ -19,6 +19,7 @@ from wt_gym.control.controllers.controller import (
     lidar_of,
     parts_of,
     readings_of,
+    starting_part,
 )
 from wt_gym.control.controllers.discon import (
     BaselineController,
@@ -107,6 +108,7 @@ __all__ = [
     "readings_of",
     "retuned_parameters",
     "rotor_table",
+    "starting_part",
     "supervisor_of",
     "to_harmonic",
 ]

@@ -37,6 +37,7 @@ __all__ = [
     "Controller",
     "Readings",
     "RepairedReadings",
+    "StartsTurbine",
     "WithDemandedPower",
     "WithLidar",
     "checked_demand",
@@ -46,6 +47,7 @@ __all__ = [
     "lidar_of",
     "parts_of",
     "readings_of",
+    "starting_part",
 ]
 
 
@@ -335,6 +337,26 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
 def parts_of(controller: Controller | Addition) -> tuple[Controller | Addition, ...]:
     """A controller alone, or what it is combined of."""
     return (controller.base, *controller.additions) if isinstance(controller, Combined) else (controller,)
+
+
+@runtime_checkable
+class StartsTurbine(Protocol):
+    """A controller that starts a parked turbine."""
+
+    def runs_in(self, wind: float) -> bool:
+        """Whether a turbine runs in a mean wind [m/s] at a start; else it stands with feathered blades."""
+        ...
+
+
+def starting_part(controller: Controller | None) -> StartsTurbine | None:
+    """The outermost part of a controller that starts a parked turbine, None without any."""
+    for part in () if controller is None else parts_of(controller):
+        inner: Any = part
+        while inner is not None:
+            if isinstance(inner, StartsTurbine):
+                return inner
+            inner = getattr(inner, "base", None)
+    return None
 
 
 def _name(controller: Controller | Addition) -> str:

@@ -176,7 +176,8 @@ class Supervisor:
     Parameters
     ----------
     base : Controller
-        Of the package: ``discon``, ``retuned``, ``tsr_tracking``, with or without ``lidar``.
+        Of the package: ``discon``, ``retuned``, ``tsr_tracking``, with or without ``lidar``; or ``rosco``, which begins
+        afresh with every production.
     parameters : SupervisorParameters
     pitch_law : PitchLaw
         Of the start-up.
@@ -196,10 +197,10 @@ class Supervisor:
     """
 
     def __init__(self, base: Controller, parameters: SupervisorParameters, pitch_law: PitchLaw):
-        if not isinstance(base, ShiftablePitch | LidarFeedforward):
+        if not (isinstance(base, ShiftablePitch | LidarFeedforward) or getattr(base, "holds_set_point", False)):
             raise TypeError(
-                f"a supervisor needs a controller whose pitch can be shifted (shift_pitch): discon, retuned or "
-                f"tsr_tracking; got {base!r}"
+                f"a supervisor needs a controller whose pitch can be shifted (shift_pitch), discon, retuned or "
+                f"tsr_tracking, or rosco without derate and start_stop; got {base!r}"
             )
         self.base, self.parameters, self.pitch_law = base, parameters, pitch_law
         self.channels = tuple(dict.fromkeys((*base.channels, "rotor_speed", "wind_x", "wind_y")))
