@@ -1583,8 +1583,13 @@ static void agent_act(const struct parameters *p, struct state *s) {
 
 /* Demand of the controller and the offsets that act, a part of the way from one setpoint to the next. */
 static void agent_add(const struct parameters *p, struct state *s, double part, double dt) {
-    double offset[N_SETPOINT] = {0.0}, azimuth = s->now.azimuth + s->now.rotor_speed * p->offset_lead, torque = s->base.torque;
-    double bound = 1.0;
+    double offset[N_SETPOINT] = {0.0}, azimuth, torque = s->base.torque, bound = 1.0;
+#if WITH_GUARD
+    struct readings measured = s->now;
+    struct guard known = s->guard; /* nothing is remembered */
+    guard_believe(p, &known, &s->now, 0.0);
+#endif
+    azimuth = s->now.azimuth + s->now.rotor_speed * p->offset_lead;
 #if WITH_SUPERVISOR
     bound = agent_share(&s->supervisor);
 #endif
@@ -1632,6 +1637,9 @@ static void agent_add(const struct parameters *p, struct state *s, double part, 
 #endif
     s->demand.torque = clip(torque, 0.0, p->drive_max_torque);
     s->demand.yaw_rate = clip(s->yaw_rate + s->base.yaw_rate, -p->drive_yaw_rate, p->drive_yaw_rate);
+#if WITH_GUARD
+    s->now = measured;
+#endif
 }
 #endif
 

@@ -11,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from wt_gym.agents.constant import ConstantAgent
+from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.control.optimal.measured import side_sign
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.control.actions import Demand
+    from wt_gym.control.controllers.controller import Readings
     from wt_gym.envs.episode import Agent, EpisodeStep
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
@@ -57,10 +59,15 @@ class RecordedEpisode:
         Of the generator [W].
     azimuth : numpy.ndarray, shape (n + 1,)
         In the sense of rotation [rad].
-    rotor_speed : numpy.ndarray, shape (n + 1,)
-        [rad/s].
+    read_azimuth, read_speed : numpy.ndarray, shape (n,)
+        Azimuth and rotor speed by the readings, in whose frame offsets are chosen [rad], [rad/s].
+    individual : numpy.ndarray, shape (n,)
+        Share of tilt and yaw that a supervisor of faults leaves.
     lead : float
-        Time from an offset to the pitch, with the drives of the episode [s].
+        Time by which the azimuth of the recorded pitch is ahead of that at which an offset was chosen, with the drives
+        of the episode [s].
+    pitch_gain : float
+        Motion of the blades over that of their demand [-].
     """
 
     speed: float
@@ -74,8 +81,11 @@ class RecordedEpisode:
     tower: NDArray[np.float64]
     power: NDArray[np.float64]
     azimuth: NDArray[np.float64]
-    rotor_speed: NDArray[np.float64]
+    read_azimuth: NDArray[np.float64]
+    read_speed: NDArray[np.float64]
+    individual: NDArray[np.float64]
     lead: float
+    pitch_gain: float = 1.0
 
     @property
     def steps(self) -> int:
@@ -141,16 +151,21 @@ class PlayedActions:
 
 
 class _Watched:
-    """Agent whose observations are kept."""
+    """Agent whose observations are kept, and the frame in which its offsets act: that of the readings."""
 
-    def __init__(self, agent: Agent) -> None:
-        self.agent = agent
+    def __init__(self, agent: Agent, env: WindTurbineEnv) -> None:
+        self.agent, self._env = agent, env
         self.seen: list[NDArray[np.float32]] = []
+        self.frame: list[tuple[float, float]] = []
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Any, Any]:
         self.seen.append(np.array(observation, dtype=np.float32))
+        readings: Readings = self._env.operation.readings()
+        if (watcher := fault_supervisor_of(self._env.controller)) is not None:
+            readings = watcher.believed(readings)
+        self.frame.append((readings["azimuth"], readings["rotor_speed"]))
         return self.agent.predict(observation, state=state, episode_start=episode_start, deterministic=deterministic)
 
 
@@ -175,12 +190,14 @@ def check_environment(env: WindTurbineEnv) -> None:
             "effect of the agent's offsets off what is measured"
         )
     names = env.layout.observation.names
-    # a lidar reads the wind without the rotor's induction, from a nacelle that no action turns
+    # a lidar reads the wind without the rotor's induction, from a nacelle that no action turns; the fit of the model
+    # moves over half a minute, and is taken as given
     independent = ("disturbance_", "linear_pitch_", "model_", "lidar_", "dial_")
     if foreign := [name for name in names if not name.startswith(independent)]:
         raise ValueError(
-            "pretraining needs observations that do not depend on the actions: observation=['disturbances'], with a "
-            "lidar ['disturbances', 'lidar'], with a dial ['disturbances', 'dial'], got "
+            "pretraining needs observations that do not depend on the actions: observation=['disturbances'], in "
+            "conditions ['disturbances', 'model_fit'], with a lidar ['disturbances', 'lidar'], with a dial "
+            "['disturbances', 'dial'], got "
             f"{', '.join(foreign[:5])}"
         )
     if env.operation.count != 1:
@@ -191,7 +208,7 @@ def check_environment(env: WindTurbineEnv) -> None:
         raise ValueError("pretraining needs history=1 and sensor_delay=0")
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=12)
 def _environment(env_id: str, arguments: str, baseline: bool, condition: str) -> gym.Env[Any, Any]:
     """Environment that a process keeps."""
     given: dict[str, Any] = {k: value for k, value in json.loads(arguments).items() if not k.startswith("fault_")}
@@ -215,13 +232,16 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
     """
     env = _environment(job.env_id, job.arguments, job.baseline, job.condition)
     plain = turbine_env_of(env)
-    agent = _Watched(job.agent or ConstantAgent(plain.layout))
+    agent = _Watched(job.agent or ConstantAgent(plain.layout), plain)
     demands: list[tuple[Demand, Demand]] = []
     share: list[float] = []
+    individual: list[float] = []
 
     def told(step: EpisodeStep) -> None:
         operation = plain.operation
         share.append(1.0 if operation.residual is None else operation.residual.share)
+        watcher = fault_supervisor_of(plain.controller)
+        individual.append(1.0 if watcher is None else watcher.share)
         demands.append((operation.base, operation.demand))
 
     options: dict[str, Any] = {"wind_speed": job.speed, "wind_seed": job.seed, "time_offset": 0.0}
@@ -233,21 +253,21 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
             f"the episode at {job.speed:g} m/s, seed {job.seed}, ended after {done.time:g} s ({done.ending}): "
             "pretraining needs whole episodes; give smaller action_spans"
         )
-    data, sign = done.data, side_sign(plain.turbine)
+    data, sign, dt = done.data, side_sign(plain.turbine), plain.control_dt
     blades = range(1, plain.turbine.n_blades + 1)
 
     def series(name: str) -> NDArray[np.float64]:
         return data[name].values.astype(float)
 
-    azimuth, speed, part = series("azimuth"), series("rotor_speed"), linear_part(plain.controller)
+    part, frame = linear_part(plain.controller), np.array(agent.frame[: len(demands)])
     offsets = np.zeros((len(demands), 3))
     if part is not None:
         for k, (base, demand) in enumerate(demands):
-            offsets[k] = part.offsets.between(base, demand, azimuth[k], speed[k], plain.control_dt)
+            offsets[k] = part.offsets.between(base, demand, *agent.frame[k], dt)
     return RecordedEpisode(
         speed=job.speed,
         seed=job.seed,
-        dt=plain.control_dt,
+        dt=dt,
         observations=np.stack(agent.seen[: len(share)]),
         offsets=offsets.T.copy(),
         share=np.array(share),
@@ -255,7 +275,11 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
         pitch=np.stack([series(f"pitch_{b}") for b in blades]),
         tower=np.stack([series("tower_base_fore_aft_moment"), sign * series("tower_base_side_side_moment")]),
         power=series("generator_power"),
-        azimuth=azimuth,
-        rotor_speed=speed,
-        lead=pitch_delay(plain.simulator.turbine.pitch, plain.control_dt),
+        azimuth=series("azimuth"),
+        read_azimuth=frame[:, 0],
+        read_speed=frame[:, 1],
+        individual=np.array(individual),
+        # the demand is ahead by what the nominal drives take; those of the episode take it back, and more
+        lead=2.0 * pitch_delay(plain.turbine.pitch, dt) - pitch_delay(plain.simulator.turbine.pitch, dt),
+        pitch_gain=1.0 if plain.operation.pitch_gain is None else plain.operation.pitch_gain.gain,
     )

@@ -126,7 +126,7 @@ class Limits:
     washout: float | None
 
     def offsets(self, actions: torch.Tensor, share: torch.Tensor, dt: float) -> torch.Tensor:
-        """Offsets (3, n) [rad] of actions (n, 3) before clipping, rates without limit."""
+        """Offsets (3, n) [rad] of actions (n, 3) before clipping, of which shares (3, n) act; rates without limit."""
         u = actions.clamp(-1.0, 1.0).T
         mean = self.mean * u[:1]
         if self.washout is not None:
@@ -218,10 +218,11 @@ class LinearizedEpisode:
         self._limits, self._baseline, self._full_rate = limits, baseline, full_rate
         self._skip = round(skip / episode.dt)
         self.observations = torch.from_numpy(episode.observations)
-        self._share = torch.from_numpy(episode.share.astype(np.float32))
+        cyclic = episode.share * episode.individual
+        self._share, self._gain = tensor(np.stack([episode.share, cyclic, cyclic])), episode.pitch_gain
         n = len(episode.flap)
         of_blades = 2.0 * math.pi / n * np.arange(n)[:, None]
-        ahead = episode.azimuth[:-1] + episode.lead * episode.rotor_speed[:-1] + of_blades
+        ahead = episode.read_azimuth + episode.lead * episode.read_speed + of_blades
         still = episode.azimuth + of_blades
         self._pitch_cos, self._pitch_sin = tensor(np.cos(ahead)), tensor(np.sin(ahead))
         self._flap_cos, self._flap_sin = tensor(np.cos(still)), tensor(np.sin(still))
@@ -269,7 +270,7 @@ class LinearizedEpisode:
         more = offsets - self._acted
         changed = self._plants.respond(self.speed, more)
         flap = self._flap + changed[0] + changed[1] * self._flap_cos + changed[2] * self._flap_sin
-        moved = more[0] + more[1] * self._pitch_cos + more[2] * self._pitch_sin
+        moved = self._gain * (more[0] + more[1] * self._pitch_cos + more[2] * self._pitch_sin)
         pitch = torch.cat([self._pitch[:, :1], self._pitch[:, 1:] + moved], 1)
         found = load_metrics(flap, self._tower + changed[3:5], pitch, self._dt, self._full_rate, self._skip, exponents)
         found["captured_power"] = self._power + changed[5, self._skip :].mean().clamp(max=0.0)

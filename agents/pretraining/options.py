@@ -239,6 +239,14 @@ def _checked_condition(given: Any) -> dict[str, Any]:
         raise ValueError(
             f"each of conditions must have {', '.join(CONDITION_ARGUMENTS)} alone, got {', '.join(map(str, foreign))}"
         )
+    if "fault_kinds" in flat:
+        kinds = flat["fault_kinds"]
+        single = isinstance(kinds, str) or (isinstance(kinds, list | tuple) and len(kinds) == 1)
+        if not single or kinds == "all":
+            raise ValueError(f"the faults of a condition must be of one kind, got {kinds!r}")
+        # its plant is identified from the whole run
+        if (time := flat.setdefault("fault_time", 0.0)) != 0.0:
+            raise ValueError(f"the fault of a condition must begin with the episode, at time 0, got {time!r}")
     for name in ("pitch_gain", "sensor_delay", *STRUCTURAL):
         if isinstance(flat.get(f"vary_{name}"), list | tuple):
             raise ValueError(

@@ -12,7 +12,13 @@ import torch
 
 from wt_gym.agents.linear_design.identification import respond
 from wt_gym.agents.pretraining import pretrain as pretraining
-from wt_gym.agents.pretraining.episodes import EpisodeJob, RecordedEpisode, check_environment, record_episode
+from wt_gym.agents.pretraining.episodes import (
+    EpisodeJob,
+    PlayedActions,
+    RecordedEpisode,
+    check_environment,
+    record_episode,
+)
 from wt_gym.agents.pretraining.fatigue import cycle_ends, damage_equivalent_load
 from wt_gym.agents.pretraining.objective import Limits, LinearizedEpisode, Plants, load_metrics, plant_outputs, tensor
 from wt_gym.agents.pretraining.options import PretrainingOptions
@@ -90,7 +96,7 @@ def actions(seed):
     return np.repeat(rng.uniform(-1.0, 1.0, (STEPS // 8, 3)), 8, axis=0).astype(np.float32)
 
 
-def simulated(acting, speed):
+def simulated(acting, speed, individual=None, gain=1.0):
     """Episode of a turbine that the plants describe exactly, under offsets (3, n)."""
     rng = np.random.default_rng(4)
     azimuth, rotor_speed = 1.2 * DT * np.arange(STEPS + 1), np.full(STEPS + 1, 1.2)
@@ -99,13 +105,16 @@ def simulated(acting, speed):
     outputs = calm + changed
     outputs[5] = 4e6 + 1e-3 * calm[5] + changed[5]
     angles = azimuth + 2.0 * np.pi / 3.0 * np.arange(3)[:, None]
-    moved = np.array([to_blades(u.tolist(), a + 0.3 * 1.2, 3) for u, a in zip(acting.T, azimuth, strict=False)]).T
+    turned = zip(acting.T, azimuth[:-1] + 0.3 * 1.2, strict=True)
+    left = np.ones(STEPS) if individual is None else individual
+    moved = gain * np.array([to_blades(u.tolist(), a, 3) for u, a in turned]).T
     return RecordedEpisode(
         speed=speed, seed=1, dt=DT, observations=np.arange(STEPS, dtype=np.float32)[:, None], offsets=acting,
         share=share(),
         flap=outputs[0] + outputs[1] * np.cos(angles) + outputs[2] * np.sin(angles),
         pitch=0.2 + np.concatenate([np.zeros((3, 1)), moved], axis=1), tower=outputs[3:5], power=outputs[5],
-        azimuth=azimuth, rotor_speed=rotor_speed, lead=0.3,
+        azimuth=azimuth, read_azimuth=azimuth[:-1], read_speed=rotor_speed[:-1], individual=left, lead=0.3,
+        pitch_gain=gain,
     )  # fmt: skip
 
 
@@ -137,6 +146,20 @@ def test_loads_under_another_policy_are_those_of_a_simulation_of_it(speed, washo
     acted = [limits(washout).offsets(actor(seen), tensor(share()), DT).double().numpy() for actor in (first, second)]
     recorded, expected = (simulated(offsets, speed) for offsets in acted)
     episode = linearized(recorded, first, washout)
+    found = episode.metrics(episode.offsets(second), (metrics.BLADE_EXPONENT, metrics.TOWER_EXPONENT))
+    for name, value in own_metrics(expected).items():
+        assert float(found[name]) == pytest.approx(float(value), rel=1e-3), name
+
+
+def test_tilt_and_yaw_act_by_the_share_of_a_supervisor_and_blades_move_by_their_gain():
+    first, second = (playing(actions(seed)) for seed in (5, 6))
+    seen = torch.arange(STEPS, dtype=torch.float32)[:, None]
+    left = np.linspace(1.0, 0.0, STEPS)
+    shares = tensor(np.stack([share(), share() * left, share() * left]))
+    acted = [limits().offsets(actor(seen), shares, DT).double().numpy() for actor in (first, second)]
+    recorded, expected = (simulated(offsets, 15.0, left, gain=1.3) for offsets in acted)
+    episode = linearized(recorded, first)
+    np.testing.assert_allclose(episode.offsets(second), acted[1], atol=1e-7)
     found = episode.metrics(episode.offsets(second), (metrics.BLADE_EXPONENT, metrics.TOWER_EXPONENT))
     for name, value in own_metrics(expected).items():
         assert float(found[name]) == pytest.approx(float(value), rel=1e-3), name
@@ -254,10 +277,33 @@ def test_a_condition_is_that_of_the_recorded_episode():
         record_episode(replace(job, condition=json.dumps({"variation": one})))
         for one in ({}, {"drive_lag": 0.3}, {"dead_sensor": ["root_flap_moment_1"]})
     )
-    assert slow.lead == pytest.approx(0.1 + 0.3)
+    assert slow.lead == pytest.approx(0.15 - (0.1 + 0.3 - 0.15))
     assert nominal.lead == pytest.approx(0.1 + 0.05)
     assert abs(dead.observations[0] - nominal.observations[0]).max() > 0.5
     np.testing.assert_allclose(dead.flap[:, 0], nominal.flap[:, 0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("controller", "condition"),
+    [
+        ("linear_optimal", {"variation": {"sensor_delay": 0.2}}),
+        ("linear_optimal", {"variation": {"drive_lag": 0.3}}),
+        ("linear_optimal+fault_supervisor", {"fault_kinds": ["dead_rotor_speed"], "fault_time": 0.0}),
+        ("linear_optimal+fault_supervisor", {"fault_kinds": ["stuck_blade"], "fault_time": 0.0}),
+    ],
+)
+def test_offsets_that_are_recorded_are_those_that_the_objective_takes_of_the_policy(controller, condition):
+    """In the frame of the readings, with what a supervisor leaves of them."""
+    asked = np.tile(np.array([0.1, 0.5, -0.25], dtype=np.float32), (60, 1))
+    arguments = json.dumps(ARGUMENTS | {"controller": controller, "residual_fade": False})
+    played, told = PlayedActions(asked), json.dumps(condition)
+    found = record_episode(EpisodeJob("wt_gym/LoadReduction-v2", arguments, 17.0, 3, 6.0, played, condition=told))
+    spans = Limits(math.radians(0.5), math.radians(4.0), None)
+    cyclic = found.share * found.individual
+    expected = spans.offsets(torch.from_numpy(asked), tensor(np.stack([found.share, cyclic, cyclic])), DT).numpy()
+    reached = slice(40, None)  # offsets move at their greatest rate
+    np.testing.assert_allclose(found.offsets[:, reached], expected[:, reached], atol=2e-4)
+    assert (found.individual[-1] == 0.0) == (condition.get("fault_kinds") == ["stuck_blade"])
 
 
 def test_conditions_are_recorded_in_turns_and_each_is_identified_once(monkeypatch):
@@ -273,10 +319,10 @@ def test_conditions_are_recorded_in_turns_and_each_is_identified_once(monkeypatc
         rng = np.random.default_rng(len(asked))
         inputs = rng.normal(size=(3, 600)) * (job.agent is not None)
         return RecordedEpisode(
-            speed=job.speed, seed=job.seed, dt=0.1, observations=rng.normal(size=(600, 4)).astype(np.float32),
+            speed=job.speed, seed=job.seed, dt=0.1, observations=rng.normal(size=(600, 77)).astype(np.float32),
             offsets=inputs, share=np.ones(600), flap=rng.normal(size=(3, 601)), pitch=rng.normal(size=(3, 601)),
             tower=rng.normal(size=(2, 601)), power=rng.normal(size=601), azimuth=np.arange(601.0),
-            rotor_speed=np.ones(601), lead=0.1,
+            read_azimuth=np.arange(600.0), read_speed=np.ones(600), individual=np.ones(600), lead=0.1,
         )  # fmt: skip
 
     class Here:
@@ -294,7 +340,7 @@ def test_conditions_are_recorded_in_turns_and_each_is_identified_once(monkeypatc
     assert len(asked) == 2 + 4 + 4
     assert found[0] is found[2] is not found[1]
     assert found[0].seen is None
-    assert found[1].seen.responses.shape == (1, 4, 3, 50)
+    assert found[1].seen.responses.shape == (1, 77, 3, 50)
     asked.clear()
     work.recorded(None, 0)
     assert sorted(one.condition for one in asked) == [json.dumps(delay)] * 2 + ["{}"] * 4
@@ -374,6 +420,8 @@ def test_environments_that_cannot_be_pretrained_on(changes, message):
         ({"conditions": ["delay"]}, "must be a mapping of arguments of the environment, got 'delay'"),
         ({"conditions": [{"controller": "ipc"}]}, "must have variation, sensors, faults alone, got controller"),
         ({"conditions": [{"variation": {"drive_lag": [0.0, 0.3]}}]}, "drive_lag of a condition must be one number"),
+        ({"conditions": [{"faults": {"kinds": "all"}}]}, "must be of one kind, got 'all'"),
+        ({"conditions": [{"faults": {"kinds": "iced_blade", "time": 8.0}}]}, "must begin with the episode, at time 0"),
         ({"conditions": [{}] * 13}, "held_out must be at least the number of conditions, 13"),
     ],
 )

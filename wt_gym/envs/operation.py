@@ -248,7 +248,8 @@ class Operation:
                 if reference is not None:
                     read = WithDemandedPower(read, reference.at(signals["time"]), reference)
                 self.base = checked_demand(controller.step(read, dt), controller, n_blades)
-            wanted, speed = pitch + part * turn, signals["rotor_speed"]
+            believed: Readings = signals if watcher is None else watcher.believed(signals)
+            wanted, speed = pitch + part * turn, believed["rotor_speed"]
             if residual is not None:
                 wanted = residual.acting(wanted, self.base.pitch, speed, dt)
             offset = torque + part * rise
@@ -257,12 +258,12 @@ class Operation:
                 if residual is not None:
                     residual.mean *= share
             present = AgentSetpoint(wanted, yaw_rate, offset)
-            demand = demand_of(present, self.base, signals["azimuth"], speed)
+            demand = demand_of(present, self.base, believed["azimuth"], speed)
             if guarded and watcher is not None:
                 demand = watcher.with_agent(self.base, demand)
             self.demand = demand
             if observer is not None:
-                observer.see_demand(self.base, demand, signals, dt)
+                observer.see_demand(self.base, demand, believed, dt)
             if watcher is not None:
                 watcher.take_demand(demand)
             pitch_moved = demand.pitch if gain is None else gain.moved(demand.pitch, dt)

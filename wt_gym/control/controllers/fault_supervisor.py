@@ -257,6 +257,9 @@ class FaultSupervisor(Combined):
     def believed(self, signals: Readings) -> Readings:
         """What the parts would read at an instant, by what is known to fail already; nothing is remembered.
 
+        What begins to fail at this instant is found by the next step, and a failing encoder reads what the model of its
+        drive had a step before.
+
         Parameters
         ----------
         signals : Readings

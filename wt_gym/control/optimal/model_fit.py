@@ -3,12 +3,14 @@
 A model explains y(t) of what is measured, and the disturbance d is the rest. If the turbine answers 1 + g times as
 strongly and tau later, what is left of the controller's own effect is
 
-    d = (1 + g) y(t - tau) - y(t) + d0 = g y - tau dy/dt + ...,
+    d = (1 + g) y(t - tau) - y(t) + d0 = g y - (1 + g) tau dy/dt + ...
 
-so the regressions of the changes of d on those of y and of dy/dt give a gain g and a lag tau (least squares with an
+to first order in tau, so the regressions of the changes of d on those of y and of dy/dt give a gain g and a lag
+(1 + g) tau (least squares with an
 exponential window: Ljung, System Identification, 1999, section 11.2). Feedback makes y an answer to earlier d0, so both
 are biased: a model that fits has values of its own, which late readings, slow drives, weak or strong blades and dead
-gauges move. Changes, not values, are compared: the slow part of d0 is the largest.
+gauges move. Changes, not values, are compared: the slow part of d0 is the largest. Values need decisions in
+neighboring intervals; a controller that is asked less often than its design has intervals shows zeros.
 """
 
 from __future__ import annotations
