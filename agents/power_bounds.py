@@ -1,21 +1,23 @@
-"""What no controller can pass: least tracking error and most energy of a quasi-steady rotor whose wind is known.
+"""Least tracking error and most energy of a quasi-steady rotor whose wind is known.
 
 The rotor takes at most
 
     P(E, v) = rho A v^3 Cp(lambda) / 2,    lambda = R sqrt(2 E / J) / v,    Cp(lambda) = max over pitch,
 
-of a wind v at a kinetic energy E. Over E its concave hull has edges Cp <= s_j lambda^2 + c_j, which are the same in any
-wind, since lambda^2 is proportional to E. So the least error is the solution of a linear program (power as a concave
-function of the kinetic energy: Hovgaard, Boyd and Jørgensen, Wind Energy 18 (2015) 991). What the bounds leave out only
-helps: the direction of the wind, losses of starts and stops, rates of torque and pitch, loads. Unsteady inflow lets a
-rotor take more than the steady one for a few seconds, and is left out too.
+of a wind at a kinetic energy E, with v^3 the mean cube of the wind speed over its disc. Over E it has a concave hull
+with the edges Cp <= s_j lambda^2 + c_j, which are the same in any wind, since lambda^2 is proportional to E. So both
+are solutions of linear programs (power as a concave function of the kinetic energy: Hovgaard, Boyd and Jørgensen, Wind
+Energy 18 (2015) 991), in which the rotor stores energy up to the limit of its speed.
+
+Direction of the wind, losses of starts and stops, rates of torque and pitch and loads are left out, which only helps.
+So is unsteady inflow, in which a rotor takes more than in a steady wind for some seconds, and less in others.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import linprog
@@ -23,34 +25,40 @@ from scipy.sparse import block_array, csr_array, diags_array, eye_array
 
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.rotor_table import rotor_table
-from wt_gym.envs.rewards.power import DiscWind, efficiency
+from wt_gym.envs.rewards.power import efficiency
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.control.rotor_table import RotorTable
-    from wt_gym.simulation.channels import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
 __all__ = ["RotorHull", "disc_speeds", "energy_bound", "tracking_bound"]
 
+_RINGS, _SPOKES = 4, 12
+_MEGA = 1e6
+
 
 def disc_speeds(turbine: Turbine, inflow: Inflow, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean wind over the disc of the rotor (n,) [m/s] at evenly spaced times [s].
+    """Third root of the mean cube of the horizontal wind over the disc of the rotor (n,) [m/s].
+
+    The disc stands across x, the direction of the undisturbed wind of the tasks.
 
     Parameters
     ----------
     turbine : Turbine
     inflow : Inflow
     times : numpy.ndarray, shape (n,)
+        [s].
     """
-    disc, step = DiscWind(turbine), float(times[1] - times[0])
-    velocity = inflow.velocity(np.array([[0.0, 0.0, turbine.hub_height]]), float(times[0]))
-    x, y = float(velocity[0, 0]), float(velocity[0, 1])
-    signals = [cast("Signals", {"wind_x": x, "wind_y": y, "time": t}) for t in times.tolist()]
-    found = [disc.begin(inflow, signals[0]), *(disc.advance(inflow, now, step) for now in signals[1:])]
-    return np.array(found)
+    ring = turbine.rotor_diameter / 2 * np.sqrt((np.arange(_RINGS) + 0.5) / _RINGS)  # of equal areas
+    angle = 2.0 * np.pi * np.arange(_SPOKES) / _SPOKES
+    points = np.zeros((_RINGS * _SPOKES, 3))
+    points[:, 1] = np.outer(ring, np.sin(angle)).ravel()
+    points[:, 2] = turbine.hub_height + np.outer(ring, np.cos(angle)).ravel()
+    cubes = [np.mean(np.hypot(*inflow.velocity(points, t)[:, :2].T) ** 3) for t in times.tolist()]
+    return np.cbrt(cubes)
 
 
 @dataclass(frozen=True)
@@ -97,18 +105,30 @@ class RotorHull:
         return float(self.intercept[-1])
 
 
-def energy_bound(turbine: Turbine, speeds: NDArray[np.float64]) -> float:
-    """Mean electrical power [W] of a turbine that always takes the most of the wind, up to rated power.
+def energy_bound(turbine: Turbine, speeds: NDArray[np.float64], dt: float, fastest: float) -> float:
+    """Mean electrical power [W] of a turbine that always takes the most of the wind, with what its rotor then holds.
 
     Parameters
     ----------
     turbine : Turbine
     speeds : numpy.ndarray, shape (n,)
-        Mean wind over the disc [m/s].
+        Wind of the disc at the ends of the steps [m/s].
+    dt : float
+        [s].
+    fastest : float
+        Greatest rotor speed over rated [-].
+
+    Raises
+    ------
+    ValueError
+        If the linear program has no solution.
     """
-    hull = RotorHull.of(rotor_table(turbine))
-    power = efficiency(turbine) * hull.area * hull.peak * speeds**3
-    return float(np.minimum(power, turbine.drivetrain.rated_power).mean())
+    program = _Program(turbine, speeds, dt, fastest)
+    price = program.nothing()
+    price[program.power] = -1.0 / len(speeds)
+    price[program.energy.stop - 1] = -program.shaft / (len(speeds) * dt)
+    found, _ = program.least(price, turbine.drivetrain.rated_power)
+    return -found - program.shaft * program.held / (len(speeds) * dt)
 
 
 def tracking_bound(
@@ -120,7 +140,7 @@ def tracking_bound(
     ----------
     turbine : Turbine
     speeds : numpy.ndarray, shape (n,)
-        Mean wind over the disc [m/s].
+        Wind of the disc [m/s].
     demanded : numpy.ndarray, shape (n,)
         Electrical power [W].
     dt : float
@@ -135,37 +155,61 @@ def tracking_bound(
     ValueError
         If the linear program has no solution.
     """
-    hull, n, shaft = RotorHull.of(rotor_table(turbine)), len(speeds), efficiency(turbine)
-    inertia, drive = rotor_inertia(turbine), turbine.drivetrain
-    mega = 1e6  # numbers near one
-    # unknowns: aerodynamic power a, electrical power p, error e, energy E at the ends of the steps
-    aero, power, error, energy = (slice(k * n, (k + 1) * n) for k in range(4))
-    step = diags_array([np.ones(n), -np.ones(n - 1)], offsets=[0, -1])
-    balance = block_array([[-dt * eye_array(n), dt / shaft * eye_array(n), csr_array((n, n)), step]], format="csr")
-    before = np.zeros(n)
-    most = 0.5 * inertia * (fastest * drive.rated_rotor_speed) ** 2 / mega
-    before[0] = 0.5 * inertia * drive.rated_rotor_speed**2 / mega
-    rows, bounds = [], []
-    begin = csr_array(diags_array([np.ones(n - 1)], offsets=[-1], shape=(n, n)))
-    for slope, intercept in zip(hull.slope, hull.intercept, strict=True):
-        rise = hull.area * speeds**3 * slope * 2.0 * hull.radius**2 / (inertia * speeds**2)
-        constant = hull.area * speeds**3 * intercept / mega
-        constant[0] += rise[0] * before[0]
-        rows.append([eye_array(n), csr_array((n, n)), csr_array((n, n)), -diags_array(rise) @ begin])
-        bounds.append(constant)
-    wide = eye_array(n)
-    rows += [[None, wide, -wide, None], [None, -wide, -wide, None]]
-    bounds += [demanded / mega, -demanded / mega]
-    counted = np.arange(n) * dt >= skip
-    price = np.zeros(4 * n)
-    price[error] = counted / counted.sum()
-    limits = np.zeros((4 * n, 2))
-    limits[aero, 1] = limits[error, 1] = np.inf
-    limits[power, 1], limits[energy, 1] = max(drive.rated_power, demanded.max()) / mega, most
-    solved = linprog(
-        price, A_ub=block_array(rows, format="csr"), b_ub=np.concatenate(bounds), A_eq=balance, b_eq=before,
-        bounds=limits, method="highs-ipm",
-    )  # fmt: skip
-    if solved.x is None:
-        raise ValueError(f"the least tracking error was not found: {solved.message}")
-    return float(solved.fun * mega)
+    program = _Program(turbine, speeds, dt, fastest)
+    counted = np.arange(len(speeds)) * dt >= skip
+    price = program.nothing()
+    price[program.error] = counted / counted.sum()
+    found, _ = program.least(price, max(turbine.drivetrain.rated_power, float(demanded.max())), demanded)
+    return found
+
+
+class _Program:
+    """Linear program of a rotor: powers and energies in MW and MJ.
+
+    Unknowns, n of each: power of the air, electrical power, error, and kinetic energy at the ends of the steps.
+    """
+
+    def __init__(self, turbine: Turbine, speeds: NDArray[np.float64], dt: float, fastest: float) -> None:
+        self.n, self.shaft = len(speeds), efficiency(turbine)
+        self.air, self.power, self.error, self.energy = (slice(k * self.n, (k + 1) * self.n) for k in range(4))
+        inertia, rated = rotor_inertia(turbine), turbine.drivetrain.rated_rotor_speed
+        self.held = 0.5 * inertia * rated**2
+        self._most = fastest**2 * self.held / _MEGA
+        n, one, none = self.n, eye_array(self.n), csr_array((self.n, self.n))
+        step = diags_array([np.ones(n), -np.ones(n - 1)], offsets=[0, -1])
+        self._balance = block_array([[-dt * one, dt / self.shaft * one, none, step]], format="csr")
+        self._start = np.zeros(n)
+        self._start[0] = self.held / _MEGA
+        self._rows, self._bounds = [], []
+        hull = RotorHull.of(rotor_table(turbine))
+        begin = csr_array(diags_array([np.ones(n - 1)], offsets=[-1], shape=(n, n)))
+        for slope, intercept in zip(hull.slope, hull.intercept, strict=True):
+            rise = hull.area * speeds * slope * 2.0 * hull.radius**2 / inertia
+            constant = hull.area * speeds**3 * intercept / _MEGA
+            constant[0] += 0.5 * rise[0] * self._start[0]
+            # of the mean energy of the step: no more than the concave power at either end
+            self._rows.append([one, none, none, -0.5 * diags_array(rise) @ (begin + one)])
+            self._bounds.append(constant)
+
+    def nothing(self) -> NDArray[np.float64]:
+        """Price of nothing (4 n,)."""
+        return np.zeros(4 * self.n)
+
+    def least(
+        self, price: NDArray[np.float64], most_power: float, demanded: NDArray[np.float64] | None = None
+    ) -> tuple[float, NDArray[np.float64]]:
+        """Least price times 1e6, and the unknowns; errors count from demanded power [W]."""
+        rows, bounds, one = list(self._rows), list(self._bounds), eye_array(self.n)
+        if demanded is not None:
+            rows += [[None, one, -one, None], [None, -one, -one, None]]
+            bounds += [demanded / _MEGA, -demanded / _MEGA]
+        limits = np.zeros((4 * self.n, 2))
+        limits[self.air, 1] = limits[self.error, 1] = np.inf
+        limits[self.power, 1], limits[self.energy, 1] = most_power / _MEGA, self._most
+        solved = linprog(
+            price, A_ub=block_array(rows, format="csr"), b_ub=np.concatenate(bounds), A_eq=self._balance,
+            b_eq=self._start, bounds=limits, method="highs",
+        )  # fmt: skip
+        if solved.x is None:
+            raise ValueError(f"the bound of the power was not found: {solved.message}")
+        return float(solved.fun * _MEGA), solved.x

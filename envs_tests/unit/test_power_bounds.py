@@ -1,7 +1,9 @@
 """Bounds of energy and tracking error: against rotors whose optimum is known in closed form."""
 
+import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,10 +21,10 @@ DRIVE = TURBINE.drivetrain
 
 
 def flat(coefficient):
-    """Rotor that takes the same share of the wind at any speed but standstill."""
+    """Rotor that takes the same share of the wind at any speed but near standstill."""
     table = rotor_table(TURBINE)
     return replace(
-        table, tip_speed_ratio=np.array([1e-6, 20.0]), pitch=np.array([0.0, 0.1]),
+        table, tip_speed_ratio=np.array([0.5, 20.0]), pitch=np.array([0.0, 0.1]),
         power=np.full((2, 2), coefficient), thrust=np.ones((2, 2)),
     )  # fmt: skip
 
@@ -38,12 +40,32 @@ def test_hull_is_concave_above_the_table_and_meets_it():
     assert hull.peak == best.max()
 
 
-def test_most_energy_is_that_of_the_largest_coefficient_up_to_rated_power():
-    low, high = 7.0, 20.0
+def test_most_energy_of_a_steady_wind_is_that_of_the_largest_coefficient():
+    """Of a long run: a rotor may spend what it holds, which counts, and slow down or speed up to its best speed."""
+    low, n = 7.0, 3000
     area = 0.5 * TURBINE.air_density * math.pi * (TURBINE.rotor_diameter / 2) ** 2
     expected = efficiency(TURBINE) * area * rotor_table(TURBINE).power.max() * low**3
-    assert energy_bound(TURBINE, np.array([low])) == pytest.approx(expected, rel=1e-9)
-    assert energy_bound(TURBINE, np.array([low, high])) == pytest.approx(0.5 * (expected + DRIVE.rated_power), rel=1e-9)
+    assert energy_bound(TURBINE, np.full(n, low), 0.5, 1.1) == pytest.approx(expected, rel=2e-3)
+    assert energy_bound(TURBINE, np.full(n, 20.0), 0.5, 1.1) == pytest.approx(DRIVE.rated_power, rel=5e-3)
+
+
+def test_a_rotor_stores_what_is_beyond_rated_power_for_the_lull():
+    wind = np.where(np.arange(600) % 40 < 20, 13.0, 9.0)
+    found = energy_bound(TURBINE, wind, 0.5, 1.2)
+    at_once = np.mean([energy_bound(TURBINE, np.full(3000, v), 0.5, 1.2) for v in (13.0, 9.0)])
+    assert found > 1.01 * at_once
+    assert found <= DRIVE.rated_power
+
+
+def test_no_recorded_run_has_more_energy_than_its_bound():
+    home = Path(__file__).parents[2] / "docs" / "data"
+    bounds = {
+        (row["task"], row["wind"]): row["power"]
+        for row in json.loads((home / "power_bounds.json").read_text()) if "power" in row
+    }  # fmt: skip
+    runs = json.loads((home / "task_scores.json").read_text())["FullOperation"]["runs"]
+    shares = [run["metrics"]["corrected_power"] / bounds["FullOperation", run["wind"]] for run in runs]
+    assert 0.5 < min(shares) < max(shares) <= 1.0
 
 
 def test_wind_that_suffices_needs_no_error():
@@ -61,13 +83,13 @@ def test_what_is_missing_is_made_up_by_the_kinetic_energy(monkeypatch):
     expected = demanded - taken - eta * held / (n * dt)
     assert expected > 5e5
     found = tracking_bound(TURBINE, np.full(n, wind), np.full(n, demanded), dt, 0.0, 1.1)
-    assert found == pytest.approx(expected, rel=1e-3)
+    assert found == pytest.approx(expected, rel=5e-3)
 
 
 def test_a_real_rotor_takes_less_as_it_slows_down():
     n, dt, wind, demanded = 600, 0.1, 8.0, 3e6
     found = tracking_bound(TURBINE, np.full(n, wind), np.full(n, demanded), dt, 0.0, 1.1)
-    available = energy_bound(TURBINE, np.full(n, wind))
+    available = energy_bound(TURBINE, np.full(3000, wind), 0.5, 1.1)
     held = 0.5 * rotor_inertia(TURBINE) * DRIVE.rated_rotor_speed**2
     assert demanded - available - efficiency(TURBINE) * held / (n * dt) < found < demanded - available
 
