@@ -158,7 +158,7 @@ class PretrainingOptions:
         for name, smallest in least.items():
             if getattr(self, name) < smallest:
                 raise ValueError(f"{name} must be at least {smallest}, got {getattr(self, name)!r}")
-        object.__setattr__(self, "conditions", tuple(_checked_condition(one) for one in self.conditions))
+        object.__setattr__(self, "conditions", tuple(_checked_condition(one, self.skip) for one in self.conditions))
         if not self.conditions:
             raise ValueError("conditions must have at least one, {} for that of the environment; got none")
         for field in fields(self):
@@ -220,7 +220,7 @@ class PretrainingOptions:
         return cls(**given)
 
 
-def _checked_condition(given: Any) -> dict[str, Any]:
+def _checked_condition(given: Any, skip: float) -> dict[str, Any]:
     """A condition, as arguments by their flat names.
 
     Raises
@@ -245,8 +245,11 @@ def _checked_condition(given: Any) -> dict[str, Any]:
         if not single or kinds == "all":
             raise ValueError(f"the faults of a condition must be of one kind, got {kinds!r}")
         # its plant is identified from the whole run
-        if (time := flat.setdefault("fault_time", 0.0)) != 0.0:
-            raise ValueError(f"the fault of a condition must begin with the episode, at time 0, got {time!r}")
+        time = flat.setdefault("fault_time", 0.0)
+        if not isinstance(time, int | float) or not 0.0 <= time <= skip:
+            raise ValueError(
+                f"the fault of a condition must begin at one time within the {skip:g} s that do not count, got {time!r}"
+            )
     for name in ("pitch_gain", "sensor_delay", *STRUCTURAL):
         if isinstance(flat.get(f"vary_{name}"), list | tuple):
             raise ValueError(

@@ -421,7 +421,7 @@ def test_environments_that_cannot_be_pretrained_on(changes, message):
         ({"conditions": [{"controller": "ipc"}]}, "must have variation, sensors, faults alone, got controller"),
         ({"conditions": [{"variation": {"drive_lag": [0.0, 0.3]}}]}, "drive_lag of a condition must be one number"),
         ({"conditions": [{"faults": {"kinds": "all"}}]}, "must be of one kind, got 'all'"),
-        ({"conditions": [{"faults": {"kinds": "iced_blade", "time": 8.0}}]}, "must begin with the episode, at time 0"),
+        ({"conditions": [{"faults": {"kinds": "iced_blade", "time": 21.0}}]}, "at one time within the 20 s"),
         ({"conditions": [{}] * 13}, "held_out must be at least the number of conditions, 13"),
     ],
 )
