@@ -253,7 +253,9 @@ class _Session:
                 callbacks.append(self._evaluations)
             callbacks.append(Checkpoints(config.checkpoint_steps, config.checkpoint_minutes, self._checkpoint))
             self._run.write_record(self._record("running"))
-            self._learner.learn(config, model, self._run, callbacks)
+            # no step needs no episode, and the first one may take minutes to begin
+            if config.total_steps > 0 or self._evaluations is not None:
+                self._learner.learn(config, model, self._run, callbacks)
             self._watch.finish()
             status = self._watch.ended
             if status == "finished" and model.num_timesteps < config.total_steps:

@@ -27,6 +27,7 @@ from wt_gym.agents.training.callbacks import StopRequest
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.analysis import metrics
 from wt_gym.control.coleman import to_blades
+from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.tasks import TASKS
 
 DT, STEPS, RATED, FULL = 0.1, 400, 5e6, math.radians(8.0)
@@ -387,6 +388,21 @@ def test_a_pretraining_that_is_stopped_ends_and_keeps_nothing(tmp_path, monkeypa
         train(config, tmp_path / "run", progress=False, stop=request)
     assert len(recorded) == 1
     assert not (tmp_path / "run" / "model.zip").exists()
+
+
+def test_a_pretraining_alone_begins_no_episode(tmp_path, monkeypatch):
+    monkeypatch.setattr(pretraining, "pretrain", lambda *arguments: {"rounds": []})
+
+    def refuse(*arguments, **more):
+        raise AssertionError("an episode began")
+
+    monkeypatch.setattr(WindTurbineEnv, "reset", refuse)
+    config = TrainingConfig(
+        env_kwargs=ARGUMENTS, pretraining={}, total_steps=0, eval_every=0, n_envs=1, tensorboard=False
+    )
+    record = train(config, tmp_path / "run", progress=False)
+    assert (record["status"], record["steps"], record["pretraining"]["rounds"]) == ("finished", 0, [])
+    assert (tmp_path / "run" / "model.zip").exists()
 
 
 @pytest.mark.parametrize(
