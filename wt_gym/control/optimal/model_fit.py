@@ -67,7 +67,7 @@ class ModelFit:
         disturbance, explained : numpy.ndarray, shape (n,)
             Over their scale.
         passed : int
-            Intervals since the last time; where it is not one, the changes begin anew.
+            Intervals since the last time; where it is not one, no change is taken from it.
         """
         if passed != 1:
             self._count = 0.0
