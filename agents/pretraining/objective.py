@@ -126,7 +126,7 @@ class Limits:
     washout: float | None
 
     def offsets(self, actions: torch.Tensor, share: torch.Tensor, dt: float) -> torch.Tensor:
-        """Offsets (3, n) [rad] of actions (n, 3) before clipping, as far as shares (3, n) let them; rates have no limit."""
+        """Offsets (3, n) [rad] of actions (n, 3), as far as shares (3, n) let them; rates have no limit."""
         u = actions.clamp(-1.0, 1.0).T
         mean = self.mean * u[:1]
         if self.washout is not None:
