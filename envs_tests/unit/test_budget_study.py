@@ -1,6 +1,4 @@
-"""Arithmetic of the study of budgets, on results by hand; the table of the page is that of its record."""
-
-import json
+"""Arithmetic of the study of budgets, on results that are written here."""
 
 import budget_study as study
 import pytest
@@ -96,10 +94,3 @@ def test_a_run_goes_on_where_it_ended_and_refuses_other_results(tmp_path, monkey
     }  # fmt: skip
     with pytest.raises(ValueError, match="have another model: give --out another folder"):
         study.run(tmp_path, "two", episodes=3, paired=2, jobs=1)
-
-
-def test_the_table_of_the_page_is_that_of_the_record():
-    record = json.loads(study.RECORD.read_text(encoding="utf-8"))
-    page = study.PAGE.read_text(encoding="utf-8")
-    assert study.MARKED.search(page)
-    assert study.with_tables(page, record) == page
