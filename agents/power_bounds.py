@@ -127,7 +127,7 @@ def energy_bound(turbine: Turbine, speeds: NDArray[np.float64], dt: float, faste
     price = program.nothing()
     price[program.power] = -1.0 / len(speeds)
     price[program.energy.stop - 1] = -program.shaft / (len(speeds) * dt)
-    found, _ = program.least(price, turbine.drivetrain.rated_power)
+    found = program.least(price, turbine.drivetrain.rated_power)
     return -found - program.shaft * program.held / (len(speeds) * dt)
 
 
@@ -159,8 +159,7 @@ def tracking_bound(
     counted = np.arange(len(speeds)) * dt >= skip
     price = program.nothing()
     price[program.error] = counted / counted.sum()
-    found, _ = program.least(price, max(turbine.drivetrain.rated_power, float(demanded.max())), demanded)
-    return found
+    return program.least(price, max(turbine.drivetrain.rated_power, float(demanded.max())), demanded)
 
 
 class _Program:
@@ -197,8 +196,8 @@ class _Program:
 
     def least(
         self, price: NDArray[np.float64], most_power: float, demanded: NDArray[np.float64] | None = None
-    ) -> tuple[float, NDArray[np.float64]]:
-        """Least price times 1e6, and the unknowns; errors count from demanded power [W]."""
+    ) -> float:
+        """Least price times 1e6; errors count from demanded power [W]."""
         rows, bounds, one = list(self._rows), list(self._bounds), eye_array(self.n)
         if demanded is not None:
             rows += [[None, one, -one, None], [None, -one, -one, None]]
@@ -210,6 +209,6 @@ class _Program:
             price, A_ub=block_array(rows, format="csr"), b_ub=np.concatenate(bounds), A_eq=self._balance,
             b_eq=self._start, bounds=limits, method="highs",
         )  # fmt: skip
-        if solved.x is None:
+        if solved.fun is None:
             raise ValueError(f"the bound of the power was not found: {solved.message}")
-        return float(solved.fun * _MEGA), solved.x
+        return float(solved.fun * _MEGA)
