@@ -66,12 +66,12 @@ class Column:
 
 _SCORED = {
     "LoadReduction": 2,
-    "FullRange": 1,
+    "FullRange": 2,
     "MaxPower": 2,
-    "Yaw": 2,
+    "Yaw": 3,
     "Gusts": 3,
-    "IEA15MW-LoadReduction": 2,
-    "IEA22MW-LoadReduction": 0,
+    "IEA15MW-LoadReduction": 3,
+    "IEA22MW-LoadReduction": 1,
     "FullOperation": 0,
     "PowerTracking": 0,
     "Dial": 0,
@@ -153,6 +153,8 @@ _EXTREMES = (
 )
 _HARD = "cut_out=25,least_speed=1,least_power=1,hysteresis=1"
 """Parameters of a supervisor that stops the NREL 5-MW at its cut-out wind and does not hold it back before."""
+_PROMPT = "discon+yaw:dead_band=0.14,stop=0.1,slow=10,fast=2"
+"""Dead band that starts earlier and turns less far, with the travel of the default."""
 _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP, _FORE_AFT, _SIDE))
 
 STUDIES: dict[str, Study] = {
@@ -165,22 +167,24 @@ STUDIES: dict[str, Study] = {
     ),
     "FullRange": Study(
         "FullRange",
-        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers"),
+        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
+         "retuned+linear_optimal", f"{_TRAINED}full_range"),
         (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2)),),
         (_ENERGY, *_LIFE, _TRAVEL),
     ),
     "MaxPower": Study(
         "MaxPower",
-        ("discon", RANDOM, "retuned", "tsr_tracking"),
+        ("discon", RANDOM, "retuned", "tsr_tracking", f"{_TRAINED}max_power"),
         (Part(_winds((6.0, 8.0, 10.0), 2)),),
         (_ENERGY, _FLAP, _FORE_AFT, _SIDE),
     ),
     "Yaw": Study(
         "Yaw",
-        ("discon+yaw", RANDOM, "discon", "discon+yaw:dead_band=0.07", "discon+yaw:dead_band=0.21"),
+        ("discon+yaw", RANDOM, "discon", "discon+yaw:dead_band=0.07", "discon+yaw:dead_band=0.21", _PROMPT),
         (Part(_winds((7.0, 9.0, 11.0, 13.0), 1)),),
         (_ENERGY, Column("yaw_error_rms", "yaw error, rms", "level"), Column("yaw_travel", "yaw travel", "level")),
         duration=630.0,
+        arguments={"discon": {"observation": ("measurable",)}},  # it has no dead band to see
     ),
     "Gusts": Study(
         "Gusts",
@@ -193,7 +197,7 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "tsr_tracking"),
+        ("discon", RANDOM, "ipc", "tsr_tracking", "linear_optimal", f"{_TRAINED}iea15mw"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
     ),
@@ -213,7 +217,8 @@ STUDIES: dict[str, Study] = {
     "FullOperation": Study(
         "FullOperation",
         ("discon+supervisor:averaging=60", RANDOM, f"discon+supervisor:averaging=60,{_HARD}",
-         "linear_optimal+supervisor:averaging=60"),
+         "linear_optimal+supervisor:averaging=60", "rosco+supervisor:averaging=60",
+         "rosco:start_stop=True,time_scale=0.1"),
         (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
               arguments={"start": "steady"}),),
         (_ENERGY, _FLAP, _FORE_AFT, _SIDE, *_EXTREMES, Column("time_without_power", "time without power", "level")),

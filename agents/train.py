@@ -27,6 +27,7 @@ from wt_gym.agents.training.models import load_model, make_model, save_model
 from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.agents.training.selection import FIGURES, SelectionEvaluation
 from wt_gym.envs.layout import layout_of
+from wt_gym.envs.options.limits import PITCH_TRAVEL
 from wt_gym.runs.executors import executor_for
 
 if TYPE_CHECKING:
@@ -237,8 +238,9 @@ class _Session:
             executor_for("local", workers, None) as executor,
         ):
             self._pretraining = pretrain(
-                self._model, config.env_id, config.env_kwargs, options, executor, config.seed, say, check
-            )
+                self._model, config.env_id, config.env_kwargs, options, executor, config.seed, say, check,
+                (config.budgets or {}).get(PITCH_TRAVEL),
+            )  # fmt: skip
         self._pretraining["seconds"] = round(time.monotonic() - began, 1)
 
     def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:

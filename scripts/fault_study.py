@@ -29,7 +29,7 @@ AGENTS = {
     REFERENCE: REFERENCE,
     "linear_optimal": "linear_optimal",
     "linear_optimal+fault_supervisor": "linear_optimal+fault_supervisor",
-    "load_reduction_on_linear_optimal": str(ROOT / "agents" / "trained" / "load_reduction_on_linear_optimal"),
+    "faults": str(ROOT / "agents" / "trained" / "faults"),
 }
 STEADY = {"start": "steady"}
 """No records of the running turbine are needed."""

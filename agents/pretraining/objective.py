@@ -294,7 +294,17 @@ class LinearizedEpisode:
         dial : tuple of float, optional
             Factors on the parts of the cost.
         """
+        return self.cost_and_travel(offsets, exponents, dial)[0]
+
+    def cost_and_travel(
+        self,
+        offsets: torch.Tensor,
+        exponents: tuple[float, float] = (BLADE_EXPONENT, TOWER_EXPONENT),
+        dial: tuple[float, ...] | None = None,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """`cost`, and the mean pitch travel of the blades [rad/s]."""
         now = self.metrics(offsets, exponents)
+        travel = now["pitch_duty_cycle"] * self._full_rate
         true = (BLADE_EXPONENT, TOWER_EXPONENT)
         if exponents != true:
             scale = self._scales(exponents)
@@ -305,7 +315,7 @@ class LinearizedEpisode:
             size = 1.0 if name == "pitch_duty_cycle" else before
             part = LIFETIME_COST_WEIGHTS[name] * (value - before) / size
             total = total + (part if dial is None else dial[DIAL_NAMES.index(_DIALED[name])] * part)
-        return total
+        return total, travel
 
     def _scales(self, exponents: tuple[float, float]) -> dict[str, float]:
         """Loads of the recorded policy with the exponents of the metrics over those with others."""

@@ -60,6 +60,14 @@ __all__ = ["Round", "forecast_front", "pretrain"]
 
 _T = TypeVar("_T")
 _MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
+_DAY = 86400.0
+_AIM = 0.98
+"""Share of the limit that a multiplier aims at."""
+_SUMMED, _PROPORTIONAL = 2e-3, 0.1
+"""Of a multiplier, some hundredths: its change in a step of the optimizer, and its part in proportion, for travel far
+beyond the limit."""
+_MEAN_OF_BATCHES = 0.2
+"""Part of the last batch in the mean travel of several."""
 _JUDGED = 4
 """Factors of a dial with which each held-out wind is judged."""
 _untrained: dict[tuple[Any, ...], tuple[Any, list[RecordedEpisode]]] = {}
@@ -82,6 +90,10 @@ class Round:
         Of the optimizer, at which the held-out winds chose the policy.
     conditions : list of (float, float)
         Recorded and forecast cost in the held-out winds of each condition.
+    travel : float
+        Forecast pitch travel of the policy after it, in all its winds [rad/day].
+    multiplier : float
+        Of the budget of travel at its end: what the cost of energy would fall by for a whole budget more [-].
     seconds : float
         Of recording and optimization.
     """
@@ -91,6 +103,8 @@ class Round:
     fitted: float
     iteration: int
     conditions: list[tuple[float, float]] = field(default_factory=list)
+    travel: float = 0.0
+    multiplier: float = 0.0
     seconds: float = 0.0
 
 
@@ -111,6 +125,43 @@ class _Identified:
     plants: Plants
     seen: Plants | None
     explained: dict[float, dict[str, float]]
+
+
+@dataclass
+class _Budget:
+    """Pitch travel that a policy may have, with its Lagrangian multiplier.
+
+    The multiplier has a part that adds up what is travelled beyond the limit and one in proportion to it, which damps
+    (Stooke, Achiam, Abbeel, ICML 2020, arXiv:2007.03964).
+
+    Attributes
+    ----------
+    limit : float
+        [rad/s]; infinite without one.
+    multiplier : float
+        Of the share of the limit that is travelled, in the unit of the lifetime cost.
+    """
+
+    limit: float
+    multiplier: float = 0.0
+    _sum: float = 0.0
+    _share: float = 1.0
+
+    def lagrangian(self, cost: torch.Tensor, travel: torch.Tensor) -> torch.Tensor:
+        """What the optimizer makes small; as large a gradient whatever the multiplier."""
+        return (cost + self.multiplier * travel / self.limit) / (1.0 + self.multiplier)
+
+    def update(self, travel: float) -> None:
+        """Move the multiplier by what a batch has travelled [rad/s]."""
+        if math.isfinite(self.limit):
+            self._share += _MEAN_OF_BATCHES * (travel / (_AIM * self.limit) - self._share)
+            beyond = (self._share - 1.0) / (self._share + 1.0)
+            self._sum = max(0.0, self._sum + _SUMMED * beyond)
+            self.multiplier = max(0.0, self._sum + _PROPORTIONAL * beyond)
+
+    def beyond(self, travel: float) -> float:
+        """Travel beyond the limit [rad/s]."""
+        return max(travel - self.limit, 0.0)
 
 
 class _Deployed:
@@ -140,6 +191,7 @@ def pretrain(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
     check: Callable[[], None] | None = None,
+    travel_limit: float | None = None,
 ) -> dict[str, Any]:
     """Change the actor of a model until it costs least.
 
@@ -159,6 +211,9 @@ def pretrain(
         Called with lines.
     check : callable, optional
         Called after every episode and every step of the optimizer; what it raises ends the pretraining.
+    travel_limit : float, optional
+        Pitch travel that the policy may have, mean of the blades and the winds [rad/day]. A Lagrangian multiplier
+        holds it; of the points of an optimization the cheapest within it is kept, or that nearest to it.
 
     Returns
     -------
@@ -201,6 +256,7 @@ def pretrain(
     (identified, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
     high = plain.operation.action.pitch_high
     limits = Limits(float(high[0]), float(high[1]), plain.options.controller.residual_washout)
+    budget = _Budget(math.inf if travel_limit is None else travel_limit / _DAY)
     torch.manual_seed(seed)
     rng, rounds = np.random.default_rng(seed), []
     for number in range(options.rounds):
@@ -217,11 +273,16 @@ def pretrain(
             for one, of in zip(recorded, work.in_turns(identified), strict=True)
         ]  # fmt: skip
         before = _costs(actor, made[: options.held_out])
-        found = _optimized(actor, policy, made, options, rng, say, check, dials)
+        found = _optimized(actor, policy, made, options, rng, say, check, budget, dials)
         after = _costs(actor, made[: options.held_out])
         several = len(options.conditions)
         of_each = [(float(np.mean(before[c::several])), float(np.mean(after[c::several]))) for c in range(several)]
-        rounds.append(Round(*found, conditions=of_each, seconds=round(time.monotonic() - began, 1)))
+        rounds.append(
+            Round(
+                *found, conditions=of_each, travel=_DAY * _travel(actor, made),
+                multiplier=budget.multiplier, seconds=round(time.monotonic() - began, 1),
+            )
+        )  # fmt: skip
         say(
             f"round {number + 1} of {options.rounds}: held-out winds {100 * rounds[-1].recorded:+.2f} % of the cost as "
             f"recorded, {100 * rounds[-1].forecast:+.2f} % forecast"
@@ -429,6 +490,12 @@ def _costs(actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[Lin
         return [float(one.cost(one.offsets(actor))) for one in episodes]
 
 
+def _travel(actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> float:
+    """Mean pitch travel of a policy in episodes [rad/s]."""
+    with torch.no_grad():
+        return float(np.mean([float(one.cost_and_travel(one.offsets(actor))[1]) for one in episodes]))
+
+
 def _optimized(
     actor: Callable[[torch.Tensor], torch.Tensor],
     policy: torch.nn.Module,
@@ -437,9 +504,10 @@ def _optimized(
     rng: np.random.Generator,
     say: Callable[[str], None],
     check: Callable[[], None],
+    budget: _Budget,
     dials: DialDraws | None = None,
 ) -> tuple[float, float, float, int]:
-    """Follow the gradient; keep what is best in the held-out winds.
+    """Follow the gradient; keep what is best in the held-out winds, of what is within the budget in all winds.
 
     With a dial each episode of a batch has other factors, and held-out winds are judged with the same few of each.
     """
@@ -463,24 +531,30 @@ def _optimized(
             return float(np.mean([float(one.cost(one.offsets(actor, dial=d), dial=d)) for one, d in pairs]))
 
     recorded = mean_cost(held)
-    best = (recorded, 0, [part.detach().clone() for part in parts])
+    best = (budget.beyond(_travel(actor, made)), recorded, 0, [part.detach().clone() for part in parts])
     every = max(options.iterations // 10, 1)
     for number in range(1, options.iterations + 1):
+        travelled = []
         for k in rng.choice(len(fitted), min(options.batch, len(fitted)), replace=False):
             one, dial = fitted[k], None if dials is None else dials.factors(rng)
-            cost = one.cost(one.offsets(actor, options.noise, dial), exponents, dial)
-            (cost / options.batch).backward()
+            cost, travel = one.cost_and_travel(one.offsets(actor, options.noise, dial), exponents, dial)
+            (budget.lagrangian(cost, travel) / options.batch).backward()
+            travelled.append(float(travel.detach()))
+        budget.update(float(np.mean(travelled)))
         torch.nn.utils.clip_grad_norm_(parts, 0.5)
         optimizer.step()
         optimizer.zero_grad()
         schedule.step()
         check()
         if number % every == 0 or number == options.iterations:
-            now = mean_cost(held)
-            say(f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds")
-            if now < best[0]:
-                best = (now, number, [part.detach().clone() for part in parts])
+            now, far = mean_cost(held), _travel(actor, made)
+            say(
+                f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds, {_DAY * far:.0f} rad/d of "
+                "pitch travel"
+            )
+            if (budget.beyond(far), now) < best[:2]:
+                best = (budget.beyond(far), now, number, [part.detach().clone() for part in parts])
     with torch.no_grad():
-        for part, kept in zip(parts, best[2], strict=True):
+        for part, kept in zip(parts, best[3], strict=True):
             part.copy_(kept)
-    return recorded, best[0], mean_cost(fitted[: options.held_out]), best[1]
+    return recorded, best[1], mean_cost(fitted[: options.held_out]), best[2]

@@ -194,6 +194,43 @@ def test_following_the_gradient_lowers_the_cost_of_the_plant_itself():
     assert float(after.cost(after.offsets(lambda seen: step))) < float(cost.detach())
 
 
+def test_a_multiplier_holds_the_pitch_travel_within_its_limit():
+    """Of what the plant allows a policy, the cheapest within the limit: dearer than without one, cheaper than none."""
+    rng = np.random.default_rng(8)
+    times, waves = DT * np.arange(STEPS), rng.uniform(0.1, 2.0, 12)
+    features = np.concatenate([np.sin(np.outer(times, waves)), np.cos(np.outer(times, waves))], axis=1)
+    recorded = replace(simulated(np.zeros((3, STEPS)), 15.0), observations=features.astype(np.float32))
+
+    def optimized(limit):
+        torch.manual_seed(0)
+        policy = torch.nn.Module()
+        policy.mlp_extractor = torch.nn.Module()
+        policy.mlp_extractor.policy_net = torch.nn.Sequential(torch.nn.Linear(24, 24), torch.nn.Tanh())
+        policy.action_net = torch.nn.Linear(24, 3)
+        torch.nn.init.zeros_(policy.action_net.weight)
+        torch.nn.init.zeros_(policy.action_net.bias)
+
+        def actor(seen):
+            return policy.action_net(policy.mlp_extractor.policy_net(seen))
+
+        episode, budget = linearized(recorded, actor), pretraining._Budget(limit)
+        options = PretrainingOptions(
+            episodes=2, held_out=1, iterations=300, learning_rate=1e-2, noise=0.0, duration=60.0, memory=3.0
+        )
+        silent = [lambda _: None, lambda: None]
+        found = pretraining._optimized(
+            actor, policy, [episode, episode], options, np.random.default_rng(0), *silent, budget
+        )
+        return found[:2], pretraining._travel(actor, [episode]), budget.multiplier
+
+    (before, free), far, price = optimized(math.inf)
+    assert price == 0.0
+    (_, held), near, price = optimized(0.4 * far)
+    assert 0.2 * far < near <= 0.4 * far
+    assert price > 0.0
+    assert free < held < before
+
+
 def test_power_above_the_recorded_one_earns_nothing():
     recorded = simulated(np.zeros((3, STEPS)), 15.0)
     episode = linearized(recorded, playing(np.zeros((STEPS, 3), dtype=np.float32)))
@@ -454,6 +491,9 @@ def test_a_configuration_holds_the_options_and_needs_ppo():
         TrainingConfig("SAC", pretraining={})
     with pytest.raises(ValueError, match="total_steps must be a whole number from 1"):
         TrainingConfig(total_steps=0)
+    TrainingConfig(pretraining={}, total_steps=0, budgets={"pitch_travel": 2000.0})
+    with pytest.raises(ValueError, match=r"alone keeps a budget of pitch_travel.*leave out rotor_speed"):
+        TrainingConfig(pretraining={}, total_steps=0, budgets={"pitch_travel": 2000.0, "rotor_speed": 1.1})
 
 
 PITCH_OFFSETS = [
