@@ -131,7 +131,7 @@ class _Identified:
 class _Budget:
     """Pitch travel that a policy may have, with its Lagrangian multiplier.
 
-    The multiplier has a part that adds up what is travelled beyond the limit and one in proportion to it, which damps
+    The multiplier has a part that adds up what is traveled beyond the limit and one in proportion to it, which damps
     (Stooke, Achiam, Abbeel, ICML 2020, arXiv:2007.03964).
 
     Attributes
@@ -139,7 +139,7 @@ class _Budget:
     limit : float
         [rad/s]; infinite without one.
     multiplier : float
-        Of the share of the limit that is travelled, in the unit of the lifetime cost.
+        Of the share of the limit that is traveled, in the unit of the lifetime cost.
     """
 
     limit: float
@@ -152,7 +152,7 @@ class _Budget:
         return (cost + self.multiplier * travel / self.limit) / (1.0 + self.multiplier)
 
     def update(self, travel: float) -> None:
-        """Move the multiplier by what a batch has travelled [rad/s]."""
+        """Move the multiplier by what a batch has traveled [rad/s]."""
         if math.isfinite(self.limit):
             self._share += _MEAN_OF_BATCHES * (travel / (_AIM * self.limit) - self._share)
             beyond = (self._share - 1.0) / (self._share + 1.0)
@@ -534,13 +534,13 @@ def _optimized(
     best = (budget.beyond(_travel(actor, made)), recorded, 0, [part.detach().clone() for part in parts])
     every = max(options.iterations // 10, 1)
     for number in range(1, options.iterations + 1):
-        travelled = []
+        traveled = []
         for k in rng.choice(len(fitted), min(options.batch, len(fitted)), replace=False):
             one, dial = fitted[k], None if dials is None else dials.factors(rng)
             cost, travel = one.cost_and_travel(one.offsets(actor, options.noise, dial), exponents, dial)
             (budget.lagrangian(cost, travel) / options.batch).backward()
-            travelled.append(float(travel.detach()))
-        budget.update(float(np.mean(travelled)))
+            traveled.append(float(travel.detach()))
+        budget.update(float(np.mean(traveled)))
         torch.nn.utils.clip_grad_norm_(parts, 0.5)
         optimizer.step()
         optimizer.zero_grad()
