@@ -155,6 +155,8 @@ _HARD = "cut_out=25,least_speed=1,least_power=1,hysteresis=1"
 """Parameters of a supervisor that stops the NREL 5-MW at its cut-out wind and does not hold it back before."""
 _PROMPT = "discon+yaw:dead_band=0.14,stop=0.1,slow=10,fast=2"
 """Dead band that starts earlier and turns less far, with the travel of the default."""
+_STEADY = {"start": "steady"}
+"""No records of the running turbine are needed."""
 _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP, _FORE_AFT, _SIDE))
 
 STUDIES: dict[str, Study] = {
@@ -169,7 +171,7 @@ STUDIES: dict[str, Study] = {
         "FullRange",
         ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
          "retuned+linear_optimal", f"{_TRAINED}full_range"),
-        (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2)),),
+        (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2), arguments=_STEADY),),
         (_ENERGY, *_LIFE, _TRAVEL),
     ),
     "MaxPower": Study(
@@ -181,7 +183,7 @@ STUDIES: dict[str, Study] = {
     "Yaw": Study(
         "Yaw",
         ("discon+yaw", RANDOM, "discon", "discon+yaw:dead_band=0.07", "discon+yaw:dead_band=0.21", _PROMPT),
-        (Part(_winds((7.0, 9.0, 11.0, 13.0), 1)),),
+        (Part(_winds((7.0, 9.0, 11.0, 13.0), 1), arguments=_STEADY),),
         (_ENERGY, Column("yaw_error_rms", "yaw error, rms", "level"), Column("yaw_travel", "yaw travel", "level")),
         duration=630.0,
         arguments={"discon": {"observation": ("measurable",)}},  # it has no dead band to see
@@ -198,19 +200,19 @@ STUDIES: dict[str, Study] = {
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
         ("discon", RANDOM, "ipc", "tsr_tracking", "linear_optimal", f"{_TRAINED}iea15mw"),
-        (Part(_winds((12.0, 18.0), 2)),),
+        (Part(_winds((12.0, 18.0), 2), arguments=_STEADY),),
         _LOADS,
     ),
     "IEA15MW-LoadReduction below its range": Study(
         "IEA15MW-LoadReduction",
         ("discon", "tsr_tracking"),
-        (Part(_winds((4.0, 5.0, 6.0), 1), arguments={"wind_speed": [4.0, 6.0]}),),
+        (Part(_winds((4.0, 5.0, 6.0), 1), arguments=_STEADY | {"wind_speed": [4.0, 6.0]}),),
         (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
     ),
     "IEA22MW-LoadReduction": Study(
         "IEA22MW-LoadReduction",
         ("discon", RANDOM, "ipc"),
-        (Part(_winds((12.0, 18.0), 2)),),
+        (Part(_winds((12.0, 18.0), 2), arguments=_STEADY),),
         _LOADS,
         duration=180.0,
     ),
@@ -220,7 +222,7 @@ STUDIES: dict[str, Study] = {
          "linear_optimal+supervisor:averaging=60", "rosco+supervisor:averaging=60",
          "rosco:start_stop=True,time_scale=0.1"),
         (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
-              arguments={"start": "steady"}),),
+              arguments=_STEADY),),
         (_ENERGY, _FLAP, _FORE_AFT, _SIDE, *_EXTREMES, Column("time_without_power", "time without power", "level")),
         duration=600.0,
         skip=0.0,
@@ -240,7 +242,7 @@ STUDIES: dict[str, Study] = {
         "PowerTracking",
         ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch",
          "ipc+derate_kinetic", "linear_optimal+derate_kinetic", f"{_TRAINED}power_tracking"),
-        (Part(_winds((13.0, 16.0), 2), arguments={"start": "steady"}),),
+        (Part(_winds((13.0, 16.0), 2), arguments=_STEADY),),
         (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
          Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
          _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
@@ -249,7 +251,7 @@ STUDIES: dict[str, Study] = {
     "Dial": Study(
         "Dial",
         ("discon", RANDOM, "linear_optimal", f"{_TRAINED}dial_on_linear_optimal"),
-        (Part(_winds((14.0, 18.0), 2), arguments={"start": "steady"}),),
+        (Part(_winds((14.0, 18.0), 2), arguments=_STEADY),),
         _LOADS,
         duration=90.0,
     ),

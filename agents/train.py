@@ -88,11 +88,12 @@ def train(
     Raises
     ------
     ValueError
-        If the folder holds a training already or another process trains in it, or environment and hyperparameters
-        cannot be had.
+        If the folder holds a training already or another process trains in it, environment and hyperparameters cannot
+        be had, or nothing would hold a budget.
     """
     config, learner = config.with_hyperparameters(), learner or LocalLearner()
     learner.check(config)
+    _refuse_budgets_of_a_pretraining(config)
     with RunFolder(folder) as run:
         run.refuse_used(overwrite)
         with closing(_environments(config, learner)) as venv:
@@ -102,6 +103,16 @@ def train(
             if config.pretraining is not None:
                 session.pretrain(progress, stop)
             return session.learn(progress, stop)
+
+
+def _refuse_budgets_of_a_pretraining(config: TrainingConfig) -> None:
+    """A pretraining knows what its offsets travel, and PPO after it holds the other budgets."""
+    others = sorted(set(config.budgets or {}) - {PITCH_TRAVEL})
+    if config.pretraining is not None and not config.total_steps and others:
+        raise ValueError(
+            f"a pretraining alone keeps a budget of {PITCH_TRAVEL}, and PPO after it the others: give steps, or leave "
+            f"out {', '.join(others)}"
+        )
 
 
 def resume(

@@ -66,7 +66,8 @@ def run(
         own, agents = replace(config, env_kwargs=STEADY | one.arguments), {name: AGENTS[name] for name in measured}
         if len(agents) < len(AGENTS):
             kept = json.loads(RECORD.read_text(encoding="utf-8"))["runs"]
-            rows += [row for row in kept if row["condition"] == one.name and row["agent"] not in agents]
+            others = AGENTS.keys() - agents.keys()
+            rows += [row for row in kept if row["condition"] == one.name and row["agent"] in others]
         found = evaluate(agents, own, folder=folder / one.name, progress=False)
         for made in found.runs:
             complete = made.ending == "time"

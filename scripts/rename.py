@@ -176,7 +176,7 @@ SPELLING = (
     ("offence", "offense"), ("optimise", "optimize"), ("optimisation", "optimization"), ("organis", "organiz"),
     ("parametris", "parametriz"), ("penalis", "penaliz"), ("realis", "realiz"), ("recognis", "recogniz"),
     ("regularis", "regulariz"), ("spoilt", "spoiled"), ("stabilis", "stabiliz"), ("summaris", "summariz"),
-    ("synthesise", "synthesize"), ("traveled", "traveled"), ("travelling", "traveling"), ("visualis", "visualiz"),
+    ("synthesise", "synthesize"), ("travelled", "traveled"), ("travelling", "traveling"), ("visualis", "visualiz"),
     ("discretis", "discretiz"), ("vectoris", "vectoriz"),
 )  # fmt: skip
 """Beginnings and parts of words, in the spelling of the US."""

@@ -64,8 +64,8 @@ _DAY = 86400.0
 _AIM = 0.98
 """Share of the limit that a multiplier aims at."""
 _SUMMED, _PROPORTIONAL = 2e-3, 0.1
-"""Of a multiplier, some hundredths: its change in a step of the optimizer, and its part in proportion, for travel far
-beyond the limit."""
+"""Where the travel is far beyond its limit: growth of a multiplier in a step of the optimizer, and its part in
+proportion to what is beyond. Multipliers are some hundredths."""
 _MEAN_OF_BATCHES = 0.2
 """Part of the last batch in the mean travel of several."""
 _JUDGED = 4
@@ -93,7 +93,7 @@ class Round:
     travel : float
         Forecast pitch travel of the policy after it, in all its winds [rad/day].
     multiplier : float
-        Of the budget of travel at its end: what the cost of energy would fall by for a whole budget more [-].
+        Of the budget of travel at the end of the optimization: price of a whole budget in the cost that is followed.
     seconds : float
         Of recording and optimization.
     """
@@ -163,6 +163,10 @@ class _Budget:
         """Travel beyond the limit [rad/s]."""
         return max(travel - self.limit, 0.0)
 
+    def overdrawn(self, actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> float:
+        """What a policy travels beyond the limit in episodes [rad/s]; nothing is computed without a limit."""
+        return self.beyond(_travel(actor, episodes)) if math.isfinite(self.limit) else 0.0
+
 
 class _Deployed:
     """Policy without torch, as it acts in a process that records.
@@ -212,8 +216,9 @@ def pretrain(
     check : callable, optional
         Called after every episode and every step of the optimizer; what it raises ends the pretraining.
     travel_limit : float, optional
-        Pitch travel that the policy may have, mean of the blades and the winds [rad/day]. A Lagrangian multiplier
-        holds it; of the points of an optimization the cheapest within it is kept, or that nearest to it.
+        Pitch travel that the policy may have, mean of the blades and of all episodes, whatever their condition or dial
+        [rad/day]. A Lagrangian multiplier holds it. The cheapest of ten points of the optimization within the limit is
+        kept, or without one that nearest to it.
 
     Returns
     -------
@@ -288,6 +293,11 @@ def pretrain(
             f"recorded, {100 * rounds[-1].forecast:+.2f} % forecast"
         )
     env.close()
+    if rounds and budget.beyond(rounds[-1].travel / _DAY) > 0.0:
+        say(
+            f"the budget of {travel_limit:g} rad/d is not kept: the policy nearest to it is forecast to travel "
+            f"{rounds[-1].travel:.0f} rad/d"
+        )
     record = {
         "options": asdict(options),
         "explained": [{f"{speed:g} m/s": shares for speed, shares in of.explained.items()} for of in identified],
@@ -340,7 +350,7 @@ def _before_any_policy(
     work: _Work, env_id: str, env_kwargs: dict[str, Any], options: PretrainingOptions
 ) -> tuple[Any, list[RecordedEpisode]]:
     """Plants, and episodes under the base controller alone."""
-    told = {name: value for name, value in env_kwargs.items() if not name.startswith("dial_")}
+    told = {name: value for name, value in env_kwargs.items() if not name.startswith(("dial_", "cost_limits"))}
     key = (env_id, json.dumps(told, sort_keys=True), json.dumps(asdict(options), sort_keys=True))
     if key not in _untrained:
         _untrained.clear()
@@ -531,7 +541,7 @@ def _optimized(
             return float(np.mean([float(one.cost(one.offsets(actor, dial=d), dial=d)) for one, d in pairs]))
 
     recorded = mean_cost(held)
-    best = (budget.beyond(_travel(actor, made)), recorded, 0, [part.detach().clone() for part in parts])
+    best = (budget.overdrawn(actor, made), recorded, 0, [part.detach().clone() for part in parts])
     every = max(options.iterations // 10, 1)
     for number in range(1, options.iterations + 1):
         traveled = []
@@ -547,13 +557,11 @@ def _optimized(
         schedule.step()
         check()
         if number % every == 0 or number == options.iterations:
-            now, far = mean_cost(held), _travel(actor, made)
-            say(
-                f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds, {_DAY * far:.0f} rad/d of "
-                "pitch travel"
-            )
-            if (budget.beyond(far), now) < best[:2]:
-                best = (budget.beyond(far), now, number, [part.detach().clone() for part in parts])
+            now, beyond = mean_cost(held), budget.overdrawn(actor, made)
+            more = f", {_DAY * beyond:.0f} rad/d beyond the budget" if math.isfinite(budget.limit) else ""
+            say(f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds{more}")
+            if (beyond, now) < best[:2]:
+                best = (beyond, now, number, [part.detach().clone() for part in parts])
     with torch.no_grad():
         for part, kept in zip(parts, best[3], strict=True):
             part.copy_(kept)

@@ -9,7 +9,6 @@ from typing import Any
 from wt_gym.agents.pretraining.options import PretrainingOptions, pretraining_environment
 from wt_gym.agents.training.hyperparameters import RENAMED, check_hyperparameters, hyperparameters_for
 from wt_gym.deprecated import renamed_keys
-from wt_gym.envs.options.limits import PITCH_TRAVEL
 from wt_gym.envs.wind_files import with_whole_paths
 from wt_gym.files import json_values
 from wt_gym.tasks import DEFAULT_ENV
@@ -111,11 +110,6 @@ class TrainingConfig:
             if self.algorithm != "PPO":
                 raise ValueError(f"pretraining needs the algorithm PPO, got {self.algorithm!r}")
             object.__setattr__(self, "pretraining", asdict(options))
-            if not self.total_steps and (other := sorted(set(self.budgets or {}) - {PITCH_TRAVEL})):
-                raise ValueError(
-                    f"a pretraining alone keeps a budget of {PITCH_TRAVEL}, and PPO after it the others: give steps, "
-                    f"or leave out {', '.join(other)}"
-                )
         if self.env_kwargs.get("vector_reward"):
             raise ValueError("the reward of a training must be one number, got its terms: leave out vector_reward")
         object.__setattr__(self, "hyperparameters", check_hyperparameters(self.algorithm, self.hyperparameters))

@@ -442,6 +442,27 @@ def test_a_pretraining_alone_begins_no_episode(tmp_path, monkeypatch):
     assert (tmp_path / "run" / "model.zip").exists()
 
 
+def test_a_training_hands_its_budget_of_travel_to_the_pretraining_and_refuses_what_that_cannot_hold(
+    tmp_path, monkeypatch
+):
+    limits = []
+
+    def pretrained(*arguments):
+        limits.append(arguments[-1])
+        return {"rounds": []}
+
+    monkeypatch.setattr(pretraining, "pretrain", pretrained)
+    config = TrainingConfig(
+        env_kwargs=ARGUMENTS, pretraining={}, total_steps=0, eval_every=0, n_envs=1, tensorboard=False
+    )
+    train(config, tmp_path / "without", progress=False)
+    train(replace(config, budgets={"pitch_travel": 2000.0}), tmp_path / "with", progress=False)
+    assert limits == [None, 2000.0]
+    with pytest.raises(ValueError, match=r"alone keeps a budget of pitch_travel.*leave out rotor_speed"):
+        train(replace(config, budgets={"pitch_travel": 2000.0, "rotor_speed": 1.1}), tmp_path / "refused")
+    assert not (tmp_path / "refused").exists()
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -491,9 +512,6 @@ def test_a_configuration_holds_the_options_and_needs_ppo():
         TrainingConfig("SAC", pretraining={})
     with pytest.raises(ValueError, match="total_steps must be a whole number from 1"):
         TrainingConfig(total_steps=0)
-    TrainingConfig(pretraining={}, total_steps=0, budgets={"pitch_travel": 2000.0})
-    with pytest.raises(ValueError, match=r"alone keeps a budget of pitch_travel.*leave out rotor_speed"):
-        TrainingConfig(pretraining={}, total_steps=0, budgets={"pitch_travel": 2000.0, "rotor_speed": 1.1})
 
 
 PITCH_OFFSETS = [
