@@ -34,7 +34,7 @@ AGENTS = {
 STEADY = {"start": "steady"}
 """No records of the running turbine are needed."""
 WITHOUT_YAW = ("fault-biased-vane", "fault-dead-vane")
-"""Conditions that controllers without yaw do not feel."""
+"""Conditions that `discon` and `linear_optimal` do not feel."""
 
 
 def run(
