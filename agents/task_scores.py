@@ -231,7 +231,7 @@ STUDIES: dict[str, Study] = {
         ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}",
          "linear_optimal+supervisor:averaging=60"),
         (Part(_winds((20.0, 22.0, 24.0, 26.0, 28.0), 1),
-              arguments={"inflow": "turbulent", "wind_speed": [20.0, 28.0], "start": "steady"}),),
+              arguments=_STEADY | {"inflow": "turbulent", "wind_speed": [20.0, 28.0]}),),
         (Column("corrected_power", "mean power in the climate", "climate"), *_LIFE, *_EXTREMES,
          Column("time_without_power", "time without power", "level")),
         duration=660.0,
@@ -259,7 +259,7 @@ STUDIES: dict[str, Study] = {
         ("discon+yaw", RANDOM, "ipc+yaw", "ipc+yaw+fault_supervisor", "linear_optimal+yaw+fault_supervisor",
          f"{_TRAINED}faults"),
         tuple(Part(_winds(((14.0, 18.0)[k % 2],), 1), kind,
-                   {"fault_kinds": kind, "fault_time": 20.0, "start": "steady"})
+                   _STEADY | {"fault_kinds": kind, "fault_time": 20.0})
               for k, kind in enumerate(FAULT_KINDS)),
         _LOADS,
         duration=110.0,

@@ -56,18 +56,16 @@ def run(
     config = EvaluationConfig(DEFAULT_ENV, STEADY, winds, duration=duration, skip=30.0, replay=0.0)
     rows = []
     every = [one for one in chosen(["faults"]) if one.name not in WITHOUT_YAW]
+    partial = bool(names) or len(measured) < len(AGENTS)
+    kept = json.loads(RECORD.read_text(encoding="utf-8"))["runs"] if partial else []
     for one in every:
-        if names and one.name not in names:
-            rows += [
-                row for row in json.loads(RECORD.read_text(encoding="utf-8"))["runs"] if row["condition"] == one.name
-            ]
+        here = measured if not names or one.name in names else []
+        others = AGENTS.keys() - set(here)
+        rows += [row for row in kept if row["condition"] == one.name and row["agent"] in others]
+        if not here:
             continue
         print(one.text, flush=True)
         own, agents = replace(config, env_kwargs=STEADY | one.arguments), {name: AGENTS[name] for name in measured}
-        if len(agents) < len(AGENTS):
-            kept = json.loads(RECORD.read_text(encoding="utf-8"))["runs"]
-            others = AGENTS.keys() - agents.keys()
-            rows += [row for row in kept if row["condition"] == one.name and row["agent"] in others]
         found = evaluate(agents, own, folder=folder / one.name, progress=False)
         for made in found.runs:
             complete = made.ending == "time"

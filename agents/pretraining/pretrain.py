@@ -153,11 +153,10 @@ class _Budget:
 
     def update(self, travel: float) -> None:
         """Move the multiplier by what a batch has traveled [rad/s]."""
-        if math.isfinite(self.limit):
-            self._share += _MEAN_OF_BATCHES * (travel / (_AIM * self.limit) - self._share)
-            beyond = (self._share - 1.0) / (self._share + 1.0)
-            self._sum = max(0.0, self._sum + _SUMMED * beyond)
-            self.multiplier = max(0.0, self._sum + _PROPORTIONAL * beyond)
+        self._share += _MEAN_OF_BATCHES * (travel / (_AIM * self.limit) - self._share)
+        beyond = (self._share - 1.0) / (self._share + 1.0)
+        self._sum = max(0.0, self._sum + _SUMMED * beyond)
+        self.multiplier = max(0.0, self._sum + _PROPORTIONAL * beyond)
 
     def beyond(self, travel: float) -> float:
         """Travel beyond the limit [rad/s]."""
