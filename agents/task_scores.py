@@ -66,12 +66,12 @@ class Column:
 
 _SCORED = {
     "LoadReduction": 2,
-    "FullRange": 1,
+    "FullRange": 2,
     "MaxPower": 2,
     "Yaw": 3,
     "Gusts": 3,
-    "IEA15MW-LoadReduction": 2,
-    "IEA22MW-LoadReduction": 0,
+    "IEA15MW-LoadReduction": 3,
+    "IEA22MW-LoadReduction": 1,
     "FullOperation": 0,
     "PowerTracking": 0,
     "Dial": 0,
@@ -169,8 +169,9 @@ STUDIES: dict[str, Study] = {
     ),
     "FullRange": Study(
         "FullRange",
-        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers"),
-        (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2)),),
+        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
+         "retuned+linear_optimal", f"{_TRAINED}full_range"),
+        (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2), arguments=_STEADY),),
         (_ENERGY, *_LIFE, _TRAVEL),
     ),
     "MaxPower": Study(
@@ -198,20 +199,20 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "tsr_tracking"),
-        (Part(_winds((12.0, 18.0), 2)),),
+        ("discon", RANDOM, "ipc", "tsr_tracking", "linear_optimal", f"{_TRAINED}iea15mw"),
+        (Part(_winds((12.0, 18.0), 2), arguments=_STEADY),),
         _LOADS,
     ),
     "IEA15MW-LoadReduction below its range": Study(
         "IEA15MW-LoadReduction",
         ("discon", "tsr_tracking"),
-        (Part(_winds((4.0, 5.0, 6.0), 1), arguments={"wind_speed": [4.0, 6.0]}),),
+        (Part(_winds((4.0, 5.0, 6.0), 1), arguments=_STEADY | {"wind_speed": [4.0, 6.0]}),),
         (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
     ),
     "IEA22MW-LoadReduction": Study(
         "IEA22MW-LoadReduction",
-        ("discon", RANDOM, "ipc"),
-        (Part(_winds((12.0, 18.0), 2)),),
+        ("discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea22mw"),
+        (Part(_winds((12.0, 18.0), 2), arguments=_STEADY),),
         _LOADS,
         duration=180.0,
     ),

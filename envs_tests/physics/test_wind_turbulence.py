@@ -11,8 +11,10 @@ import math
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, kaimal
+from wt_gym.wind.coherence_kernels import parity_block
 
 SPEED, HUB, DIAMETER = 10.0, 90.0, 126.0
 SIGMA = 0.14 * (0.75 * SPEED + 5.6)
@@ -193,22 +195,39 @@ def test_lateral_components_without_coherence():
 def test_mirror_blocks_are_the_whole_coherence_matrix():
     """In the even-odd basis the coherence matrix has these four blocks and nothing else, exactly."""
     n_y, n_z, spacing_y, spacing_z = 5, 7, 9.0, 6.0
-    decay = np.array([0.004, 0.05])
+    decay, points = np.array([0.004, 0.05]), np.hypot(spacing_z * np.arange(n_z)[:, None], spacing_y * np.arange(n_y))
+    table = np.exp(-decay[:, None, None] * points)
     z, y = np.meshgrid(spacing_z * np.arange(n_z), spacing_y * np.arange(n_y), indexing="ij")
     distance = np.hypot(z.ravel()[:, None] - z.ravel(), y.ravel()[:, None] - y.ravel())
     basis_y, basis_z = kaimal._reflection_basis(n_y), kaimal._reflection_basis(n_z)
     basis = np.kron(basis_z, basis_y)
     np.testing.assert_allclose(basis @ basis.T, np.eye(n_y * n_z), atol=1e-14)
     transformed = basis @ np.exp(-decay[:, None, None] * distance) @ basis.T
-    mirrored = kaimal._mirrored_coherence(decay, n_y, n_z, spacing_y, spacing_z)
     index = np.arange(n_y * n_z).reshape(n_z, n_y)
     for parity_z, rows in enumerate(kaimal._halves(n_z)):
         for parity_y, columns in enumerate(kaimal._halves(n_y)):
             own = index[rows, columns].ravel()
-            block = kaimal._parity_block(mirrored, n_y, n_z, parity_y, parity_z)
-            np.testing.assert_allclose(transformed[:, own[:, None], own], block, atol=1e-13)
+            backward = np.full((decay.size, own.size, own.size), np.nan)
+            parity_block(table, parity_y, parity_z, backward)
+            lower, block = np.tril(np.ones(backward.shape[1:], dtype=bool)), transformed[:, own[:, None], own]
+            np.testing.assert_allclose(backward[:, lower], block[:, ::-1, ::-1][:, lower], atol=1e-13)
+            assert np.isnan(backward[:, ~lower]).all()
             transformed[:, own[:, None], own] = 0.0
     np.testing.assert_allclose(transformed, 0.0, atol=1e-13)
+
+
+def test_one_thread_factorizes(monkeypatch):
+    """Several wait for each other where the cores have other work, and the last bits would depend on their number."""
+    seen, cholesky = [], np.linalg.cholesky
+
+    def watched(matrices):
+        seen.extend(one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas")
+        return cholesky(matrices)
+
+    monkeypatch.setattr(np.linalg, "cholesky", watched)
+    with threadpool_limits(limits=2, user_api="blas"):
+        TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=11, duration=10.0, grid=(5, 5), cache=False)
+    assert set(seen) == {1}
 
 
 @pytest.fixture(scope="module")

@@ -374,6 +374,22 @@ def measure_threads(fidelity: str, wall: float) -> dict[str, Any]:
     return {"step_s_one_thread": best[0], "step_s_two_threads": best[1]}
 
 
+def measure_turbulence(fidelity: str, wall: float) -> dict[str, Any]:
+    """Time to synthesize a turbulence box of ten minutes for rotors of three sizes."""
+    from wt_gym.turbines import load_turbine
+    from wt_gym.wind import TurbulenceBox
+
+    def make(name: str, seed: int, duration: float = 600.0) -> float:
+        turbine, start = load_turbine(name), time.perf_counter()
+        TurbulenceBox.kaimal(
+            12.0, turbine.hub_height, turbine.rotor_diameter, seed=seed, duration=duration, cache=False
+        )
+        return time.perf_counter() - start
+
+    make("nrel_5mw", 1, 1.0)
+    return {"box_s": {name: min(make(name, seed) for seed in (1, 2)) for name in ("nrel_5mw", "iea_15mw", "iea_22mw")}}
+
+
 def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
     """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
     from validation import mixed_coordinates, observer_frame
@@ -435,6 +451,7 @@ WORKERS = {
     "start": measure_start,
     "threads": measure_threads,
     "structures": measure_structures,
+    "turbulence": measure_turbulence,
     "vector": measure_vector,
 }
 
@@ -530,6 +547,9 @@ def measure(arguments: argparse.Namespace) -> None:
     figures["warm"] = in_process("start", "training", wall) | in_process("import", "training", wall)
     print(f"first step, warm compilation cache: {figures['warm']['first_step_s']:6.1f} s")
     print(f"import of wt_gym:                   {figures['warm']['import_s']:6.2f} s")
+    figures["turbulence"] = in_process("turbulence", "training", wall)
+    boxes = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in figures["turbulence"]["box_s"].items())
+    print(f"turbulence box of 600 s:            {boxes}")
     figures["kernels"] = in_process("structures", "training", wall) if IN_CLONE else {"structural": {}}
     for form, cost in figures["kernels"]["structural"].items():
         rhs = f", {cost['rhs_us']:5.2f} us per right-hand side" if "rhs_us" in cost else ""

@@ -40,8 +40,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.fft
+from threadpoolctl import threadpool_limits
 
 from wt_gym.errors import InflowError
+from wt_gym.wind.coherence_kernels import parity_block
 from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.interpolation import SPECTRUM_OF, sample_gain, variance_read
 from wt_gym.wind.protocol import require_number
@@ -63,6 +65,8 @@ COHERENCE_OFFSET = 0.12
 SCALINGS = ("low_frequency", "uniform", "none")
 
 _FREQUENCIES_PER_BATCH = 64  # the coherence blocks of a batch take 13 MB for 17 x 17 points, 104 MB for 29 x 29
+_NOTHING = 1e-60
+"""Coherence that is none."""
 _DEFAULT_SPACING = 10.0
 _DEFAULT_MARGIN = 1.15
 
@@ -284,6 +288,14 @@ def synthesize(parameters: KaimalParameters) -> NDArray[np.float32]:
 
     Every point has zero mean over the period. The Nyquist frequency carries nothing.
     """
+    # One thread: several make the last bits another, and wait for each other a thousand times as long as they factorize
+    # a matrix where the cores have other work.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _synthesized(parameters)
+
+
+def _synthesized(parameters: KaimalParameters) -> NDArray[np.float32]:
+    """See `synthesize`."""
     n_times, (n_y, n_z) = parameters.n_times, parameters.grid
     rng = np.random.default_rng(parameters.seed)
     frequency = parameters.frequency
@@ -309,19 +321,18 @@ def _coherent_noise(
     The last axis holds three real and three imaginary parts. At the hub the modulus is exactly one.
     """
     n_y, n_z = parameters.grid
-    spacing_y, spacing_z = parameters.spacing
     noise = rng.standard_normal((decay.size, n_z, n_y, 6))
     radius = np.hypot(noise[..., :3], noise[..., 3:])
     noise /= np.concatenate((radius, radius), axis=-1)  # only the phase is random
     # Rows of these orthogonal matrices: even vectors first, then odd ones.
     basis_y, basis_z = _reflection_basis(n_y), _reflection_basis(n_z)
     halves_y, halves_z = _halves(n_y), _halves(n_z)
-    mirrored = _mirrored_coherence(decay, n_y, n_z, spacing_y, spacing_z)
+    table = _coherence_table(decay, parameters)
     blocks = np.empty_like(noise)
     for parity_z, rows in enumerate(halves_z):
         for parity_y, columns in enumerate(halves_y):
-            factor = _upper_factor(_parity_block(mirrored, n_y, n_z, parity_y, parity_z))
             part = noise[:, rows, columns]
+            factor = _upper_factor(table, parity_y, parity_z)
             blocks[:, rows, columns] = (factor @ part.reshape(decay.size, -1, 6)).reshape(part.shape)
     coherent: NDArray[np.float64] = np.einsum("fabc,az,by->fzyc", blocks, basis_z, basis_y, optimize=True)
     if not parameters.lateral_coherence:
@@ -329,14 +340,28 @@ def _coherent_noise(
     return coherent
 
 
-def _upper_factor(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Upper triangular U with U Uᵀ the given matrices (n, m, m).
+def _coherence_table(decay: NDArray[np.float64], parameters: KaimalParameters) -> NDArray[np.float64]:
+    """Coherence of two points by their distance in grid steps along z and y, shape (n_frequencies, n_z, n_y)."""
+    (n_y, n_z), (spacing_y, spacing_z) = parameters.grid, parameters.spacing
+    distance = np.hypot(spacing_z * np.arange(n_z)[:, None], spacing_y * np.arange(n_y))
+    out: NDArray[np.float64] = np.exp(-decay[:, None, None] * distance)
+    out[out < _NOTHING] = 0.0  # products of still smaller ones are denormal, with which processors are slow
+    return out
+
+
+def _upper_factor(table: NDArray[np.float64], parity_y: int, parity_z: int) -> NDArray[np.float64]:
+    """Upper triangular U with U Uᵀ the coherence matrices (n, m, m) of one parity (0 even, 1 odd) per axis.
 
     The hub is the last vector of the even-even block, and the last row of U holds its diagonal only: one number of the
     noise decides the hub.
     """
-    lower = np.asarray(np.linalg.cholesky(matrices[:, ::-1, ::-1]), dtype=np.float64)
-    return lower[:, ::-1, ::-1]
+    n_frequencies, n_z, n_y = table.shape
+    size = (n_z // 2 + 1 - parity_z) * (n_y // 2 + 1 - parity_y)
+    reversed_block = np.zeros((n_frequencies, size, size))
+    parity_block(table, parity_y, parity_z, reversed_block)
+    lower = np.linalg.cholesky(reversed_block)  # which reads the lower triangle alone
+    out: NDArray[np.float64] = lower[:, ::-1, ::-1]
+    return out
 
 
 def _halves(n: int) -> tuple[slice, slice]:
@@ -354,49 +379,3 @@ def _reflection_basis(n: int) -> NDArray[np.float64]:
         basis[half + 1 + i, [i, n - 1 - i]] = math.sqrt(0.5), -math.sqrt(0.5)
     basis[half, half] = 1.0
     return basis
-
-
-def _mirrored_coherence(
-    decay: NDArray[np.float64], n_y: int, n_z: int, spacing_y: float, spacing_z: float
-) -> NDArray[np.float64]:
-    """Coherence of each point of one quadrant with the four mirror images of each other, middle lines included.
-
-    Shape (2, 2, n_frequencies, h_z, h_y, h_z, h_y): first index 1 if mirrored top-bottom, second if left-right;
-    h = n // 2 + 1.
-    """
-    lag_y, lag_z = np.arange(n_y), np.arange(n_z)
-    distance = np.hypot(spacing_z * lag_z[:, None], spacing_y * lag_y)
-    table = np.exp(-decay[:, None, None] * distance)
-    steps_y, steps_z = _index_steps(n_y), _index_steps(n_z)
-    gathered = [
-        [table[:, steps_z[mz][:, None, :, None], steps_y[my][None, :, None, :]] for my in range(2)] for mz in range(2)
-    ]
-    return np.array(gathered)
-
-
-def _index_steps(n: int) -> NDArray[np.int64]:
-    """Index distances (2, h, h) between the points of one half and of the other or its mirror image."""
-    half = np.arange(n // 2 + 1)
-    out: NDArray[np.int64] = np.abs(np.array([half[:, None] - half, half[:, None] - (n - 1 - half)]))
-    return out
-
-
-def _parity_block(
-    mirrored: NDArray[np.float64], n_y: int, n_z: int, parity_y: int, parity_z: int
-) -> NDArray[np.float64]:
-    """Coherence matrices (n_frequencies, m, m) between the basis vectors of one parity (0 even, 1 odd) per axis."""
-    sign_y, sign_z = 1.0 - 2.0 * parity_y, 1.0 - 2.0 * parity_z
-    block = mirrored[0, 0] + sign_y * mirrored[0, 1] + sign_z * (mirrored[1, 0] + sign_y * mirrored[1, 1])
-    weight_z, weight_y = _mirror_weights(n_z, parity_z), _mirror_weights(n_y, parity_y)
-    m_z, m_y = weight_z.size, weight_y.size
-    weight = np.outer(weight_z, weight_y).ravel()
-    block = block[:, :m_z, :m_y, :m_z, :m_y].reshape(-1, m_z * m_y, m_z * m_y)
-    out: NDArray[np.float64] = weight[:, None] * block * weight
-    return out
-
-
-def _mirror_weights(n: int, parity: int) -> NDArray[np.float64]:
-    """Weight of each basis vector in the mirrored sums: the middle point is its own image and counts once."""
-    if parity == 1:
-        return np.ones(n // 2)
-    return np.append(np.ones(n // 2), math.sqrt(0.5))
