@@ -194,41 +194,53 @@ def test_following_the_gradient_lowers_the_cost_of_the_plant_itself():
     assert float(after.cost(after.offsets(lambda seen: step))) < float(cost.detach())
 
 
-def test_a_multiplier_holds_the_pitch_travel_within_its_limit():
-    """Of what the plant allows a policy, the cheapest within the limit: dearer than without one, cheaper than none."""
+def optimized_within(limit, shaking=0.0):
+    """Costs before and after, pitch travel before and after, and multiplier, with a base controller that shakes."""
     rng = np.random.default_rng(8)
     times, waves = DT * np.arange(STEPS), rng.uniform(0.1, 2.0, 12)
     features = np.concatenate([np.sin(np.outer(times, waves)), np.cos(np.outer(times, waves))], axis=1)
-    recorded = replace(simulated(np.zeros((3, STEPS)), 15.0), observations=features.astype(np.float32))
+    recorded = simulated(np.zeros((3, STEPS)), 15.0)
+    pitch = recorded.pitch + shaking * (-1.0) ** np.arange(STEPS + 1)
+    recorded = replace(recorded, observations=features.astype(np.float32), pitch=pitch)
+    torch.manual_seed(0)
+    policy = torch.nn.Module()
+    policy.mlp_extractor = torch.nn.Module()
+    policy.mlp_extractor.policy_net = torch.nn.Sequential(torch.nn.Linear(24, 24), torch.nn.Tanh())
+    policy.action_net = torch.nn.Linear(24, 3)
+    torch.nn.init.zeros_(policy.action_net.weight)
+    torch.nn.init.zeros_(policy.action_net.bias)
 
-    def optimized(limit):
-        torch.manual_seed(0)
-        policy = torch.nn.Module()
-        policy.mlp_extractor = torch.nn.Module()
-        policy.mlp_extractor.policy_net = torch.nn.Sequential(torch.nn.Linear(24, 24), torch.nn.Tanh())
-        policy.action_net = torch.nn.Linear(24, 3)
-        torch.nn.init.zeros_(policy.action_net.weight)
-        torch.nn.init.zeros_(policy.action_net.bias)
+    def actor(seen):
+        return policy.action_net(policy.mlp_extractor.policy_net(seen))
 
-        def actor(seen):
-            return policy.action_net(policy.mlp_extractor.policy_net(seen))
+    episode, budget = linearized(recorded, actor), pretraining._Budget(limit)
+    options = PretrainingOptions(
+        episodes=2, held_out=1, iterations=300, learning_rate=1e-2, noise=0.0, duration=60.0, memory=3.0
+    )
+    silent, own = [lambda _: None, lambda: None], pretraining._travel(actor, [episode])
+    before, after, _, _ = pretraining._optimized(
+        actor, policy, [episode, episode], options, np.random.default_rng(0), *silent, budget
+    )
+    return before, after, own, pretraining._travel(actor, [episode]), budget.multiplier
 
-        episode, budget = linearized(recorded, actor), pretraining._Budget(limit)
-        options = PretrainingOptions(
-            episodes=2, held_out=1, iterations=300, learning_rate=1e-2, noise=0.0, duration=60.0, memory=3.0
-        )
-        silent = [lambda _: None, lambda: None]
-        found = pretraining._optimized(
-            actor, policy, [episode, episode], options, np.random.default_rng(0), *silent, budget
-        )
-        return found[:2], pretraining._travel(actor, [episode]), budget.multiplier
 
-    (before, free), far, price = optimized(math.inf)
+def test_a_multiplier_holds_the_pitch_travel_within_its_limit():
+    """Of what the plant allows a policy, the cheapest within the limit: dearer than without one, cheaper than none."""
+    before, free, _, far, price = optimized_within(math.inf)
     assert price == 0.0
-    (_, held), near, price = optimized(0.4 * far)
+    _, held, _, near, price = optimized_within(0.4 * far)
     assert 0.2 * far < near <= 0.4 * far
     assert price > 0.0
     assert free < held < before
+
+
+def test_out_of_reach_of_a_limit_the_policy_nearest_to_it_is_kept():
+    """Where the base controller alone travels twice as much, in each step, which no offset of this policy takes back."""
+    *_, own, free, _ = optimized_within(math.inf, shaking=0.002)
+    *_, near, price = optimized_within(0.5 * own, shaking=0.002)
+    assert 0.5 * own < near <= own
+    assert near < free
+    assert price > 0.2  # it has grown in each of the 300 steps, by a third of the most
 
 
 def test_power_above_the_recorded_one_earns_nothing():

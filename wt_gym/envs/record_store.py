@@ -103,7 +103,7 @@ def _tell(turbine: Turbine) -> None:
     if turbine.name not in _warned:
         _warned.add(turbine.name)
         _log.warning(
-            "recording how %s runs in turbulence, so that episodes begin amid its operation: some seconds for each "
+            "recording how %s runs in turbulence, so that episodes begin amid its operation: half a minute for each "
             "wind speed, once on this machine",
             turbine.name,
         )
