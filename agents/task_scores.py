@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from wt_gym.analysis.results import Run
 
 __all__ = [
-    "STUDIES", "Column", "Part", "Study", "agent_label", "kinds_table", "measure", "measured_line", "score_table",
+    "STEADY", "STUDIES", "Column", "Part", "Study", "agent_label", "kinds_table", "measure", "measured_line",
+    "score_table",
 ]  # fmt: skip
 
 RANDOM = "random"
@@ -155,7 +156,7 @@ _HARD = "cut_out=25,least_speed=1,least_power=1,hysteresis=1"
 """Parameters of a supervisor that stops the NREL 5-MW at its cut-out wind and does not hold it back before."""
 _PROMPT = "discon+yaw:dead_band=0.14,stop=0.1,slow=10,fast=2"
 """Dead band that starts earlier and turns less far, with the travel of the default."""
-_STEADY = {"start": "steady"}
+STEADY = {"start": "steady"}
 """No records of the running turbine are needed."""
 _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP, _FORE_AFT, _SIDE))
 
@@ -171,7 +172,7 @@ STUDIES: dict[str, Study] = {
         "FullRange",
         ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
          "retuned+linear_optimal", f"{_TRAINED}full_range"),
-        (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2), arguments=_STEADY),),
+        (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2), arguments=STEADY),),
         (_ENERGY, *_LIFE, _TRAVEL),
     ),
     "MaxPower": Study(
@@ -183,7 +184,7 @@ STUDIES: dict[str, Study] = {
     "Yaw": Study(
         "Yaw",
         ("discon+yaw", RANDOM, "discon", "discon+yaw:dead_band=0.07", "discon+yaw:dead_band=0.21", _PROMPT),
-        (Part(_winds((7.0, 9.0, 11.0, 13.0), 1), arguments=_STEADY),),
+        (Part(_winds((7.0, 9.0, 11.0, 13.0), 1), arguments=STEADY),),
         (_ENERGY, Column("yaw_error_rms", "yaw error, rms", "level"), Column("yaw_travel", "yaw travel", "level")),
         duration=630.0,
         arguments={"discon": {"observation": ("measurable",)}},  # it has no dead band to see
@@ -200,19 +201,19 @@ STUDIES: dict[str, Study] = {
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
         ("discon", RANDOM, "ipc", "tsr_tracking", "linear_optimal", f"{_TRAINED}iea15mw"),
-        (Part(_winds((12.0, 18.0), 2), arguments=_STEADY),),
+        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
         _LOADS,
     ),
     "IEA15MW-LoadReduction below its range": Study(
         "IEA15MW-LoadReduction",
         ("discon", "tsr_tracking"),
-        (Part(_winds((4.0, 5.0, 6.0), 1), arguments=_STEADY | {"wind_speed": [4.0, 6.0]}),),
+        (Part(_winds((4.0, 5.0, 6.0), 1), arguments=STEADY | {"wind_speed": [4.0, 6.0]}),),
         (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
     ),
     "IEA22MW-LoadReduction": Study(
         "IEA22MW-LoadReduction",
         ("discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea22mw"),
-        (Part(_winds((12.0, 18.0), 2), arguments=_STEADY),),
+        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
         _LOADS,
         duration=180.0,
     ),
@@ -222,7 +223,7 @@ STUDIES: dict[str, Study] = {
          "linear_optimal+supervisor:averaging=60", "rosco+supervisor:averaging=60",
          "rosco:start_stop=True,time_scale=0.1"),
         (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
-              arguments=_STEADY),),
+              arguments=STEADY),),
         (_ENERGY, _FLAP, _FORE_AFT, _SIDE, *_EXTREMES, Column("time_without_power", "time without power", "level")),
         duration=600.0,
         skip=0.0,
@@ -232,7 +233,7 @@ STUDIES: dict[str, Study] = {
         ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}",
          "linear_optimal+supervisor:averaging=60"),
         (Part(_winds((20.0, 22.0, 24.0, 26.0, 28.0), 1),
-              arguments=_STEADY | {"inflow": "turbulent", "wind_speed": [20.0, 28.0]}),),
+              arguments=STEADY | {"inflow": "turbulent", "wind_speed": [20.0, 28.0]}),),
         (Column("corrected_power", "mean power in the climate", "climate"), *_LIFE, *_EXTREMES,
          Column("time_without_power", "time without power", "level")),
         duration=660.0,
@@ -242,7 +243,7 @@ STUDIES: dict[str, Study] = {
         "PowerTracking",
         ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch",
          "ipc+derate_kinetic", "linear_optimal+derate_kinetic", f"{_TRAINED}power_tracking"),
-        (Part(_winds((13.0, 16.0), 2), arguments=_STEADY),),
+        (Part(_winds((13.0, 16.0), 2), arguments=STEADY),),
         (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
          Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
          _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
@@ -251,7 +252,7 @@ STUDIES: dict[str, Study] = {
     "Dial": Study(
         "Dial",
         ("discon", RANDOM, "linear_optimal", f"{_TRAINED}dial_on_linear_optimal"),
-        (Part(_winds((14.0, 18.0), 2), arguments=_STEADY),),
+        (Part(_winds((14.0, 18.0), 2), arguments=STEADY),),
         _LOADS,
         duration=90.0,
     ),
@@ -260,7 +261,7 @@ STUDIES: dict[str, Study] = {
         ("discon+yaw", RANDOM, "ipc+yaw", "ipc+yaw+fault_supervisor", "linear_optimal+yaw+fault_supervisor",
          f"{_TRAINED}faults"),
         tuple(Part(_winds(((14.0, 18.0)[k % 2],), 1), kind,
-                   _STEADY | {"fault_kinds": kind, "fault_time": 20.0})
+                   STEADY | {"fault_kinds": kind, "fault_time": 20.0})
               for k, kind in enumerate(FAULT_KINDS)),
         _LOADS,
         duration=110.0,

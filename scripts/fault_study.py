@@ -31,8 +31,6 @@ AGENTS = {
     "linear_optimal+fault_supervisor": "linear_optimal+fault_supervisor",
     "faults": str(ROOT / "agents" / "trained" / "faults"),
 }
-STEADY = {"start": "steady"}
-"""No records of the running turbine are needed."""
 WITHOUT_YAW = ("fault-biased-vane", "fault-dead-vane")
 """Conditions that `discon` and `linear_optimal` do not feel."""
 
@@ -45,6 +43,7 @@ def run(
     from wt_gym.agents.evaluation_config import EvaluationConfig
     from wt_gym.agents.evaluation_winds import winds_for
     from wt_gym.agents.robustness import COST_TASK, chosen
+    from wt_gym.agents.task_scores import STEADY
     from wt_gym.benchmark.run import benchmark_metrics
     from wt_gym.benchmark.tasks import load_task
     from wt_gym.files import write_text_whole

@@ -235,7 +235,7 @@ def test_a_multiplier_holds_the_pitch_travel_within_its_limit():
 
 
 def test_out_of_reach_of_a_limit_the_policy_nearest_to_it_is_kept():
-    """Where the base controller alone travels twice as much, in each step, which no offset of this policy takes back."""
+    """The base controller alone travels twice as much, in each step, which no offset of this policy takes back."""
     *_, own, free, _ = optimized_within(math.inf, shaking=0.002)
     *_, near, price = optimized_within(0.5 * own, shaking=0.002)
     assert 0.5 * own < near <= own
