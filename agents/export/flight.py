@@ -12,13 +12,14 @@ import numpy as np
 
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.export.discon import export_discon
-from wt_gym.agents.export.openfast_folder import export_openfast
+from wt_gym.agents.export.openfast_folder import demanded_power, export_openfast
 from wt_gym.agents.pool import load_model
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.bridges.openfast import PointLidar, find_driver, find_library, read_outputs, run_driver
 from wt_gym.control import Lidar
 from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import parse_name
+from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.arguments import shown
 from wt_gym.envs.options.environment import flat_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -146,16 +147,11 @@ def fly(
     Raises
     ------
     ValueError, CompilerError
-        As of `wt_gym.agents.export.discon.export_discon`; a ValueError where a power is demanded, which OpenFAST does
-        not tell a library, or a dial changes.
+        As of `wt_gym.agents.export.discon.export_discon`; a ValueError where a demanded power or a dial changes.
     SimulationError
         If a run fails.
     """
-    if (reference := flat_arguments(scene.arguments).get("power_reference")) is not None:
-        raise ValueError(
-            f"power_reference must be left out of a flight, got {shown(reference)}: OpenFAST writes no demanded power "
-            "into record 13, so that the library would make full power there while Python follows the reference"
-        )
+    power = demanded_power(scene.arguments)  # before anything is written
     dial = flat_arguments(scene.arguments).get("dial_weights")
     if dial is not None and not isinstance(dial, Mapping):
         raise ValueError(
@@ -180,11 +176,12 @@ def fly(
 
     feather = min(scene.turbine.pitch.max_pitch, 0.5 * math.pi)
     parked = {"rotor_speed": 0.0, "pitch": feather, "generator_torque": 0.0} if exported["parked"] else {}
+    start = {} if power is None else {"generator_torque": _torque_at_the_start(scene, power)}
 
     metrics: dict[str, dict[str, float]] = {}
-    data, expected = _played(python, agent, scene, duration, held)
+    data, expected = _played(python, agent, scene, duration, held, start=start)
     metrics[PYTHON] = run_metrics(data, scene.turbine, skip)
-    data, found = _played(arguments | alone, None, scene, duration, start=parked)
+    data, found = _played(arguments | alone, None, scene, duration, start=start | parked)
     metrics[LIBRARY] = run_metrics(data, scene.turbine, skip)
     apart = np.abs(found - expected).max(axis=0)
     missing: dict[str, str] = {}
@@ -195,11 +192,21 @@ def fly(
     if (path := _there(find_library, library, PYTHON_IN_OPENFAST, missing)) is not None:
         simulator = {"simulator": {"name": "openfast", "openfast_library": str(path), "duration": duration}}
         points = None if lidar is None else PointLidar.of(lidar)
-        data, _ = _played(python | simulator, agent, scene, duration, held, points)
+        data, _ = _played(python | simulator, agent, scene, duration, held, points, start)
         metrics[PYTHON_IN_OPENFAST] = run_metrics(data, scene.turbine, skip)
     limit = LARGEST_CHANGE if lidar is None else LARGEST_CHANGE_WITH_LIDAR
     limit = LARGEST_CHANGE_FROM_STANDSTILL if parked else limit
     return Flight(float(apart[:-2].max()), float(apart[-2]), float(apart[-1]), metrics, missing, primary, limit)
+
+
+def _torque_at_the_start(scene: Scene, power: float) -> float:
+    """Torque of the operating point for a demanded power [N m], with which a library in ServoDyn begins.
+
+    In Python the torque would come down to it from that of full power at the greatest rate.
+    """
+    point, drive = starting_point(scene.turbine, scene.inflow), scene.turbine.drivetrain
+    enough = power / (drive.generator_efficiency * drive.gear_ratio * point.rotor_speed)
+    return min(point.generator_torque, enough)
 
 
 def _there(

@@ -18,7 +18,9 @@ from wt_gym.agents.trained_environment import training_arguments
 from wt_gym.bridges.openfast import PointLidar, ServedController, write_driver_run
 from wt_gym.control import Lidar
 from wt_gym.control.controllers import parse_name
+from wt_gym.envs.arguments import shown
 from wt_gym.envs.options import flat_arguments
+from wt_gym.envs.options.grid import checked_reference
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.tasks import DEFAULT_ENV
 from wt_gym.wind.protocol import start_speed
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["Scene", "export_openfast", "scene_of"]
+__all__ = ["Scene", "demanded_power", "export_openfast", "scene_of"]
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,32 @@ def scene_of(
         env.close()
 
 
+def demanded_power(arguments: Mapping[str, Any]) -> float | None:
+    """Power that an environment demands throughout [W], None where it demands none.
+
+    Parameters
+    ----------
+    arguments : mapping
+        Of the environment.
+
+    Raises
+    ------
+    ValueError
+        If it changes: ServoDyn hands the same number of its input file to the library at every call.
+    """
+    given = flat_arguments(arguments).get("power_reference")
+    if given is None:
+        return None
+    reference = checked_reference(given)
+    powers = set() if isinstance(reference, str) else {row[-1] for row in reference}
+    if len(powers) != 1 or isinstance(power := powers.pop(), str):
+        raise ValueError(
+            f"power_reference must be constant in OpenFAST, which writes the same demanded power into record 13 at "
+            f"every call, got {shown(given)}: give --env-kwargs '{{\"power_reference\": [[0, 4e6]]}}' for 4 MW"
+        )
+    return float(power)
+
+
 def export_openfast(
     choice: str,
     folder: str | Path,
@@ -141,10 +169,11 @@ def export_openfast(
     Raises
     ------
     ValueError, CompilerError
-        As of `wt_gym.agents.export.discon.export_discon`.
+        As of `wt_gym.agents.export.discon.export_discon`, and of `demanded_power`.
     TurbineDefinitionError, SimulationError
         As of `wt_gym.bridges.openfast.write_driver_run`.
     """
+    power = demanded_power(scene.arguments)
     folder, trained = Path(folder), parse_name(choice).kind == "trained"
     where: dict[str, Any] = {} if trained else {"turbine": scene.turbine, "interval": scene.step}
     dial = flat_arguments(scene.arguments).get("dial_weights")
@@ -156,6 +185,7 @@ def export_openfast(
     primary = write_driver_run(
         scene.turbine, scene.inflow, folder, ServedController(library.name, parameters.name, lidar), duration=duration,
         interval=scene.step, model=model, parked=made["parked"],
+        changes=None if power is None else {"ServoDyn": {"GenPwr_Dem": power}},
     )  # fmt: skip
     if lidar is not None:
         with page.open("a", encoding="utf-8") as file:

@@ -10,7 +10,8 @@ from scripted_simulator import ScriptedSimulator, scripted_signals, use
 
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.export.flight import fly
-from wt_gym.agents.export.openfast_folder import Scene
+from wt_gym.agents.export.openfast_folder import Scene, export_openfast
+from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.control.controllers.power_tracking import power_tracking_of
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs import rewards, running_start
@@ -234,14 +235,26 @@ def test_no_yawing_makes_the_available_power_less():
     np.testing.assert_allclose(run["available_power"].values, rewards.available_power(TURBINE, 10.0), rtol=1e-6)
 
 
-def test_a_flight_with_a_power_reference_is_refused(tmp_path):
-    """OpenFAST tells a library no demanded power."""
+def test_a_power_that_changes_is_refused_in_openfast(tmp_path):
+    """ServoDyn tells a library one demanded power."""
     env = WindTurbineEnv(**TRACKED, power_reference="steps")
-    for given in ({"power_reference": "steps"}, {"grid": {"reference": [[0.0, 4e6]]}}):
+    for given in (
+        {"power_reference": "steps"},
+        {"power_reference": "course.csv"},
+        {"grid": {"reference": [[0.0, 4e6], [9.0, 3e6]]}},
+    ):
         scene = Scene(TRACKED | given, TURBINE, SteadyInflow(15.0, 90.0), env.operation.step)
-        with pytest.raises(ValueError, match="power_reference must be left out of a flight, got"):
-            fly("discon+derate_torque", tmp_path, scene, duration=1.0)
+        for write in (fly, export_openfast):
+            with pytest.raises(ValueError, match=r"power_reference must be constant in OpenFAST.*got .*\[\[0, 4e6\]\]"):
+                write("discon+derate_torque", tmp_path, scene, duration=1.0)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_constant_power_is_the_demand_of_servodyn(tmp_path, compiler):
+    rows = [[0.0, 4e6], [9.0, 4e6]]
+    scene = Scene(TRACKED | {"power_reference": rows}, TURBINE, SteadyInflow(15.0, 90.0), 0.1)
+    export_openfast("discon+derate_torque", tmp_path, scene, duration=1.0)
+    assert InputFile(tmp_path / "servodyn.dat").number("GenPwr_Dem") == 4e6
 
 
 def test_the_task_asks_for_every_kind():

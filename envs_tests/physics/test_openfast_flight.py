@@ -65,6 +65,16 @@ def test_a_trained_agent_flies_alike_in_python_and_as_a_library(agent, duration,
     assert alone["pitch_travel"] != pytest.approx(library["pitch_travel"], rel=0.1)
 
 
+def test_a_library_makes_the_power_that_servodyn_demands(tmp_path):
+    """It begins at the operating point of that power, as Python does."""
+    choice, demanded = "discon+derate_kinetic", 4e6
+    scene = scene_of(choice, env_kwargs={"power_reference": [[0.0, demanded]]}, **WIND, duration=8.0)
+    flight = fly(choice, tmp_path, scene, duration=8.0, skip=1.0, driver=DRIVER, library=LIBRARY)
+    assert flight.agrees, flight.changes
+    for name in ("OpenFAST, library", "OpenFAST, Python", "wt_gym, library", "wt_gym, Python"):
+        assert flight.metrics[name]["mean_power"] == pytest.approx(demanded, rel=2e-3), name
+
+
 @pytest.mark.slow
 def test_a_controller_reads_the_lidar_of_openfast(tmp_path):
     """It follows the wind ahead as Python does with the same points, and it is the lidar that moves it."""
