@@ -19,6 +19,7 @@ from wt_gym.bridges.openfast import PointLidar, find_driver, find_library, read_
 from wt_gym.control import Lidar
 from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import parse_name
+from wt_gym.control.controllers.power_tracking import LEAST_SHARE
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.arguments import shown
 from wt_gym.envs.options.environment import flat_arguments
@@ -176,7 +177,9 @@ def fly(
 
     feather = min(scene.turbine.pitch.max_pitch, 0.5 * math.pi)
     parked = {"rotor_speed": 0.0, "pitch": feather, "generator_torque": 0.0} if exported["parked"] else {}
-    start = {} if power is None else {"generator_torque": _torque_at_the_start(scene, power)}
+    start = {}
+    if power is not None and not parked:
+        start = {"generator_torque": _torque_at_the_start(scene, power)}
 
     metrics: dict[str, dict[str, float]] = {}
     data, expected = _played(python, agent, scene, duration, held, start=start)
@@ -200,12 +203,13 @@ def fly(
 
 
 def _torque_at_the_start(scene: Scene, power: float) -> float:
-    """Torque of the operating point for a demanded power [N m], with which a library in ServoDyn begins.
+    """Torque with which a library in ServoDyn begins where a power is demanded [N m], at the operating point's speed.
 
     In Python the torque would come down to it from that of full power at the greatest rate.
     """
     point, drive = starting_point(scene.turbine, scene.inflow), scene.turbine.drivetrain
-    enough = power / (drive.generator_efficiency * drive.gear_ratio * point.rotor_speed)
+    followed = max(power, LEAST_SHARE * drive.rated_power)
+    enough = followed / (drive.generator_efficiency * drive.gear_ratio * point.rotor_speed)
     return min(point.generator_torque, enough)
 
 

@@ -90,7 +90,7 @@ def scene_of(
         card = model_card(name.target, name.parameters.get("env"))
         known = training_arguments(load_model(name).record, card.get("env_kwargs", {}), name.target)
         known = {key: value for key, value in known.items() if key != "variation" and not key.startswith("vary_")}
-        arguments = known | (env_kwargs or {}) | steady
+        arguments = flat_arguments(known) | flat_arguments(env_kwargs or {}) | steady
         env = WindTurbineEnv(**arguments)
     else:
         chosen = {} if turbine is None else {"turbine": turbine}
@@ -109,7 +109,7 @@ def scene_of(
 
 
 def demanded_power(arguments: Mapping[str, Any]) -> float | None:
-    """Power that an environment demands throughout [W], None where it demands none.
+    """Power that rows of the environment's ``power_reference`` demand throughout [W], None where nothing is demanded.
 
     Parameters
     ----------
@@ -119,7 +119,8 @@ def demanded_power(arguments: Mapping[str, Any]) -> float | None:
     Raises
     ------
     ValueError
-        If it changes: ServoDyn hands the same number of its input file to the library at every call.
+        If it changes, is drawn, or stands in a file: ServoDyn hands the same number of its input file to the library at
+        every call.
     """
     given = flat_arguments(arguments).get("power_reference")
     if given is None:
@@ -128,8 +129,9 @@ def demanded_power(arguments: Mapping[str, Any]) -> float | None:
     powers = set() if isinstance(reference, str) else {row[-1] for row in reference}
     if len(powers) != 1 or isinstance(power := powers.pop(), str):
         raise ValueError(
-            f"power_reference must be constant in OpenFAST, which writes the same demanded power into record 13 at "
-            f"every call, got {shown(given)}: give --env-kwargs '{{\"power_reference\": [[0, 4e6]]}}' for 4 MW"
+            "power_reference must be rows of time and one power in OpenFAST, which writes the same demanded power into "
+            f"record 13 at every call, got {shown(given)}: give --env-kwargs "
+            "'{\"power_reference\": [[0, 4e6]]}' for 4 MW"
         )
     return float(power)
 
@@ -157,7 +159,8 @@ def export_openfast(
     hold_missing : bool
         As of `wt_gym.agents.export.discon.export_discon`.
     model : str or path, optional
-        Primary file (``.fst``) of a model of the user's for the turbine.
+        Primary file (``.fst``) of a model of the user's for the turbine; it keeps its ``GenPwr_Dem`` where no power is
+        demanded.
 
     Returns
     -------

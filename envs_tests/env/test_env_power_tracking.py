@@ -11,6 +11,7 @@ from scripted_simulator import ScriptedSimulator, scripted_signals, use
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.export.flight import fly
 from wt_gym.agents.export.openfast_folder import Scene, export_openfast
+from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.control.controllers.power_tracking import power_tracking_of
 from wt_gym.control.operating_point import rotor_inertia
@@ -245,9 +246,23 @@ def test_a_power_that_changes_is_refused_in_openfast(tmp_path):
     ):
         scene = Scene(TRACKED | given, TURBINE, SteadyInflow(15.0, 90.0), env.operation.step)
         for write in (fly, export_openfast):
-            with pytest.raises(ValueError, match=r"power_reference must be constant in OpenFAST.*got .*\[\[0, 4e6\]\]"):
+            with pytest.raises(ValueError, match=r"must be rows of time and one power in OpenFAST.*got .*\[\[0, 4e6"):
                 write("discon+derate_torque", tmp_path, scene, duration=1.0)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize(
+    ("choice", "speed"), [("discon+derate_kinetic+supervisor", 35.0), ("discon+derate_torque", 8.0)]
+)
+def test_a_flight_with_a_demanded_power_begins_parked_or_at_the_operating_point(choice, speed, tmp_path, monkeypatch):
+    for name in (VARIABLE, DRIVER_VARIABLE):
+        monkeypatch.delenv(name, raising=False)
+    arguments = TRACKED | {"power_reference": [[0.0, 0.5e6]], "standstill_limit": -1.0}
+    scene = Scene(arguments, TURBINE, SteadyInflow(speed, 90.0), 0.1)
+    flight = fly(choice, tmp_path, scene, duration=1.0)
+    assert flight.agrees
+    assert (flight.metrics["wt_gym, library"]["mean_power"] == 0.0) == (speed > 30.0)
 
 
 def test_a_constant_power_is_the_demand_of_servodyn(tmp_path, compiler):

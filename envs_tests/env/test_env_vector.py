@@ -6,6 +6,7 @@ import pytest
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from wt_gym.agents.training.turbine_vec_env import TurbineVecEnv
 from wt_gym.control import Lidar
@@ -84,6 +85,21 @@ def test_threads_change_nothing():
     assert_all = [transitions(make(AutoresetMode.SAME_STEP, threads=threads)) for threads in (1, 3)]
     for one, three in zip(*assert_all, strict=True):
         assert_same(one, three)
+
+
+def test_side_by_side_linear_algebra_has_one_thread():
+    """A number of the whole process, which a thread that makes a turbine or a wind would set back for the others."""
+
+    def threads_of(_):
+        with threadpool_limits(limits=1, user_api="blas"):
+            pass
+        return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+    env = make(n=2, threads=2)
+    with threadpool_limits(limits=2, user_api="blas"):
+        assert env._each(threads_of, range(2)) == [{1}, {1}]
+        assert threads_of(0) == {2}
+    env.close()
 
 
 def test_what_comes_back_is_a_copy():

@@ -66,7 +66,7 @@ def test_a_trained_agent_flies_alike_in_python_and_as_a_library(agent, duration,
 
 
 def test_a_library_makes_the_power_that_servodyn_demands(tmp_path):
-    """It begins at the operating point of that power, as Python does."""
+    """It begins with the torque of that power, as Python does."""
     choice, demanded = "discon+derate_kinetic", 4e6
     scene = scene_of(choice, env_kwargs={"power_reference": [[0.0, demanded]]}, **WIND, duration=8.0)
     flight = fly(choice, tmp_path, scene, duration=8.0, skip=1.0, driver=DRIVER, library=LIBRARY)

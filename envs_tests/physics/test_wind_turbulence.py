@@ -8,12 +8,13 @@ the mean of n products Re(X_i X_j*)/S the error √((1 + ρ²)/2n) around the co
 """
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, kaimal
+from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, kaimal, turbulence_box
 from wt_gym.wind.coherence_kernels import parity_block
 
 SPEED, HUB, DIAMETER = 10.0, 90.0, 126.0
@@ -195,8 +196,8 @@ def test_lateral_components_without_coherence():
 def test_mirror_blocks_are_the_whole_coherence_matrix():
     """In the even-odd basis the coherence matrix has these four blocks and nothing else, exactly."""
     n_y, n_z, spacing_y, spacing_z = 5, 7, 9.0, 6.0
-    decay, points = np.array([0.004, 0.05]), np.hypot(spacing_z * np.arange(n_z)[:, None], spacing_y * np.arange(n_y))
-    table = np.exp(-decay[:, None, None] * points)
+    decay = np.array([0.004, 0.05])
+    table = kaimal._coherence_table(decay, SimpleNamespace(grid=(n_y, n_z), spacing=(spacing_y, spacing_z)))
     z, y = np.meshgrid(spacing_z * np.arange(n_z), spacing_y * np.arange(n_y), indexing="ij")
     distance = np.hypot(z.ravel()[:, None] - z.ravel(), y.ravel()[:, None] - y.ravel())
     basis_y, basis_z = kaimal._reflection_basis(n_y), kaimal._reflection_basis(n_z)
@@ -214,6 +215,19 @@ def test_mirror_blocks_are_the_whole_coherence_matrix():
             assert np.isnan(backward[:, ~lower]).all()
             transformed[:, own[:, None], own] = 0.0
     np.testing.assert_allclose(transformed, 0.0, atol=1e-13)
+
+
+def test_coherence_that_is_none_changes_no_sample(monkeypatch):
+    """In slow wind nearly all of it at the fastest frequencies, where it would be denormal."""
+    slow = {"grid": (9, 9), "duration": 60.0, "cache": False, "seed": 11}
+    decay = kaimal.coherence_decay(np.array([1.9]), 3.0, HUB)
+    table = kaimal._coherence_table(decay, SimpleNamespace(grid=(9, 9), spacing=(18.0, 18.0)))
+    assert (table == 0.0).mean() > 0.9
+    cut = TurbulenceBox.kaimal(3.0, HUB, DIAMETER, "B", **slow)
+    monkeypatch.setattr(kaimal, "_NOTHING", 0.0)
+    turbulence_box._made_box.cache_clear()
+    whole = TurbulenceBox.kaimal(3.0, HUB, DIAMETER, "B", **slow)
+    np.testing.assert_array_equal(cut.fluctuation, whole.fluctuation)
 
 
 def test_one_thread_factorizes(monkeypatch):

@@ -19,6 +19,7 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from wt_gym.control import Demand
 from wt_gym.control.coleman import to_blades, to_fixed_frame
@@ -160,7 +161,9 @@ class StartRecorder:
 
     def record(self, inflows: list[Inflow]) -> Record | None:
         """Run the turbine in winds; None where it cannot run in any of them."""
-        with ThreadPoolExecutor(max(os.cpu_count() or 1, 1)) as pool:  # compiled steps run side by side
+        # compiled steps run side by side; simulators are made with one thread of linear algebra, a number that threads
+        # of one process would set back for one another
+        with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(max(os.cpu_count() or 1, 1)) as pool:
             runs = list(pool.map(self.run, inflows))
         done = [run for run in runs if run is not None]
         return Record.of_runs(self, done) if done else None

@@ -64,7 +64,7 @@ COHERENCE_DECREMENT = 12.0
 COHERENCE_OFFSET = 0.12
 SCALINGS = ("low_frequency", "uniform", "none")
 
-_FREQUENCIES_PER_BATCH = 64  # the coherence blocks of a batch take 13 MB for 17 x 17 points, 104 MB for 29 x 29
+_FREQUENCIES_PER_BATCH = 64  # the largest block of a batch takes 3 MB for 17 x 17 points, 26 MB for 29 x 29
 _NOTHING = 1e-60
 """Coherence that is none."""
 _DEFAULT_SPACING = 10.0
@@ -345,7 +345,7 @@ def _coherence_table(decay: NDArray[np.float64], parameters: KaimalParameters) -
     (n_y, n_z), (spacing_y, spacing_z) = parameters.grid, parameters.spacing
     distance = np.hypot(spacing_z * np.arange(n_z)[:, None], spacing_y * np.arange(n_y))
     out: NDArray[np.float64] = np.exp(-decay[:, None, None] * distance)
-    out[out < _NOTHING] = 0.0  # products of still smaller ones are denormal, with which processors are slow
+    out[out < _NOTHING] = 0.0  # repeated products of still smaller ones are denormal, which is slow
     return out
 
 
