@@ -147,6 +147,29 @@ def test_a_wind_in_which_the_turbine_cannot_run_starts_at_rest(caplog, monkeypat
     assert "does not run in" in caplog.text
 
 
+def test_an_interrupt_ends_the_runs_that_are_under_way(monkeypatch):
+    turbine, run, steps = load_turbine("nrel_5mw"), StartRecorder.run, []
+
+    class Counting(DisconController):
+        def step(self, signals, dt):
+            steps.append(dt)
+            return super().step(signals, dt)
+
+    still, steady = (SteadyInflow(15.0, turbine.hub_height) for _ in range(2))
+
+    def interrupted(self, inflow, stop=None):
+        if inflow is still:
+            raise KeyboardInterrupt
+        return run(self, inflow, stop)
+
+    monkeypatch.setattr(running_record, "RECORDING_PLAN", RecordingPlan(2, 60.0, 600.0))
+    monkeypatch.setattr(StartRecorder, "run", interrupted)
+    recorder = StartRecorder(turbine, "training", Counting())
+    with pytest.raises(KeyboardInterrupt):
+        recorder.record([still, steady])
+    assert len(steps) < 3000  # of 6600
+
+
 def test_turbulence_of_the_user_starts_amid_motion_too():
     turbine = load_turbine("nrel_5mw")
     box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)

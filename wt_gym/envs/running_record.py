@@ -15,7 +15,8 @@ import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from threading import Event
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -163,8 +164,12 @@ class StartRecorder:
         """Run the turbine in winds; None where it cannot run in any of them."""
         # compiled steps run side by side; simulators are made with one thread of linear algebra, a number that threads
         # of one process would set back for one another
+        stop = Event()
         with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(max(os.cpu_count() or 1, 1)) as pool:
-            runs = list(pool.map(self.run, inflows))
+            try:
+                runs = list(pool.map(partial(self.run, stop=stop), inflows))
+            finally:  # after an interrupt nobody waits for the runs that are under way
+                stop.set()
         done = [run for run in runs if run is not None]
         return Record.of_runs(self, done) if done else None
 
@@ -177,8 +182,8 @@ class StartRecorder:
         """How many steps before an instant the wind is asked for."""
         return np.arange(0, self.times(step)[0][-1], max(round(0.5 * self.time_scale / step), 1))
 
-    def run(self, inflow: Inflow) -> Run | None:
-        """Run the turbine in a wind; None where the simulation fails."""
+    def run(self, inflow: Inflow, stop: Event | None = None) -> Run | None:
+        """Run the turbine in a wind; None where the simulation fails, and soon after ``stop`` is set."""
         turbine, controller = self.turbine, copy.deepcopy(self.controller)
         simulator = Simulator(turbine, inflow, self.fidelity)
         point = starting_point(turbine, inflow)
@@ -196,6 +201,8 @@ class StartRecorder:
         memories: list[Memory] = []
         try:
             for k in range(settling + recorded):
+                if stop is not None and stop.is_set():
+                    return None
                 present = np.concatenate([np.atleast_1d(signals[name]) for name in AVERAGED])
                 means = present if means is None else means + gain * (present - means)
                 if k >= settling - before:
