@@ -177,9 +177,7 @@ def fly(
 
     feather = min(scene.turbine.pitch.max_pitch, 0.5 * math.pi)
     parked = {"rotor_speed": 0.0, "pitch": feather, "generator_torque": 0.0} if exported["parked"] else {}
-    start = {}
-    if power is not None and not parked:
-        start = {"generator_torque": _torque_at_the_start(scene, power)}
+    start = {} if power is None or parked else {"generator_torque": _torque_at_the_start(scene, power)}
 
     metrics: dict[str, dict[str, float]] = {}
     data, expected = _played(python, agent, scene, duration, held, start=start)

@@ -379,15 +379,16 @@ def measure_turbulence(fidelity: str, wall: float) -> dict[str, Any]:
     from wt_gym.turbines import load_turbine
     from wt_gym.wind import TurbulenceBox
 
-    def make(name: str, seed: int, duration: float = 600.0) -> float:
-        turbine, start = load_turbine(name), time.perf_counter()
-        TurbulenceBox.kaimal(
-            12.0, turbine.hub_height, turbine.rotor_diameter, seed=seed, duration=duration, cache=False
-        )
-        return time.perf_counter() - start
+    def seconds(name: str) -> float:
+        turbine, seeds = load_turbine(name), itertools.count(1)  # a box of the same seed would come from memory
 
-    make("nrel_5mw", 1, 1.0)
-    return {"box_s": {name: min(make(name, seed) for seed in (1, 2)) for name in ("nrel_5mw", "iea_15mw", "iea_22mw")}}
+        def make() -> TurbulenceBox:
+            size = turbine.hub_height, turbine.rotor_diameter
+            return TurbulenceBox.kaimal(12.0, *size, seed=next(seeds), cache=False)
+
+        return best_of(make, wall, most=2)
+
+    return {"box_s": {name: seconds(name) for name in ("nrel_5mw", "iea_15mw", "iea_22mw")}}
 
 
 def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
