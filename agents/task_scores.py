@@ -72,7 +72,7 @@ _SCORED = {
     "Yaw": 3,
     "Gusts": 3,
     "IEA15MW-LoadReduction": 3,
-    "IEA22MW-LoadReduction": 1,
+    "IEA22MW-LoadReduction": 2,
     "FullOperation": 0,
     "PowerTracking": 0,
     "Dial": 0,
@@ -154,6 +154,8 @@ _EXTREMES = (
 )
 _HARD = "cut_out=25,least_speed=1,least_power=1,hysteresis=1"
 """Parameters of a supervisor that stops the NREL 5-MW at its cut-out wind and does not hold it back before."""
+_HELD = "linear_optimal+supervisor:averaging=60,least_speed=1,least_power=1"
+"""Rated speed and power up to a cut-out at 30 m/s."""
 _PROMPT = "discon+yaw:dead_band=0.14,stop=0.1,slow=10,fast=2"
 """Dead band that starts earlier and turns less far, with the travel of the default."""
 STEADY = {"start": "steady"}
@@ -220,8 +222,8 @@ STUDIES: dict[str, Study] = {
     "FullOperation": Study(
         "FullOperation",
         ("discon+supervisor:averaging=60", RANDOM, f"discon+supervisor:averaging=60,{_HARD}",
-         "linear_optimal+supervisor:averaging=60", "rosco+supervisor:averaging=60",
-         "rosco:start_stop=True,time_scale=0.1"),
+         "linear_optimal+supervisor:averaging=60", _HELD, f"{_TRAINED}full_operation",
+         "rosco+supervisor:averaging=60", "rosco:start_stop=True,time_scale=0.1"),
         (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
               arguments=STEADY),),
         (_ENERGY, _FLAP, _FORE_AFT, _SIDE, *_EXTREMES, Column("time_without_power", "time without power", "level")),
@@ -231,7 +233,7 @@ STUDIES: dict[str, Study] = {
     "FullOperation in storm": Study(
         "FullOperation",
         ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}",
-         "linear_optimal+supervisor:averaging=60"),
+         "linear_optimal+supervisor:averaging=60", _HELD, f"{_TRAINED}full_operation"),
         (Part(_winds((20.0, 22.0, 24.0, 26.0, 28.0), 1),
               arguments=STEADY | {"inflow": "turbulent", "wind_speed": [20.0, 28.0]}),),
         (Column("corrected_power", "mean power in the climate", "climate"), *_LIFE, *_EXTREMES,

@@ -38,7 +38,7 @@ def beside_its_baseline(folder, wind, duration, skip):
     record = TrainedAgent.load(folder).record
     assert wind.seed not in record["wind_seeds"]
     env_id = present_id(record["config"]["env_id"])
-    config = EvaluationConfig(env_id=env_id, winds=(wind,), duration=duration, skip=skip)
+    config = EvaluationConfig(env_id, {"start": "steady"}, (wind,), duration=duration, skip=skip)
     baseline = registered_arguments(env_id, {}).get("controller", "baseline")
     return [run.metrics for run in evaluate({"baseline": baseline, "agent": str(folder)}, config).runs]
 

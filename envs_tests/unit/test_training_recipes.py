@@ -36,6 +36,16 @@ def test_typed_options_come_after_the_recipe():
     assert config.pretraining is not None
 
 
+def test_typed_options_of_a_pretraining_take_the_place_of_single_ones():
+    """The word alone, which begins one by default, takes nothing from the recipe."""
+    words = ["--recipe", "--env", TASKS["IEA22MW-LoadReduction"].ids[-1]]
+    recipe = configuration(parse_arguments(words)).pretraining
+    assert recipe["episodes"] == 28
+    assert configuration(parse_arguments([*words, "--pretrain"])).pretraining == recipe
+    changed = configuration(parse_arguments([*words, "--pretrain", "rounds=3"])).pretraining
+    assert changed == recipe | {"rounds": 3}
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -57,13 +57,13 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
     options.add_argument("--steps", type=int, help="environment steps (default: 200000, with --pretrain 0)")
     options.add_argument(
-        "--pretrain", nargs="*", metavar="NAME=VALUE", help="follow the gradient of the cost on an identified linear "
-        "model, on top of linear_optimal, then PPO for --steps (default with it: 0); options such as rounds=3 "
-        "episodes=192"
+        "--pretrain", nargs="*", action="extend", metavar="NAME=VALUE", help="follow the gradient of the cost on an "
+        "identified linear model, on top of linear_optimal, then PPO for --steps (default with it: 0); options such as "
+        "rounds=3 episodes=192"
     )  # fmt: skip
     options.add_argument(
-        "--budget", nargs="+", metavar="NAME=LIMIT", help="costs that PPO is to keep by Lagrangian multipliers: "
-        "pitch_travel [rad/d], rotor_speed over rated [-], tip_clearance [m], tower_acceleration [m/s^2]"
+        "--budget", nargs="+", action="extend", metavar="NAME=LIMIT", help="costs that PPO is to keep by Lagrangian "
+        "multipliers: pitch_travel [rad/d], rotor_speed over rated [-], tip_clearance [m], tower_acceleration [m/s^2]"
     )  # fmt: skip
     options.add_argument("--max-seconds", type=float, metavar="S", help="stop after this wall time")
     seeds = options.add_mutually_exclusive_group()
