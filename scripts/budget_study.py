@@ -56,7 +56,6 @@ HORIZON, WATCH = 5.0, 0.75
 CHUNK = 20
 """Episodes after which results are written."""
 FLAP_EXPONENT = 10.0
-_DAY = 86400.0
 
 
 @lru_cache
@@ -299,6 +298,11 @@ def share(count: int, n: int) -> str:
     return f"{count} ({most} ‰, {low} to {high} ‰)"
 
 
+def added(record: dict[str, Any]) -> int:
+    """Episodes of the agent with a violation in which the base controller violates nothing, or was not played yet."""
+    return sum(not row[BASE] for row in record["beyond"])
+
+
 def tables(record: dict[str, Any]) -> str:
     """Markdown of a summary."""
     return "\n\n".join("\n".join(part) for part in parts(record))
@@ -325,6 +329,9 @@ def parts(record: dict[str, Any]) -> Iterator[list[str]]:
             for name, limit in limits.items()
         ),
         "| any of them | " + " | ".join(share(one["any"], one["episodes"]) for _, one in columns) + " |",
+        "| any, and none under the base controller | "
+        + " | ".join([share(added(record), whole["episodes"]), *["–"] * (len(columns) - 1)])
+        + " |",
         "| an early end | " + " | ".join(str(one["ended"]) for _, one in columns) + " |",
         *(
             f"| {text} | " + " | ".join(f"{one['most'][name]:.{digits}f}" for _, one in columns) + " |"

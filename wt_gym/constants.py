@@ -1,6 +1,9 @@
-"""Constants of nature, each in one place."""
+"""Constants, each in one place."""
 
-__all__ = ["GRAVITY"]
+__all__ = ["DAY", "GRAVITY"]
+
+DAY = 86400.0
+"""[s]."""
 
 GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s²] (3rd CGPM, 1901; ISO 80000-3), as in OpenFAST's model of the NREL 5-MW."""

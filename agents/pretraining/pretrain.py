@@ -40,6 +40,7 @@ from wt_gym.agents.pretraining.objective import (
 )
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
+from wt_gym.constants import DAY
 from wt_gym.envs.dial import scaled
 from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import turbine_env_of
@@ -60,7 +61,6 @@ __all__ = ["Round", "forecast_front", "pretrain"]
 
 _T = TypeVar("_T")
 _MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
-_DAY = 86400.0
 _AIM = 0.98
 """Share of the limit that a multiplier aims at."""
 _SUMMED, _PROPORTIONAL = 2e-3, 0.1
@@ -260,7 +260,7 @@ def pretrain(
     (identified, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
     high = plain.operation.action.pitch_high
     limits = Limits(float(high[0]), float(high[1]), plain.options.controller.residual_washout)
-    budget = _Budget(math.inf if travel_limit is None else travel_limit / _DAY)
+    budget = _Budget(math.inf if travel_limit is None else travel_limit / DAY)
     torch.manual_seed(seed)
     rng, rounds = np.random.default_rng(seed), []
     for number in range(options.rounds):
@@ -283,7 +283,7 @@ def pretrain(
         of_each = [(float(np.mean(before[c::several])), float(np.mean(after[c::several]))) for c in range(several)]
         rounds.append(
             Round(
-                *found, conditions=of_each, travel=_DAY * _travel(actor, made),
+                *found, conditions=of_each, travel=DAY * _travel(actor, made),
                 multiplier=budget.multiplier, seconds=round(time.monotonic() - began, 1),
             )
         )  # fmt: skip
@@ -292,7 +292,7 @@ def pretrain(
             f"recorded, {100 * rounds[-1].forecast:+.2f} % forecast"
         )
     env.close()
-    if rounds and budget.beyond(rounds[-1].travel / _DAY) > 0.0:
+    if rounds and budget.beyond(rounds[-1].travel / DAY) > 0.0:
         say(
             f"the budget of {travel_limit:g} rad/d is not kept: the policy nearest to it is forecast to travel "
             f"{rounds[-1].travel:.0f} rad/d"
@@ -557,7 +557,7 @@ def _optimized(
         check()
         if number % every == 0 or number == options.iterations:
             now, beyond = mean_cost(held), budget.overdrawn(actor, made)
-            more = f", {_DAY * beyond:.0f} rad/d beyond the budget" if math.isfinite(budget.limit) else ""
+            more = f", {DAY * beyond:.0f} rad/d beyond the budget" if math.isfinite(budget.limit) else ""
             say(f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds{more}")
             if (beyond, now) < best[:2]:
                 best = (beyond, now, number, [part.detach().clone() for part in parts])

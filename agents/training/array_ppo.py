@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.utils import explained_variance
-from threadpoolctl import threadpool_limits
 
 from wt_gym.agents.training.policy_arrays import FlatVector, PolicyArrays
+from wt_gym.blas_threads import one_blas_thread
 
 if TYPE_CHECKING:
     from typing import Self
@@ -35,7 +35,7 @@ class ArrayPPO(PPO):
 
     def learn(self, *arguments: Any, **named: Any) -> Self:
         """As of `stable_baselines3.PPO`; linear algebra runs on one thread, because the matrices are small."""
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             return super().learn(*arguments, **named)
 
     def collect_rollouts(

@@ -205,11 +205,12 @@ def test_mirror_blocks_are_the_whole_coherence_matrix():
     np.testing.assert_allclose(basis @ basis.T, np.eye(n_y * n_z), atol=1e-14)
     transformed = basis @ np.exp(-decay[:, None, None] * distance) @ basis.T
     index = np.arange(n_y * n_z).reshape(n_z, n_y)
-    for parity_z, rows in enumerate(kaimal._halves(n_z)):
-        for parity_y, columns in enumerate(kaimal._halves(n_y)):
+    for rows in kaimal._halves(n_z):
+        for columns in kaimal._halves(n_y):
+            m_z, m_y = index[rows, columns].shape
             own = index[rows, columns].ravel()
             backward = np.full((decay.size, own.size, own.size), np.nan)
-            parity_block(table, parity_y, parity_z, backward)
+            parity_block(table, m_z, m_y, backward)
             lower, block = np.tril(np.ones(backward.shape[1:], dtype=bool)), transformed[:, own[:, None], own]
             np.testing.assert_allclose(backward[:, lower], block[:, ::-1, ::-1][:, lower], atol=1e-13)
             assert np.isnan(backward[:, ~lower]).all()

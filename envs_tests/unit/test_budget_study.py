@@ -53,6 +53,17 @@ def test_violations_are_counted_by_limit_and_kind_and_beside_the_base_controller
     assert sums["paired_counts"]["filtered"]["filtered"] == pytest.approx(50 / 1000, rel=1e-3)
 
 
+def test_what_the_agent_adds_is_what_its_base_controller_does_not_violate_too():
+    """Also where it was not played yet."""
+    several = found()
+    assert study.added(study.summary(several, HEAD)) == 1
+    several[study.PLAIN][4] = result(4, ["rotor_speed"])
+    sums = study.summary(several, HEAD)
+    assert study.added(sums) == 2
+    row = "| any, and none under the base controller | 2 (400 ‰, 53 to 853 ‰) | – | – | – | – |"
+    assert row in study.tables(sums).splitlines()
+
+
 def test_intervals_are_those_of_clopper_and_pearson():
     low, high = study.interval(3, 1000)
     assert low == pytest.approx(beta.ppf(0.025, 3, 998))

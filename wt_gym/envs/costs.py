@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from wt_gym.constants import DAY
 from wt_gym.envs.options.limits import PITCH_TRAVEL
 from wt_gym.turbines.clearance import unloaded_clearance
 
@@ -39,8 +40,6 @@ CLEARANCE_MARGIN = 0.3
 
 PITCH_RATE_MARGIN = 0.1
 """Part of the greatest pitch rate that is margin."""
-_DAY = 86400.0
-"""[s]."""
 
 
 class Costs:
@@ -69,7 +68,7 @@ class Costs:
         self._speed_limit = overspeed_limit * rated - self._speed_margin
         self._clearance = CLEARANCE_MARGIN * unloaded_clearance(turbine)
         self._travel = control_dt * turbine.pitch.max_rate
-        self._rated, self._day_share, self._limits = rated, control_dt / _DAY, limits
+        self._rated, self._day_share, self._limits = rated, control_dt / DAY, limits
 
     def of(self, signals: Signals) -> dict[str, float]:
         """Costs by name of the step that led to these signals, each from 0 to 1 but that of the pitch travel."""

@@ -20,8 +20,8 @@ from threading import Event
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from wt_gym.blas_threads import one_blas_thread
 from wt_gym.control import Demand
 from wt_gym.control.coleman import to_blades, to_fixed_frame
 from wt_gym.control.controllers import checked_demand, lidar_of, readings_of
@@ -162,10 +162,8 @@ class StartRecorder:
 
     def record(self, inflows: list[Inflow]) -> Record | None:
         """Run the turbine in winds; None where it cannot run in any of them."""
-        # compiled steps run side by side; simulators are made with one thread of linear algebra, a number that threads
-        # of one process would set back for one another
         stop = Event()
-        with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(max(os.cpu_count() or 1, 1)) as pool:
+        with one_blas_thread(), ThreadPoolExecutor(max(os.cpu_count() or 1, 1)) as pool:
             try:
                 runs = list(pool.map(partial(self.run, stop=stop), inflows))
             finally:  # after an interrupt nobody waits for the runs that are under way

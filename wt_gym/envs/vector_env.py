@@ -13,8 +13,8 @@ from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
-from threadpoolctl import ThreadpoolController
 
+from wt_gym.blas_threads import one_blas_thread
 from wt_gym.envs.arguments import shown
 from wt_gym.envs.options.environment import options_of, plain_spec
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -102,9 +102,6 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         self._begun = False
         self._threads = min(threads or _processors(), num_envs)
         self._pool = ThreadPoolExecutor(self._threads - 1, "turbine") if self._threads > 1 else None
-        # Turbines and winds are made with one thread of linear algebra. The number is one of the whole process: threads
-        # that set it each for itself would set it back for one another.
-        self._linear_algebra = ThreadpoolController().select(user_api="blas")
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.num_envs} of {self.envs[0]!r}>"
@@ -225,7 +222,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         """Do something with the chosen turbines; an error comes once none of them is at work any more."""
         if self._pool is None:
             return [work(k) for k in chosen]
-        with self._linear_algebra.limit(limits=1):
+        with one_blas_thread():
             return self._side_by_side(self._pool, work, chosen)
 
     def _side_by_side(self, pool: ThreadPoolExecutor, work: Callable[[int], Any], chosen: Iterable[int]) -> list[Any]:

@@ -8,7 +8,7 @@ _HALF_ROOT = math.sqrt(0.5)
 
 
 @kernel(fastmath=False)
-def parity_block(table, odd_y, odd_z, out):
+def parity_block(table, m_z, m_y, out):
     """Lower triangles of the coherence matrices between basis vectors of one parity per axis, the last vector first.
 
     For vectors (i_z, i_y) and (j_z, j_y) that are even (σ = 1) or odd (σ = −1) under the mirrors of the grid, and the
@@ -20,17 +20,15 @@ def parity_block(table, odd_y, odd_z, out):
     ----------
     table : numpy.ndarray
         Coherence of two points by frequency and distance in grid steps, shape (n_frequencies, n_z, n_y).
-    odd_y, odd_z : int
-        1 for vectors that are odd left-right and top-bottom, otherwise 0.
+    m_z, m_y : int
+        Vectors along each axis: n // 2 + 1 that are even, or n // 2 that are odd.
     out : numpy.ndarray
-        Shape (n_frequencies, m, m) with m = m_z m_y, m_z = n_z // 2 + 1 − odd_z, m_y alike. What lies above the
-        diagonals is left as it is.
+        Shape (n_frequencies, m_z m_y, m_z m_y). What lies above the diagonals is left as it is.
     """
     n_frequencies, n_z, n_y = table.shape
     half_z, half_y = n_z // 2, n_y // 2
-    m_z, m_y = half_z + 1 - odd_z, half_y + 1 - odd_y
     last = m_z * m_y - 1
-    sign_y, sign_z = 1.0 - 2.0 * odd_y, 1.0 - 2.0 * odd_z
+    sign_z, sign_y = 1.0 if m_z > half_z else -1.0, 1.0 if m_y > half_y else -1.0
     for f in range(n_frequencies):
         for i_z in range(m_z):
             for i_y in range(m_y):

@@ -40,8 +40,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.fft
-from threadpoolctl import threadpool_limits
 
+from wt_gym.blas_threads import one_blas_thread
 from wt_gym.errors import InflowError
 from wt_gym.wind.coherence_kernels import parity_block
 from wt_gym.wind.iec import length_scale, turbulence_sigma
@@ -288,9 +288,7 @@ def synthesize(parameters: KaimalParameters) -> NDArray[np.float32]:
 
     Every point has zero mean over the period. The Nyquist frequency carries nothing.
     """
-    # One thread: several make the last bits another, and wait for each other a thousand times as long as they factorize
-    # a matrix where the cores have other work.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         return _synthesized(parameters)
 
 
@@ -329,10 +327,10 @@ def _coherent_noise(
     halves_y, halves_z = _halves(n_y), _halves(n_z)
     table = _coherence_table(decay, parameters)
     blocks = np.empty_like(noise)
-    for parity_z, rows in enumerate(halves_z):
-        for parity_y, columns in enumerate(halves_y):
+    for rows in halves_z:
+        for columns in halves_y:
             part = noise[:, rows, columns]
-            factor = _upper_factor(table, parity_y, parity_z)
+            factor = _upper_factor(table, *part.shape[1:3])
             blocks[:, rows, columns] = (factor @ part.reshape(decay.size, -1, 6)).reshape(part.shape)
     coherent: NDArray[np.float64] = np.einsum("fabc,az,by->fzyc", blocks, basis_z, basis_y, optimize=True)
     if not parameters.lateral_coherence:
@@ -349,18 +347,17 @@ def _coherence_table(decay: NDArray[np.float64], parameters: KaimalParameters) -
     return out
 
 
-def _upper_factor(table: NDArray[np.float64], parity_y: int, parity_z: int) -> NDArray[np.float64]:
-    """Upper triangular U with U Uᵀ the coherence matrices (n, m, m) of one parity (0 even, 1 odd) per axis.
+def _upper_factor(table: NDArray[np.float64], n_rows: int, n_columns: int) -> NDArray[np.float64]:
+    """Upper triangular U with U Uᵀ the coherence matrices (n, m, m) of one parity per axis, m = ``n_rows n_columns``.
 
     The hub is the last vector of the even-even block, and the last row of U holds its diagonal only: one number of the
     noise decides the hub.
     """
-    n_frequencies, n_z, n_y = table.shape
-    size = (n_z // 2 + 1 - parity_z) * (n_y // 2 + 1 - parity_y)
-    reversed_block = np.zeros((n_frequencies, size, size))
-    parity_block(table, parity_y, parity_z, reversed_block)
+    size = n_rows * n_columns
+    reversed_block = np.zeros((len(table), size, size))
+    parity_block(table, n_rows, n_columns, reversed_block)
     lower = np.linalg.cholesky(reversed_block)  # which reads the lower triangle alone
-    out: NDArray[np.float64] = lower[:, ::-1, ::-1]
+    out: NDArray[np.float64] = lower[:, ::-1, ::-1]  # type: ignore[assignment]  # its stubs know floating alone
     return out
 
 

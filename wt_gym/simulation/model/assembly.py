@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from wt_gym.aerodynamics import TowerFlow, VortexLattice
+from wt_gym.blas_threads import one_blas_thread
 from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.simulation.model.blade_lattice import blade_planform
@@ -71,8 +71,7 @@ def assemble(turbine: Turbine, fidelity: Fidelity, threads: int = 1, generator_d
     SimulationError
         For fidelities that the turbine does not support.
     """
-    # One thread: with several, on some processors, products of large matrices round otherwise: no run is repeatable.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         return _assembled(turbine, fidelity, threads, generator_damping)
 
 
