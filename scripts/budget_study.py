@@ -329,7 +329,7 @@ def parts(record: dict[str, Any]) -> Iterator[list[str]]:
             for name, limit in limits.items()
         ),
         "| any of them | " + " | ".join(share(one["any"], one["episodes"]) for _, one in columns) + " |",
-        "| any, and none under the base controller | "
+        "| any, and none seen under the base controller | "
         + " | ".join([share(added(record), whole["episodes"]), *["–"] * (len(columns) - 1)])
         + " |",
         "| an early end | " + " | ".join(str(one["ended"]) for _, one in columns) + " |",

@@ -230,7 +230,8 @@ TASKS = {
             "as LoadReduction",
             60.0,
             {**_LOAD_REDUCTION, **RECORDS["iea_22mw"].arguments, "turbine": "iea_22mw", "wind_speed": (12.0, 20.0)},
-            # its drives turn at 2°/s at most: a quarter of the travel of the smaller turbines is as much of their use
+            # The fatigue terms gain 0.08 to 0.12 a second with the best agent, and 0.5 of its actuator use is 0.12 to
+            # 0.14: zero actions had the higher return.
             versions=({}, _ABOVE_RATED, {**_ABOVE_RATED, "reward": {"actuator_use": 0.2}}),
         ),
         Task(

@@ -452,6 +452,11 @@ class _Work:
                 )
             pairs = list(zip(moved[own], still[own], strict=True))
             changes = [plant_outputs(a) - plant_outputs(b) for a, b in pairs]
+            if not all(change.any() for change in changes):
+                raise ValueError(
+                    f"pretraining needs winds in which the turbine runs, and at {v:g} m/s{which} offsets change "
+                    "nothing: give wind_speed a lower upper end, or leave the condition out"
+                )
             shares = explained_share(fitted(inputs[:-1], changes[:-1]), inputs[-1:], changes[-1:])
             explained[v] = dict(zip(OUTPUTS, np.round(shares, 3).tolist(), strict=True))
             responses.append(fitted(inputs, changes))

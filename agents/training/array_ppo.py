@@ -34,7 +34,7 @@ class ArrayPPO(PPO):
     """
 
     def learn(self, *arguments: Any, **named: Any) -> Self:
-        """As of `stable_baselines3.PPO`; linear algebra runs on one thread, because the matrices are small."""
+        """As of `stable_baselines3.PPO`, with one thread of NumPy's linear algebra, because the matrices are small."""
         with one_blas_thread():
             return super().learn(*arguments, **named)
 

@@ -13,7 +13,7 @@ from wt_gym.benchmark import load_task
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 _SUPERVISED = "discon+supervisor:averaging=60"
-_SPARING = "agents/trained/full_operation"
+_SPARING = "linear_optimal+supervisor:averaging=60,least_speed=1,least_power=1"
 _ROSCO_MODES = tuple(f"discon+derate_{mode}" for mode in ("torque", "speed", "pitch"))
 _KEPT = 0.8
 """Share of a gain that counts as kept."""
@@ -55,7 +55,7 @@ def beyond_pi():
             "produce in a storm",
             "full_operation",
             "stops at the cut-out wind",
-            "`full_operation`, trained, on `linear_optimal+supervisor`",
+            f"`{_SPARING}`",
             f"energy {_change(storm, hard, _SPARING, 'corrected_power')} from standstill to storm, "
             f"flap DEL {_change(storm, hard, _SPARING, 'blade_flap_del')}",
         ),

@@ -119,7 +119,7 @@ def test_what_tasks_pay():
             "Yaw": (1.0, 0.3, 0.2, 0.05, 0.02, 0.4, 800.0),
             "Gusts": full,
             "IEA15MW-LoadReduction": load_reduction,
-            "IEA22MW-LoadReduction": load_reduction,
+            "IEA22MW-LoadReduction": (1.0, 1.5, 1.0, 1.0, 0.2, 0.4, 200.0),
             "FullOperation": (1.0, 0.5, 0.3, 0.1, 0.02, 1.0, 1.0, 600.0),  # extreme loads behind overspeed
             "PowerTracking": (1.5, 1.0, 1.0, 0.5, 0.5, 1000.0),
             "Dial": (*load_reduction[:-1], 250.0),

@@ -60,7 +60,7 @@ def test_what_the_agent_adds_is_what_its_base_controller_does_not_violate_too():
     several[study.PLAIN][4] = result(4, ["rotor_speed"])
     sums = study.summary(several, HEAD)
     assert study.added(sums) == 2
-    row = "| any, and none under the base controller | 2 (400 ‰, 53 to 853 ‰) | – | – | – | – |"
+    row = "| any, and none seen under the base controller | 2 (400 ‰, 53 to 853 ‰) | – | – | – | – |"
     assert row in study.tables(sums).splitlines()
 
 

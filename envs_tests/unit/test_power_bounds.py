@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import power_bounds as study
 import pytest
 
 from wt_gym.agents import power_bounds
@@ -96,3 +97,10 @@ def test_a_real_rotor_takes_less_as_it_slows_down():
 
 def test_a_uniform_wind_is_that_of_the_disc():
     np.testing.assert_allclose(disc_speeds(TURBINE, SteadyInflow(9.0), np.arange(5) * 0.1), 9.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("task", study.PAGES)
+def test_the_page_says_what_the_records_give(task):
+    runs = json.loads(study.SCORES.read_text(encoding="utf-8"))[task]["runs"]
+    page = (study.ROOT / "docs" / "tasks" / f"{study.PAGES[task]}.md").read_text(encoding="utf-8")
+    assert study.sentence(task, json.loads(study.RECORD.read_text(encoding="utf-8")), runs) in page.splitlines()

@@ -147,6 +147,8 @@ def test_the_command_takes_budgets(tmp_path):
     file = tmp_path / "mine.yml"
     file.write_text("budget: {pitch_travel: 300, rotor_speed: 1.1}\n")
     assert configuration(parse_arguments(["--config", str(file)])) == config
+    typed = ["--config", str(file), "--budget", "rotor_speed=1.2"]  # changes the limit that it names
+    assert configuration(parse_arguments(typed)).budgets == {"pitch_travel": 300.0, "rotor_speed": 1.2}
     assert TrainingConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
     for word in ("pitch_travel", "pitch_travel=much", "=3"):
         with pytest.raises(ValueError, match="--budget must be NAME=LIMIT with a number"):

@@ -37,7 +37,7 @@ def test_typed_options_come_after_the_recipe():
 
 
 def test_typed_options_of_a_pretraining_take_the_place_of_single_ones():
-    """The word alone, which begins one by default, takes nothing from the recipe."""
+    """``--pretrain`` without options keeps those of the recipe."""
     words = ["--recipe", "--env", TASKS["IEA22MW-LoadReduction"].ids[-1]]
     recipe = configuration(parse_arguments(words)).pretraining
     assert recipe["episodes"] == 28
