@@ -222,7 +222,7 @@ STUDIES: dict[str, Study] = {
     "FullOperation": Study(
         "FullOperation",
         ("discon+supervisor:averaging=60", RANDOM, f"discon+supervisor:averaging=60,{_HARD}",
-         "linear_optimal+supervisor:averaging=60", _HELD, f"{_TRAINED}full_operation",
+         "linear_optimal+supervisor:averaging=60", _HELD,
          "rosco+supervisor:averaging=60", "rosco:start_stop=True,time_scale=0.1"),
         (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
               arguments=STEADY),),
@@ -233,7 +233,7 @@ STUDIES: dict[str, Study] = {
     "FullOperation in storm": Study(
         "FullOperation",
         ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}",
-         "linear_optimal+supervisor:averaging=60", _HELD, f"{_TRAINED}full_operation"),
+         "linear_optimal+supervisor:averaging=60", _HELD),
         (Part(_winds((20.0, 22.0, 24.0, 26.0, 28.0), 1),
               arguments=STEADY | {"inflow": "turbulent", "wind_speed": [20.0, 28.0]}),),
         (Column("corrected_power", "mean power in the climate", "climate"), *_LIFE, *_EXTREMES,

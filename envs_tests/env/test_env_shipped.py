@@ -1,5 +1,6 @@
 """The agents that come with the project."""
 
+import json
 from itertools import filterfalse
 from pathlib import Path
 
@@ -57,6 +58,16 @@ def test_an_agent_of_the_torque_makes_more_energy(folder):
     """Two minutes at 8 m/s, with what the rotor stores counted as energy."""
     baseline, agent = beside_its_baseline(folder, Wind(8.0, 1013), 120.0, 20.0)
     assert agent["corrected_power"] > 1.004 * baseline["corrected_power"]
+
+
+def not_a_number(name):
+    raise ValueError(f"{name} is no JSON")
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
+def test_its_record_is_strict_json(folder):
+    """A figure that is not finite is one of a training that went wrong."""
+    json.loads((folder / "training.json").read_text(encoding="utf-8"), parse_constant=not_a_number)
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
