@@ -356,34 +356,53 @@ def test_offsets_that_are_recorded_are_those_that_the_objective_takes_of_the_pol
     assert (found.individual[-1] == 0.0) == (condition.get("fault_kinds") == ["stuck_blade"])
 
 
+def drawn(job, seed, stands=False):
+    """Episode of random numbers; where the turbine stands, its loads do not depend on the offsets."""
+    rng = np.random.default_rng(seed)
+    inputs = rng.normal(size=(3, 600)) * (job.agent is not None)
+    rng = np.random.default_rng(job.seed) if stands else rng
+    return RecordedEpisode(
+        speed=job.speed, seed=job.seed, dt=0.1, observations=rng.normal(size=(600, 77)).astype(np.float32),
+        offsets=inputs, share=np.ones(600), flap=rng.normal(size=(3, 601)), pitch=rng.normal(size=(3, 601)),
+        tower=rng.normal(size=(2, 601)), power=rng.normal(size=601), azimuth=np.arange(601.0),
+        read_azimuth=np.arange(600.0), read_speed=np.ones(600), individual=np.ones(600), lead=0.1,
+    )  # fmt: skip
+
+
+class Here:
+    """Jobs one after another."""
+
+    def results(self, work, jobs):
+        return ((job, work(job)) for job in jobs)
+
+
+def work_of(**options):
+    """Recordings and identification of a pretraining at one wind speed."""
+    few = {"episodes": 6, "held_out": 3, "duration": 60.0, "memory": 5.0, "plant_speeds": 1, "excited": 2}
+    env = gym.make("wt_gym/LoadReduction-v2", **ARGUMENTS).unwrapped
+    return pretraining._Work(
+        "wt_gym/LoadReduction-v2", ARGUMENTS, env, PretrainingOptions.of(few | options), Here(), (15.0, 17.0),
+        lambda _: None, lambda: None,
+    )  # fmt: skip
+
+
+def test_winds_in_which_the_turbine_stands_are_refused(monkeypatch):
+    """Offsets are asked for and change nothing: the share that is explained would be no number."""
+    monkeypatch.setattr(pretraining, "record_episode", lambda job: drawn(job, id(job), stands=True))
+    with pytest.raises(ValueError, match="at 16 m/s offsets change nothing: give wind_speed a lower upper end"):
+        work_of().identified()
+
+
 def test_conditions_are_recorded_in_turns_and_each_is_identified_once(monkeypatch):
     delay = {"vary_sensor_delay": 0.2}
-    options = PretrainingOptions.of(
-        {"episodes": 6, "held_out": 3, "duration": 60.0, "memory": 5.0, "plant_speeds": 1, "excited": 2,
-         "conditions": [{}, {"variation": {"sensor_delay": 0.2}}, {}]}
-    )  # fmt: skip
     asked: list[EpisodeJob] = []
 
-    def drawn(job):
+    def record(job):
         asked.append(job)
-        rng = np.random.default_rng(len(asked))
-        inputs = rng.normal(size=(3, 600)) * (job.agent is not None)
-        return RecordedEpisode(
-            speed=job.speed, seed=job.seed, dt=0.1, observations=rng.normal(size=(600, 77)).astype(np.float32),
-            offsets=inputs, share=np.ones(600), flap=rng.normal(size=(3, 601)), pitch=rng.normal(size=(3, 601)),
-            tower=rng.normal(size=(2, 601)), power=rng.normal(size=601), azimuth=np.arange(601.0),
-            read_azimuth=np.arange(600.0), read_speed=np.ones(600), individual=np.ones(600), lead=0.1,
-        )  # fmt: skip
+        return drawn(job, len(asked))
 
-    class Here:
-        def results(self, work, jobs):
-            return ((job, work(job)) for job in jobs)
-
-    monkeypatch.setattr(pretraining, "record_episode", drawn)
-    env = gym.make("wt_gym/LoadReduction-v2", **ARGUMENTS).unwrapped
-    work = pretraining._Work(
-        "wt_gym/LoadReduction-v2", ARGUMENTS, env, options, Here(), (15.0, 17.0), lambda _: None, lambda: None
-    )
+    monkeypatch.setattr(pretraining, "record_episode", record)
+    work = work_of(conditions=[{}, {"variation": {"sensor_delay": 0.2}}, {}])
     found, baselines = work.identified()
     assert list(baselines) == [16.0]
     assert [one.condition for one in asked].count(json.dumps(delay)) == 4  # two winds, with and without offsets
