@@ -77,7 +77,7 @@ def sentence(task: str, rows: list[dict[str, float | str]], runs: list[dict]) ->
         )
     most = np.mean([row["power"] for row in own]) / 1e6
     shares = [
-        f"`{agent.rpartition('/')[2]}` has {100.0 * mean(agent, 'corrected_power') / 1e6 / most:.1f} %"
+        f"`{agent}` has {100.0 * mean(agent, 'corrected_power') / 1e6 / most:.1f} %"
         for agent in dict.fromkeys(run["agent"] for run in runs if run["agent"] != "random")
     ]
     base = {run["wind"]: run["metrics"]["corrected_power"] for run in runs if run["agent"] == runs[0]["agent"]}

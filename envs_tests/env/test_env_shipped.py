@@ -61,7 +61,7 @@ def test_an_agent_of_the_torque_makes_more_energy(folder):
 
 
 def not_a_number(name):
-    raise ValueError(f"{name} is no JSON")
+    raise ValueError(f"{name} is not JSON")
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
