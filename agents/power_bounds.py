@@ -34,10 +34,20 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["RotorHull", "disc_speeds", "energy_bound", "tracking_bound"]
+__all__ = ["RotorHull", "disc_points", "disc_speeds", "energy_bound", "tracking_bound"]
 
 _RINGS, _SPOKES = 4, 12
 _MEGA = 1e6
+
+
+def disc_points(turbine: Turbine) -> NDArray[np.float64]:
+    """Points of equal shares of the disc of the rotor (n, 3) [m], which stands across x."""
+    ring = turbine.rotor_diameter / 2 * np.sqrt((np.arange(_RINGS) + 0.5) / _RINGS)  # of equal areas
+    angle = 2.0 * np.pi * np.arange(_SPOKES) / _SPOKES
+    points = np.zeros((_RINGS * _SPOKES, 3))
+    points[:, 1] = np.outer(ring, np.sin(angle)).ravel()
+    points[:, 2] = turbine.hub_height + np.outer(ring, np.cos(angle)).ravel()
+    return points
 
 
 def disc_speeds(turbine: Turbine, inflow: Inflow, times: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -52,11 +62,7 @@ def disc_speeds(turbine: Turbine, inflow: Inflow, times: NDArray[np.float64]) ->
     times : numpy.ndarray, shape (n,)
         [s].
     """
-    ring = turbine.rotor_diameter / 2 * np.sqrt((np.arange(_RINGS) + 0.5) / _RINGS)  # of equal areas
-    angle = 2.0 * np.pi * np.arange(_SPOKES) / _SPOKES
-    points = np.zeros((_RINGS * _SPOKES, 3))
-    points[:, 1] = np.outer(ring, np.sin(angle)).ravel()
-    points[:, 2] = turbine.hub_height + np.outer(ring, np.cos(angle)).ravel()
+    points = disc_points(turbine)
     cubes = [np.mean(np.hypot(*inflow.velocity(points, t)[:, :2].T) ** 3) for t in times.tolist()]
     return np.cbrt(cubes)
 

@@ -1,25 +1,33 @@
 #!/usr/bin/env python3
-"""Least tracking error and most energy that the winds of a task's table allow, for its page.
+"""Least tracking error and most energy that the winds of a task allow, for its page.
 
-    scripts/power_bounds.py        # a minute
+    scripts/power_bounds.py        # five minutes
     scripts/power_bounds.py pages  # put the record into the pages
 
 Nothing is simulated: the wind over the disc of the rotor and a table of the rotor's power are all that is needed
-(`wt_gym.agents.power_bounds`). The record is docs/data/power_bounds.json.
+(`wt_gym.agents.power_bounds`, for the yaw `wt_gym.agents.yaw_bounds`). The record is docs/data/power_bounds.json.
 """
 
+from __future__ import annotations
+
 import argparse
+import itertools
 import json
+import math
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import use_venv  # noqa: F401 - finds packages and interpreter
 
+if TYPE_CHECKING:
+    from wt_gym.agents.yaw_bounds import Directions
+
 ROOT = Path(__file__).resolve().parent.parent
 RECORD = ROOT / "docs" / "data" / "power_bounds.json"
 SCORES = ROOT / "docs" / "data" / "task_scores.json"
-PAGES = {"PowerTracking": "power_tracking", "FullOperation": "full_operation"}
+PAGES = {"PowerTracking": "power_tracking", "FullOperation": "full_operation", "Yaw": "yaw"}
 MARKED = "(<!-- bound: {} -->\n).*?(<!-- end -->)"
 
 
@@ -33,7 +41,7 @@ def measured() -> list[dict[str, float | str]]:
     from wt_gym.envs.turbine_env import turbine_env_of
 
     rows: list[dict[str, float | str]] = []
-    for task in PAGES:
+    for task in ("PowerTracking", "FullOperation"):
         study = STUDIES[task]
         for part in study.parts:
             config = EvaluationConfig(study.env_id, part.arguments, part.winds, duration=study.duration)
@@ -58,9 +66,87 @@ def measured() -> list[dict[str, float | str]]:
     return rows
 
 
+YAW_SPEEDS, YAW_SEEDS, YAW_DRAWS = (7.0, 9.0, 11.0), range(1, 17), 6
+"""Mean winds [m/s] and turbulence seeds, and directions that are drawn for each."""
+BASE, HAND = (8.0, 0.5, 30.0, 5.0), (math.degrees(0.14), math.degrees(0.1), 10.0, 2.0)
+"""Thresholds [deg] and filters [s] of `discon+yaw`, and of the dead band of the page."""
+_YAW_DT = 0.5
+
+
+def yaw_directions() -> Directions:
+    """Winds of the task, with directions drawn as there."""
+    import gymnasium as gym
+
+    from wt_gym.agents.yaw_bounds import directions_of
+    from wt_gym.envs.turbine_env import turbine_env_of
+    from wt_gym.wind import TurningInflow
+
+    env = gym.make("wt_gym/Yaw-v3", relative_reward=False)
+    plain = turbine_env_of(env)
+    (low, high), wander = plain.options.wind.direction, plain.options.wind.wander
+    length = env.spec.max_episode_steps * plain.control_dt
+    times, rng = _YAW_DT * np.arange(1, round(length / _YAW_DT) + 1), np.random.default_rng(0)
+    inflows, wandering = [], []
+    for speed, seed in itertools.product(YAW_SPEEDS, YAW_SEEDS):
+        env.reset(options={"wind_speed": speed, "wind_seed": seed})
+        inflow = plain.operation.wind.inflow.inner
+        draws = [
+            TurningInflow.wandering(inflow, rng.uniform(low, high), *wander, length, rng) for _ in range(YAW_DRAWS)
+        ]
+        inflows.append(inflow)
+        wandering.append([np.array([draw.direction(t) for t in times.tolist()]) for draw in draws])
+    env.close()
+    return directions_of(plain.turbine, inflows, wandering, _YAW_DT, plain.turbine.rated_wind_speed)
+
+
+def yaw_measured() -> list[dict[str, float | str]]:
+    """Energy and travel over those of `discon+yaw`, by what is known."""
+    from wt_gym.agents.yaw_bounds import Yawed, by_thresholds, with_wind_known_at
+
+    winds = yaw_directions()
+
+    def dead_band(band: float, stop: float, slow: float, fast: float, *, turbulence: bool = True) -> Yawed:
+        return by_thresholds(winds, math.radians(band), math.radians(stop), slow, fast, turbulence=turbulence)
+
+    base = dead_band(*BASE)
+
+    def best(grid: itertools.product, *, turbulence: bool) -> tuple[Yawed, tuple[float, ...]]:
+        """With the most energy of those with no more travel than the base."""
+        found = [(dead_band(*one, turbulence=turbulence), one) for one in grid if one[1] < one[0]]
+        return max(pair for pair in found if pair[0].travel <= base.travel)
+
+    bands, stops = np.arange(3.0, 12.01, 0.5).tolist(), np.arange(0.0, 10.01, 0.5).tolist()
+    filters = (2.0, 3.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0), (1.0, 2.0, 5.0)
+    found = {
+        "page": (dead_band(*HAND), HAND),
+        "vane": best(itertools.product(bands, stops, *filters), turbulence=True),
+        "direction": best(itertools.product(bands, stops, (0.0,), (0.0,)), turbulence=False),
+        "wind": (with_wind_known_at(winds, base.travel), ()),
+        "facing": (Yawed(1.0, math.nan), ()),
+    }
+    rows: list[dict[str, float | str]] = []
+    for known, (yawed, parameters) in found.items():
+        row = {"task": "Yaw", "known": known, "energy": yawed.energy / base.energy - 1.0}
+        if known != "facing":
+            row["travel"] = yawed.travel / base.travel - 1.0
+        rows.append(row | {"parameters": list(parameters)})
+        print(rows[-1], flush=True)
+    return rows
+
+
 def sentence(task: str, rows: list[dict[str, float | str]], runs: list[dict]) -> str:
     """What the page says."""
     own = [row for row in rows if row["task"] == task]
+    if task == "Yaw":
+        energy = {row["known"]: f"{100.0 * row['energy']:+.2f} %" for row in own}
+        travel = next(f"{100.0 * row['travel']:+.0f} %" for row in own if row["known"] == "page").replace("-", "−")
+        return (
+            f"Bound ([how](../benchmark.md#bounds-of-power)): at the yaw travel of `discon+yaw` the best "
+            f"thresholds on the vane have {energy['vane']} energy, thresholds on the direction without turbulence "
+            f"{energy['direction']}, and a yaw that knows the whole wind {energy['wind']}. A rotor that always faces "
+            f"the wind has {energy['facing']}. The last dead band of the table has {energy['page']} in these winds, "
+            f"with {travel} travel."
+        )
     winds = {row["wind"]: row for row in own}
 
     def mean(agent: str, key: str) -> float:
@@ -105,7 +191,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", nargs="?", choices=["pages"])
     if parser.parse_args().what is None:
-        RECORD.write_text(json.dumps(measured(), indent=1) + "\n")
+        RECORD.write_text(json.dumps(measured() + yaw_measured(), indent=1) + "\n")
     pages()
 
 
