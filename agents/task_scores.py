@@ -33,7 +33,16 @@ if TYPE_CHECKING:
     from wt_gym.analysis.results import Run
 
 __all__ = [
-    "STEADY", "STUDIES", "Column", "Part", "Study", "agent_label", "kinds_table", "measure", "measured_line",
+    "STEADY",
+    "STORM_CONTROLLER",
+    "STUDIES",
+    "Column",
+    "Part",
+    "Study",
+    "agent_label",
+    "kinds_table",
+    "measure",
+    "measured_line",
     "score_table",
 ]  # fmt: skip
 
@@ -154,8 +163,8 @@ _EXTREMES = (
 )
 _HARD = "cut_out=25,least_speed=1,least_power=1,hysteresis=1"
 """Parameters of a supervisor that stops the NREL 5-MW at its cut-out wind and does not hold it back before."""
-_HELD = "linear_optimal+supervisor:averaging=60,least_speed=1,least_power=1"
-"""Rated speed and power up to a cut-out at 30 m/s."""
+STORM_CONTROLLER = "linear_optimal+supervisor:averaging=60,least_speed=1,least_power=1"
+"""Controller of FullOperation that holds rated speed and power up to a cut-out at 30 m/s."""
 _PROMPT = "discon+yaw:dead_band=0.14,stop=0.1,slow=10,fast=2"
 """Dead band that starts earlier and turns less far, with the travel of the default."""
 STEADY = {"start": "steady"}
@@ -222,7 +231,7 @@ STUDIES: dict[str, Study] = {
     "FullOperation": Study(
         "FullOperation",
         ("discon+supervisor:averaging=60", RANDOM, f"discon+supervisor:averaging=60,{_HARD}",
-         "linear_optimal+supervisor:averaging=60", _HELD,
+         "linear_optimal+supervisor:averaging=60", STORM_CONTROLLER,
          "rosco+supervisor:averaging=60", "rosco:start_stop=True,time_scale=0.1"),
         (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
               arguments=STEADY),),
@@ -233,7 +242,7 @@ STUDIES: dict[str, Study] = {
     "FullOperation in storm": Study(
         "FullOperation",
         ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}",
-         "linear_optimal+supervisor:averaging=60", _HELD),
+         "linear_optimal+supervisor:averaging=60", STORM_CONTROLLER),
         (Part(_winds((20.0, 22.0, 24.0, 26.0, 28.0), 1),
               arguments=STEADY | {"inflow": "turbulent", "wind_speed": [20.0, 28.0]}),),
         (Column("corrected_power", "mean power in the climate", "climate"), *_LIFE, *_EXTREMES,

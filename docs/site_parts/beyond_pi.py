@@ -9,11 +9,11 @@ import numpy as np
 
 from wt_gym.agents.comparison import half_width
 from wt_gym.agents.dial_front import covered
+from wt_gym.agents.task_scores import STORM_CONTROLLER
 from wt_gym.benchmark import load_task
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 _SUPERVISED = "discon+supervisor:averaging=60"
-_SPARING = "linear_optimal+supervisor:averaging=60,least_speed=1,least_power=1"
 _ROSCO_MODES = tuple(f"discon+derate_{mode}" for mode in ("torque", "speed", "pitch"))
 _KEPT = 0.8
 """Share of a gain that counts as kept."""
@@ -55,9 +55,9 @@ def beyond_pi():
             "produce in a storm",
             "full_operation",
             "stops at the cut-out wind",
-            f"`{_SPARING}`",
-            f"energy {_change(storm, hard, _SPARING, 'corrected_power')} from standstill to storm, "
-            f"flap DEL {_change(storm, hard, _SPARING, 'blade_flap_del')}",
+            f"`{STORM_CONTROLLER}`",
+            f"energy {_change(storm, hard, STORM_CONTROLLER, 'corrected_power')} from standstill to storm, "
+            f"flap DEL {_change(storm, hard, STORM_CONTROLLER, 'blade_flap_del')}",
         ),
         (
             "change what counts in operation",
