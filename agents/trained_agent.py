@@ -217,7 +217,7 @@ class TrainedAgent:
     ):
         self.model, self.normalization, self.record = model, normalization, record
         # torch takes a multiple of the time for one observation, and far more where other processes keep the cores busy
-        own = isinstance(model, PPO) and PolicyArrays.represents(model.policy)
+        own = isinstance(model, (PPO, A2C)) and PolicyArrays.represents(model.policy)
         self._arrays = PolicyArrays(cast("Any", model).policy) if own else None
         self._signs: tuple[np.ndarray, np.ndarray] | None = None  # of observation and action, through the mirror
         self._held, self._steps = 1, 0  # control steps that an action is held for, and those since the start
