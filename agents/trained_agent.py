@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from sb3_contrib import TQC
 from stable_baselines3 import A2C, DDPG, DQN, PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
+from torch.nn import Linear
 
 from wt_gym.agents.safe_pickle import UnsafePickleError, algorithm_of, read_data, safe_loads, safe_objects
 from wt_gym.agents.training.policy_arrays import PolicyArrays
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
 
     from gymnasium import spaces
     from numpy.typing import NDArray
-    from stable_baselines3.common.base_class import BaseAlgorithm
 
     from wt_gym.envs.layout import EnvLayout
 
@@ -216,9 +217,7 @@ class TrainedAgent:
         self, model: BaseAlgorithm, normalization: VecNormalize | None = None, record: dict[str, Any] | None = None
     ):
         self.model, self.normalization, self.record = model, normalization, record
-        # torch takes a multiple of the time for one observation, and far more where other processes keep the cores busy
-        own = isinstance(model, (PPO, A2C)) and PolicyArrays.represents(model.policy)
-        self._arrays = PolicyArrays(cast("Any", model).policy) if own else None
+        self._arrays: tuple[list[Any], PolicyArrays | None] | None = None  # what `_means` computes with
         self._signs: tuple[np.ndarray, np.ndarray] | None = None  # of observation and action, through the mirror
         self._held, self._steps = 1, 0  # control steps that an action is held for, and those since the start
         self._last: np.ndarray | None = None
@@ -371,13 +370,42 @@ class TrainedAgent:
             observation = observation * self._signs[0]
         if self.normalization is not None:
             observation = self.normalization.normalize_obs(observation)
-        fits = observation.shape[-1:] == self.model.observation_space.shape and observation.ndim < 3
-        if self._arrays is not None and deterministic and fits:
-            box = cast("spaces.Box", self.model.action_space)
-            action = np.clip(self._arrays.means(np.atleast_2d(observation)), box.low, box.high)
-            action = action if observation.ndim == 2 else action[0]
-        else:
+        means = self._means(observation) if deterministic else None
+        if means is None:
             action, state = self.model.predict(observation, state, episode_start, deterministic)
+        else:
+            box = cast("spaces.Box", self.model.action_space)
+            action = np.clip(means, box.low, box.high)
         action = action if self._signs is None else action * self._signs[1]
         self._last = action
         return action, state
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the views of the parameters, which a copy would not share with its own model."""
+        return vars(self) | {"_arrays": None}
+
+    def _means(self, observation: NDArray[Any]) -> NDArray[np.float32] | None:
+        """Actions before they are clipped, of a small network without torch; None where the model itself is asked.
+
+        For one observation torch takes a multiple of the time, and far more where other processes keep the cores busy.
+        The model itself says what is wrong with an observation.
+        """
+        model: Any = self.model
+        if type(model).predict is not BaseAlgorithm.predict or not isinstance(model, (PPO, A2C)):
+            return None
+        policy = model.policy
+        extractor = getattr(policy, "mlp_extractor", None)
+        layers = () if extractor is None else (*extractor.policy_net, policy.action_net)
+        parts: list[Any] = [policy, *layers]
+        for layer in layers:
+            if type(layer) is Linear:  # its parameters may be other ones than when the views were made
+                parts += layer.weight.data_ptr(), layer.bias.data_ptr()
+        if self._arrays is None or self._arrays[0] != parts:
+            self._arrays = parts, PolicyArrays(policy) if PolicyArrays.represents(policy) else None
+        arrays = self._arrays[1]
+        if arrays is None or observation.ndim > 2 or observation.shape[-1:] != model.observation_space.shape:
+            return None
+        means = arrays.means(np.atleast_2d(observation))
+        if not np.isfinite(means).all():
+            return None
+        return means if observation.ndim == 2 else means[0]

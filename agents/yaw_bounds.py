@@ -2,15 +2,17 @@
 
 Power is taken as
 
-    P = c min(U, U_rated)^3 cos^3(theta - psi),
+    P = c min(U^3 cos^p(theta - psi), U_rated^3),
 
-with U and theta the mean wind speed and direction over the disc of the rotor and psi the yaw. That leaves the rotor's
-speed control and the wake out. What a drive of one rate can win is asked for with three kinds of knowledge:
+with U and theta the mean wind speed and direction over the disc of the rotor and psi the yaw; the exponent p is fitted
+to the simulator in steady winds. That leaves the rotor's speed control, the wake and noise of the vane out. What a
+drive of one rate can win is asked for with three kinds of knowledge:
 
 - the reading of a vane, by the thresholds and filters of `wt_gym.control.controllers.yaw`;
 - the direction without turbulence, by two thresholds;
-- the whole wind before it blows. Yaw moves by one step of the drive or not at all, so the most of
-  ``energy - price * travel`` is found by dynamic programming, exactly: no yaw of that mean travel has more energy.
+- the whole wind before it blows. A yaw that stands or moves by one step of the drive has its most of
+  ``energy - price * travel`` by dynamic programming. So with a price at which it travels at least as far as another
+  yaw of such steps, it has at least as much energy.
 """
 
 from __future__ import annotations
@@ -50,8 +52,12 @@ class Directions:
     ----------
     vane, rotor, mean : numpy.ndarray, shape (n, steps)
         Of the wind at the hub, over the disc of the rotor, and without turbulence [rad].
-    cube : numpy.ndarray, shape (n, steps)
-        Of the wind speed over the disc, at most rated [m^3/s^3].
+    speed : numpy.ndarray, shape (n, steps)
+        Of the wind over the disc [m/s].
+    rated_speed : float
+        Wind speed beyond which power no longer rises [m/s].
+    exponent : float
+        p, see above.
     dt : float
         [s].
     rate : float
@@ -61,9 +67,16 @@ class Directions:
     vane: NDArray[np.float64]
     rotor: NDArray[np.float64]
     mean: NDArray[np.float64]
-    cube: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    rated_speed: float
+    exponent: float
     dt: float
     rate: float
+
+    @property
+    def most(self) -> float:
+        """Energy of a rotor that always faces the wind, in the unit of the kernels."""
+        return float(np.sum(np.minimum(self.speed, self.rated_speed) ** 3))
 
 
 def directions_of(
@@ -72,6 +85,7 @@ def directions_of(
     wandering: Sequence[Sequence[NDArray[np.float64]]],
     dt: float,
     rated_speed: float,
+    exponent: float,
 ) -> Directions:
     """Directions of inflows along x that are turned.
 
@@ -83,11 +97,11 @@ def directions_of(
         Directions by which each inflow is turned [rad]: one episode each, and one of its mirror image.
     dt : float
         [s].
-    rated_speed : float
-        Wind speed beyond which power no longer rises [m/s].
+    rated_speed, exponent : float
+        As of `Directions`.
     """
     points = np.vstack([[0.0, 0.0, turbine.hub_height], disc_points(turbine)])
-    vane, rotor, mean, cube = [], [], [], []
+    vane, rotor, mean, speed = [], [], [], []
     for inflow, draws in zip(inflows, wandering, strict=True):
         times = dt * np.arange(1, len(draws[0]) + 1)
         wind = np.array([inflow.velocity(points, t)[:, :2] for t in times.tolist()])
@@ -98,15 +112,19 @@ def directions_of(
                 vane.append(side * read + draw)
                 rotor.append(side * met + draw)
                 mean.append(draw)
-                cube.append(np.minimum(np.hypot(disc[:, 0], disc[:, 1]), rated_speed) ** 3)
-    rate = turbine.nacelle.max_yaw_rate
-    return Directions(np.array(vane), np.array(rotor), np.array(mean), np.array(cube), dt, rate)
+                speed.append(np.hypot(disc[:, 0], disc[:, 1]))
+    return Directions(
+        np.array(vane), np.array(rotor), np.array(mean), np.array(speed),
+        rated_speed, exponent, dt, turbine.nacelle.max_yaw_rate,
+    )  # fmt: skip
 
 
 def by_thresholds(
     winds: Directions, dead_band: float, stop: float, slow: float, fast: float, *, turbulence: bool = True
 ) -> Yawed:
     """Yaw by a dead band (`wt_gym.control.controllers.yaw.YawByDeadBand`), at zero at first.
+
+    Errors are taken for less than half a turn, so nothing is wrapped.
 
     Parameters
     ----------
@@ -120,8 +138,16 @@ def by_thresholds(
     """
     read = winds.vane if turbulence else winds.mean
     keep = [math.exp(-winds.dt / tau) if tau > 0.0 else 0.0 for tau in (slow, fast)]
-    energy, travel = _thresholds(read, winds.rotor, winds.cube, winds.rate * winds.dt, dead_band, stop, *keep)
-    return Yawed(energy / float(winds.cube.sum()), travel / len(read))
+    step, power = winds.rate * winds.dt, (winds.rated_speed**3, winds.exponent)
+    energy, travel = _thresholds(read, winds.rotor, winds.speed**3, *power, step, dead_band, stop, *keep)
+    return Yawed(energy / winds.most, travel / len(read))
+
+
+@numba.njit(cache=True)
+def _power(cube: float, error: float, rated: float, exponent: float) -> float:
+    """Of a cubed wind speed at a yaw error, in the unit of the cube."""
+    power: float = min(cube * max(math.cos(error), 0.0) ** exponent, rated)
+    return power
 
 
 @numba.njit(cache=True)
@@ -129,6 +155,8 @@ def _thresholds(
     read: NDArray[np.float64],
     rotor: NDArray[np.float64],
     cube: NDArray[np.float64],
+    rated: float,
+    exponent: float,
     step: float,
     dead_band: float,
     stop: float,
@@ -150,31 +178,37 @@ def _thresholds(
                 turning, slow = 0, fast
             yaw += turning * step
             travel += abs(turning) * step
-            energy += cube[i, k] * max(math.cos(rotor[i, k] - yaw), 0.0) ** 3
+            energy += _power(cube[i, k], rotor[i, k] - yaw, rated, exponent)
     return energy, travel
 
 
-def with_wind_known(winds: Directions, price: float, widest: float = math.radians(75.0)) -> Yawed:
-    """Most of the mean energy less a price of travel, with the wind known from the start.
+def with_wind_known(winds: Directions, price: float) -> Yawed:
+    """Most of the mean energy less a price of travel, with the wind known from the start, of yaws in whole steps.
 
     Parameters
     ----------
     winds : Directions
     price : float
         Of a radian, over the energy of an episode in which the rotor always faces the wind.
-    widest : float
-        Yaw, to either side, that no episode needs more of [rad].
     """
     step = winds.rate * winds.dt
-    half = math.ceil(widest / step)
-    of_step = price * step * float(winds.cube.sum()) / len(winds.cube)
-    energy, travel = _programmed(winds.rotor, winds.cube, step, half, of_step)
-    return Yawed(energy / float(winds.cube.sum()), travel / len(winds.rotor))
+    # a yaw beyond every direction, from zero, has less energy and more travel
+    half = math.ceil(float(np.abs(winds.rotor).max()) / step)
+    of_step = price * step * winds.most / len(winds.rotor)
+    power = winds.rated_speed**3, winds.exponent
+    energy, travel = _programmed(winds.rotor, winds.speed**3, *power, step, half, of_step)
+    return Yawed(energy / winds.most, travel / len(winds.rotor))
 
 
 @numba.njit(cache=True)
 def _programmed(
-    rotor: NDArray[np.float64], cube: NDArray[np.float64], step: float, half: int, price: float
+    rotor: NDArray[np.float64],
+    cube: NDArray[np.float64],
+    rated: float,
+    exponent: float,
+    step: float,
+    half: int,
+    price: float,
 ) -> tuple[float, float]:
     """Energy and travel of all episodes, from zero yaw."""
     n = 2 * half + 1
@@ -185,7 +219,7 @@ def _programmed(
         after[:] = 0.0
         for k in range(rotor.shape[1] - 1, -1, -1):
             for j in range(n):  # what is taken of this step at a yaw, and after
-                after[j] += cube[i, k] * max(math.cos(rotor[i, k] - (j - half) * step), 0.0) ** 3
+                after[j] += _power(cube[i, k], rotor[i, k] - (j - half) * step, rated, exponent)
             for j in range(n):
                 best, move = after[j], 0
                 if j > 0 and after[j - 1] - price > best:
@@ -199,22 +233,29 @@ def _programmed(
             move = moves[k, j]
             j += move
             travel += abs(move) * step
-            energy += cube[i, k] * max(math.cos(rotor[i, k] - (j - half) * step), 0.0) ** 3
+            energy += _power(cube[i, k], rotor[i, k] - (j - half) * step, rated, exponent)
     return energy, travel
 
 
 def with_wind_known_at(winds: Directions, travel: float, rounds: int = 12) -> Yawed:
-    """Most energy of a mean travel at least as large [rad], with the wind known from the start.
+    """Energy that no yaw in whole steps exceeds at a mean travel [rad], with the wind known from the start.
 
-    Energy is concave in the travel, so the price that is halved in turns meets it; of the last two prices that with
-    more travel is taken.
+    The price is bisected: a higher one has no more travel. Of the last two that with more travel is taken, which is at
+    least the one that is asked for.
+
+    Raises
+    ------
+    ValueError
+        If energy does not rise up to so much travel.
     """
     low, high = 0.0, 1.0
     found = with_wind_known(winds, low)
     if found.travel < travel:
         raise ValueError(
-            f"with the wind known no yaw has more travel than {found.travel:.3g} rad, got {travel:.3g} rad"
+            f"travel must be at most {found.travel:.3g} rad, where energy ends to rise, got {travel:.3g} rad"
         )
+    while with_wind_known(winds, high).travel >= travel > 0.0:
+        high *= 2.0
     for _ in range(rounds):
         price = 0.5 * (low + high)
         at = with_wind_known(winds, price)

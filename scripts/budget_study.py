@@ -234,7 +234,8 @@ def summary(found: dict[str, dict[int, dict[str, Any]]], head: dict[str, Any]) -
     """Sums of results, as JSON values.
 
     The other policies are counted in the episodes up to the first that one of them lacks ("paired"); "beyond" lists all
-    episodes in which the agent violates a limit, beside what the others do there.
+    episodes in which the agent violates a limit, beside what the others do there; "acceleration" is the largest of the
+    tower [m/s^2].
     """
     agent = found[PLAIN]
     n = next(k for k in range(len(agent) + 1) if k not in agent)
@@ -246,7 +247,9 @@ def summary(found: dict[str, dict[int, dict[str, Any]]], head: dict[str, Any]) -
     beyond = []
     for k in (k for k in range(n) if agent[k]["violated"]):
         others = {policy: found[policy][k]["violated"] if k in found[policy] else None for policy in (BASE, FILTERED)}
-        beyond.append({name: agent[k][name] for name in ("episode", "kind", "wind", "violated", "ending")} | others)
+        swung = {policy: found[policy][k]["acceleration"] for policy in (PLAIN, BASE, FILTERED) if k in found[policy]}
+        own = {name: agent[k][name] for name in ("episode", "kind", "wind", "violated", "ending")}
+        beyond.append(own | others | {"acceleration": swung})
     kinds = {kind: counted(row for k in range(n) if (row := agent[k])["kind"] == kind) for kind in kinds_of(agent, n)}
     acted = {kind: filtered_of(found[FILTERED][k] for k in range(paired) if agent[k]["kind"] == kind) for kind in kinds}
     out = {"setup": head, "episodes": n, "paired": paired, **counts}

@@ -177,7 +177,7 @@ class PolicyArrays:
     def represents(policy: ActorCriticPolicy) -> bool:
         """Whether a policy is of fully connected layers on a flat observation, with independent Gaussian actions.
 
-        Its parameters must be of 32 bits and on the processor, its activations tanh, ReLU or ELU.
+        Its parameters must be of 32 bits and on the processor, its activations tanh, ReLU or ELU with an alpha of 1.
         """
         if not (
             type(policy) is ActorCriticPolicy
@@ -191,6 +191,8 @@ class PolicyArrays:
         ):
             return False
         modules = (*policy.mlp_extractor.policy_net, *policy.mlp_extractor.value_net)
+        if any(isinstance(module, torch.nn.ELU) and module.alpha != 1.0 for module in modules):
+            return False
         return all(type(module) in (torch.nn.Linear, *_ACTIVATIONS) for module in modules) and all(
             p.device.type == "cpu" and p.dtype == torch.float32 and p.requires_grad for p in policy.parameters()
         )

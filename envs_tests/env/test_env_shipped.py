@@ -4,7 +4,6 @@ import json
 from itertools import filterfalse
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import wt_gym
@@ -35,42 +34,46 @@ def of_the_pitch():
         yield pytest.param(folder, id=folder.name, marks=[pytest.mark.slow] if large else [])
 
 
-def in_a_wind(folder, wind, duration, skip, *, base=False):
-    """Metrics of the controller of an agent's task and of the agent, in a wind that it has not seen; of its base."""
-    agent = TrainedAgent.load(folder)
-    assert wind.seed not in agent.record["wind_seeds"]
-    config = agent.record["config"]
+def in_a_wind(folder, wind, duration, skip):
+    """Metrics in a wind that an agent has not seen: of its task's controller, of what it acts on, and of the agent."""
+    record = TrainedAgent.load(folder).record
+    assert wind.seed not in record["wind_seeds"]
+    config = record["config"]
     env_id = present_id(config["env_id"])
-    controllers = [registered_arguments(env_id, {}).get("controller", "baseline")]
-    if base:
-        controllers.append(config["env_kwargs"].get("controller", "discon"))
+    baseline = registered_arguments(env_id, {}).get("controller", "baseline")
+    base = config["env_kwargs"].get("controller", baseline)
     evaluation = EvaluationConfig(env_id, {"start": "steady"}, (wind,), duration=duration, skip=skip)
-    runs = evaluate({"agent": str(folder)} | {name: name for name in controllers}, evaluation).runs
+    runs = evaluate({"agent": str(folder), baseline: baseline, base: base}, evaluation).runs
     found = {run.agent: run.metrics for run in runs}
-    return [found[name] for name in (*controllers, "agent")]
+    return found[baseline], found[base], found["agent"]
+
+
+def improvement(metrics, base):
+    """Of the cost of energy [-]; short runs outside the benchmark have the mean power for what it counts of it."""
+    power = [{"captured_power": each["mean_power"]} for each in (metrics, base)]
+    return load_task("load-reduction-18").improvement(metrics | power[0], base | power[1])
 
 
 @pytest.mark.parametrize("folder", list(of_the_pitch()))
 def test_an_agent_of_the_pitch_spares_the_blades(folder):
-    """Two minutes at 18 m/s; wt-gym evaluate measures the damage of ten minutes.
+    """Two minutes at 18 m/s, where all agents act. Pages have the means over many winds, of a per cent and less.
 
-    The agent beside its base controller shows what was learned: less cost or, with a budget, far less travel.
+    Under a budget of travel most of what its base controller gains remains.
     """
-    baseline, base, agent = in_a_wind(folder, Wind(18.0, 1014), 120.0, 10.0, base=True)
-    assert np.isfinite(agent["blade_flap_del"])
+    baseline, base, agent = in_a_wind(folder, Wind(18.0, 1014), 120.0, 10.0)
     assert agent["blade_flap_del"] < 0.85 * baseline["blade_flap_del"]
     assert agent["mean_power"] > 0.99 * baseline["mean_power"]
     if folder.name == "load_reduction_half_travel":
         assert agent["pitch_travel"] < 0.55 * base["pitch_travel"]
+        assert improvement(agent, baseline) > 0.75 * improvement(base, baseline)
     else:
-        power = [{"captured_power": metrics["mean_power"]} for metrics in (agent, base)]
-        assert load_task("load-reduction-18").improvement(agent | power[0], base | power[1]) > 0.005
+        assert improvement(agent, base) > 0.005
 
 
 @pytest.mark.parametrize("folder", list(filterfalse(moves_blades, FOLDERS)), ids=lambda path: path.name)
 def test_an_agent_of_the_torque_makes_more_energy(folder):
     """Two minutes at 8 m/s, with what the rotor stores counted as energy."""
-    baseline, agent = in_a_wind(folder, Wind(8.0, 1013), 120.0, 20.0)
+    baseline, _, agent = in_a_wind(folder, Wind(8.0, 1013), 120.0, 20.0)
     assert agent["corrected_power"] > 1.004 * baseline["corrected_power"]
 
 

@@ -1,5 +1,9 @@
 """Actions of a trained agent: those of its model, also where small networks are computed without torch."""
 
+import copy
+import pickle
+from functools import partial
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -27,30 +31,92 @@ def agent_of(cls, **policy):
     return TrainedAgent(cls("MlpPolicy", Plain(), seed=3, policy_kwargs=policy))
 
 
-@pytest.mark.parametrize("activation", [torch.nn.Tanh, torch.nn.ReLU, torch.nn.ELU, torch.nn.GELU])
-@pytest.mark.parametrize("shape", [(8,), (1, 8), (5, 8)])
-@pytest.mark.parametrize("cls", [PPO, A2C, SAC])
-def test_actions_are_those_of_the_model(cls, shape, activation):
-    agent = agent_of(cls, net_arch=[16], activation_fn=activation)
-    if cls is not SAC:
-        with torch.no_grad():  # beyond the range of the actions, which the first weights are too small for
-            agent.model.policy.action_net.weight *= 1000.0
-    observation = 30.0 * np.random.default_rng(0).standard_normal(shape).astype(np.float32)
-    expected, _ = agent.model.predict(observation, deterministic=True)
-    action, state = agent.predict(observation)
+def scaled(agent, factor):
+    """With other weights of the last layer, which begin very small."""
+    with torch.no_grad():
+        agent.model.policy.action_net.weight *= factor
+    return agent
+
+
+OBSERVATIONS = 0.5 * np.random.default_rng(0).standard_normal((5, 8)).astype(np.float32)
+
+
+@pytest.mark.parametrize("activation", [torch.nn.Tanh, torch.nn.ReLU, torch.nn.ELU])
+@pytest.mark.parametrize("rows", [0, slice(0, 1), slice(None)])
+@pytest.mark.parametrize("factor", [3.0, 3000.0])
+@pytest.mark.parametrize("cls", [PPO, A2C])
+def test_small_networks_act_as_the_model(cls, factor, rows, activation):
+    """Within the range of the actions and, with large weights, at its ends."""
+    agent = scaled(agent_of(cls, net_arch=[16], activation_fn=activation), factor)
+    expected, _ = agent.model.predict(OBSERVATIONS[rows], deterministic=True)
+    action, state = agent.predict(OBSERVATIONS[rows])
+    assert agent._arrays[1] is not None
     assert state is None
     assert (action.dtype, action.shape) == (expected.dtype, expected.shape)
-    np.testing.assert_allclose(action, expected, rtol=1e-5, atol=1e-6)
-    if cls is not SAC:  # their actions are clipped, its own lie within
-        assert np.isin(np.float32([-0.02, 0.03]), action[..., 1]).any()
+    np.testing.assert_allclose(action, expected, rtol=1e-4, atol=1e-7)
+    assert np.isin(np.abs(action[..., 0]), 1.0).any() == (factor > 1000.0)
 
 
-def test_weights_that_are_changed_later_act():
-    agent, observation = agent_of(PPO), np.ones(8, np.float32)
-    before = agent.predict(observation)[0]
+@pytest.mark.parametrize(
+    "agent",
+    [
+        agent_of(SAC, net_arch=[16]),
+        agent_of(PPO, net_arch=[16], activation_fn=torch.nn.GELU),
+        agent_of(PPO, net_arch=[16], activation_fn=partial(torch.nn.ELU, alpha=0.3)),
+    ],
+    ids=["SAC", "GELU", "ELU of another alpha"],
+)
+def test_other_networks_are_asked_themselves(agent):
+    expected, _ = agent.model.predict(OBSERVATIONS, deterministic=True)
+    np.testing.assert_array_equal(agent.predict(OBSERVATIONS)[0], expected)
+
+
+def test_a_model_with_a_predict_of_its_own_is_asked():
+    class Own(PPO):
+        def predict(self, *_, **__):
+            return np.array([0.5, 0.01], np.float32), None
+
+    assert agent_of(Own).predict(OBSERVATIONS[0])[0].tolist() == pytest.approx([0.5, 0.01])
+
+
+def in_place(policy):
     with torch.no_grad():
-        agent.model.policy.action_net.bias += 0.3
-    assert agent.predict(observation)[0][0] == pytest.approx(before[0] + 0.3, abs=1e-6)
+        policy.action_net.bias += 0.3
+
+
+def from_vector(policy):
+    policy.load_from_vector(policy.parameters_to_vector() + 0.1)
+
+
+def another_layer(policy):
+    policy.mlp_extractor.policy_net[0] = torch.nn.Linear(8, 64)
+
+
+@pytest.mark.parametrize("change", [in_place, from_vector, another_layer])
+@pytest.mark.parametrize(
+    "copied", [copy.deepcopy, lambda agent: pickle.loads(pickle.dumps(agent))], ids=["copy", "sent"]
+)
+def test_weights_that_are_changed_later_act_in_their_agent_alone(change, copied):
+    agent = scaled(agent_of(PPO), 30.0)
+    before = agent.predict(OBSERVATIONS)[0]
+    other = copied(agent)
+    change(other.model.policy)
+    expected, _ = other.model.predict(OBSERVATIONS, deterministic=True)
+    assert np.abs(expected - before).max() > 1e-3
+    np.testing.assert_allclose(other.predict(OBSERVATIONS)[0], expected, atol=1e-6)
+    np.testing.assert_array_equal(agent.predict(OBSERVATIONS)[0], before)
+
+
+def test_another_model_acts_at_once():
+    agent, other = scaled(agent_of(PPO), 30.0), scaled(agent_of(PPO), 90.0)
+    agent.predict(OBSERVATIONS)
+    agent.model = other.model
+    np.testing.assert_array_equal(agent.predict(OBSERVATIONS)[0], other.predict(OBSERVATIONS)[0])
+
+
+def test_what_is_no_number_is_refused_by_the_model():
+    with pytest.raises(ValueError, match="nan"):
+        agent_of(PPO).predict(np.full(8, np.nan, np.float32))
 
 
 def test_an_action_is_drawn_where_it_is_asked_for():

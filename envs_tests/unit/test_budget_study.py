@@ -101,7 +101,7 @@ def test_a_run_goes_on_where_it_ended_and_refuses_other_results(tmp_path, monkey
     assert [one for one in calls if one[0] != "agent"] == [("base", 21), ("filtered", 21)]
     assert study.record_of(tmp_path)["beyond"][0] == {
         "episode": 21, "kind": "none", "wind": 15.0, "violated": ["rotor_speed"], "ending": "time", "base": [],
-        "filtered": [],
+        "filtered": [], "acceleration": {"agent": 0.4, "base": 0.4, "filtered": 0.4},
     }  # fmt: skip
     with pytest.raises(ValueError, match="have another model: give --out another folder"):
         study.run(tmp_path, "two", episodes=3, paired=2, jobs=1)
