@@ -391,7 +391,8 @@ class TrainedAgent:
         The model itself says what is wrong with an observation.
         """
         model: Any = self.model
-        if type(model).predict is not BaseAlgorithm.predict or not isinstance(model, (PPO, A2C)):
+        asks = getattr(model.predict, "__func__", None)  # not so where a class or an object has its own
+        if asks is not BaseAlgorithm.predict or not isinstance(model, (PPO, A2C)):
             return None
         policy = model.policy
         extractor = getattr(policy, "mlp_extractor", None)

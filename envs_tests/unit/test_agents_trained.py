@@ -71,12 +71,15 @@ def test_other_networks_are_asked_themselves(agent):
     np.testing.assert_array_equal(agent.predict(OBSERVATIONS)[0], expected)
 
 
-def test_a_model_with_a_predict_of_its_own_is_asked():
-    class Own(PPO):
-        def predict(self, *_, **__):
-            return np.array([0.5, 0.01], np.float32), None
+def own(*_, **__):
+    return np.array([0.5, 0.01], np.float32), None
 
-    assert agent_of(Own).predict(OBSERVATIONS[0])[0].tolist() == pytest.approx([0.5, 0.01])
+
+def test_a_model_with_a_predict_of_its_own_is_asked():
+    of_class, of_object = agent_of(type("Own", (PPO,), {"predict": own})), agent_of(PPO)
+    of_object.model.predict = own
+    for agent in (of_class, of_object):
+        assert agent.predict(OBSERVATIONS[0])[0].tolist() == pytest.approx([0.5, 0.01])
 
 
 def in_place(policy):
