@@ -33,17 +33,8 @@ if TYPE_CHECKING:
     from wt_gym.analysis.results import Run
 
 __all__ = [
-    "STEADY",
-    "STORM_CONTROLLER",
-    "STUDIES",
-    "Column",
-    "Part",
-    "Study",
-    "agent_label",
-    "kinds_table",
-    "measure",
-    "measured_line",
-    "score_table",
+    "STEADY", "STORM_CONTROLLER", "STUDIES", "Column", "Part", "Study", "agent_label", "kinds_table", "measure",
+    "measured_line", "score_table",
 ]  # fmt: skip
 
 RANDOM = "random"

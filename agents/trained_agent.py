@@ -17,7 +17,6 @@ from sb3_contrib import TQC
 from stable_baselines3 import A2C, DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
-from torch.nn import Linear
 
 from wt_gym.agents.safe_pickle import UnsafePickleError, algorithm_of, read_data, safe_loads, safe_objects
 from wt_gym.agents.training.policy_arrays import PolicyArrays
@@ -395,14 +394,9 @@ class TrainedAgent:
         if asks is not BaseAlgorithm.predict or not isinstance(model, (PPO, A2C)):
             return None
         policy = model.policy
-        extractor = getattr(policy, "mlp_extractor", None)
-        layers = () if extractor is None else (*extractor.policy_net, policy.action_net)
-        parts: list[Any] = [policy, *layers]
-        for layer in layers:
-            if type(layer) is Linear:  # its parameters may be other ones than when the views were made
-                parts += layer.weight.data_ptr(), layer.bias.data_ptr()
-        if self._arrays is None or self._arrays[0] != parts:
-            self._arrays = parts, PolicyArrays(policy) if PolicyArrays.represents(policy) else None
+        viewed = PolicyArrays.viewed(policy)
+        if self._arrays is None or self._arrays[0] != viewed:
+            self._arrays = viewed, PolicyArrays(policy) if PolicyArrays.represents(policy) else None
         arrays = self._arrays[1]
         if arrays is None or observation.ndim > 2 or observation.shape[-1:] != model.observation_space.shape:
             return None

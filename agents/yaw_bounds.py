@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numba
@@ -73,7 +74,12 @@ class Directions:
     dt: float
     rate: float
 
-    @property
+    @cached_property
+    def cube(self) -> NDArray[np.float64]:
+        """Cubed speed, shape (n, steps) [m^3/s^3]."""
+        return self.speed**3
+
+    @cached_property
     def most(self) -> float:
         """Energy of a rotor that always faces the wind, in the unit of the kernels."""
         return float(np.sum(np.minimum(self.speed, self.rated_speed) ** 3))
@@ -139,7 +145,7 @@ def by_thresholds(
     read = winds.vane if turbulence else winds.mean
     keep = [math.exp(-winds.dt / tau) if tau > 0.0 else 0.0 for tau in (slow, fast)]
     step, power = winds.rate * winds.dt, (winds.rated_speed**3, winds.exponent)
-    energy, travel = _thresholds(read, winds.rotor, winds.speed**3, *power, step, dead_band, stop, *keep)
+    energy, travel = _thresholds(read, winds.rotor, winds.cube, *power, step, dead_band, stop, *keep)
     return Yawed(energy / winds.most, travel / len(read))
 
 
@@ -196,7 +202,7 @@ def with_wind_known(winds: Directions, price: float) -> Yawed:
     half = math.ceil(float(np.abs(winds.rotor).max()) / step)
     of_step = price * step * winds.most / len(winds.rotor)
     power = winds.rated_speed**3, winds.exponent
-    energy, travel = _programmed(winds.rotor, winds.speed**3, *power, step, half, of_step)
+    energy, travel = _programmed(winds.rotor, winds.cube, *power, step, half, of_step)
     return Yawed(energy / winds.most, travel / len(winds.rotor))
 
 

@@ -6,7 +6,7 @@ In a torch forward pass of a few observations through two hidden layers of 64, d
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
@@ -196,6 +196,21 @@ class PolicyArrays:
         return all(type(module) in (torch.nn.Linear, *_ACTIVATIONS) for module in modules) and all(
             p.device.type == "cpu" and p.dtype == torch.float32 and p.requires_grad for p in policy.parameters()
         )
+
+    @staticmethod
+    def viewed(policy: Any) -> list[Any]:
+        """What `means` computes with: a policy, its layers, and where their parameters lie.
+
+        Views that were made of another policy, of other layers or of other parameters are none of it: compare. Any
+        policy may be given; one that has no such layers is listed alone.
+        """
+        extractor = getattr(policy, "mlp_extractor", None)
+        layers = () if extractor is None else (*extractor.policy_net, policy.action_net)
+        found: list[Any] = [policy, *layers]
+        for layer in layers:
+            if type(layer) is torch.nn.Linear:
+                found += layer.weight.data_ptr(), layer.bias.data_ptr()
+        return found
 
     def values(self, observations: np.ndarray) -> np.ndarray:
         """Value function.
