@@ -41,7 +41,8 @@ Positive pitch feathers; positive yaw is counter-clockwise seen from above, whic
 without yaw drive (greatest yaw rate 0) has no yaw component, one whose generator is a damper no torque component.
 Within a control step demands move evenly, and stop at the limits of the turbine; drives, with their own dynamics
 and greatest rates, follow the demands. An action that is not finite, of another shape or beyond [-1, 1] by more
-than rounding raises `wt_gym.errors.ActionError`, leaves the state unchanged, and the episode can continue.
+than rounding of float32 (`wt_gym.control.actions.ROUNDING`, which is put on the bound exactly) raises
+`wt_gym.errors.ActionError`, leaves the state unchanged, and the episode can continue.
 ``env.unwrapped.layout.action.table()`` has the numbers of every choice.
 
 ## Observation space
