@@ -215,9 +215,9 @@ def _branches(tables: Sequence[Mapping[str, Mode]]) -> list[list[tuple[str, Mode
 def _branch_names(branches: Sequence[Sequence[tuple[str, Mode] | None]]) -> list[str]:
     """Name of each branch: that which its modes have where their coordinates are clearest; no name is given twice.
 
-    Where two frequencies come near each other, as those of the tower at the speed where the rotor's own modes part
-    them, their modes mix and then swap their names: the branch goes on, and its name is that of its clear points, whose
-    share is at least 0.9 of the branch's greatest.
+    Where two frequencies come near each other, as those of a tower above rated speed, their modes mix and then swap
+    their names. The branch continues, and its name is that of its clear points, whose share is at least 0.9 of the
+    branch's greatest.
     """
     votes: list[dict[str, float]] = []
     for branch in branches:
