@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 from wt_gym.agents.names import RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
 from wt_gym.agents.pool import load_agent, load_model
 from wt_gym.agents.trained_environment import environment_of_training
+from wt_gym.analysis.metrics import idle_time
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
 from wt_gym.deprecated import renamed_names
@@ -79,14 +80,23 @@ class Case:
     wind_speed: float
     seed: int | None = None
 
+    @property
+    def name(self) -> str:
+        """Name for sentences."""
+        return f"{self.wind_speed:g} m/s" + ("" if self.seed is None else f", seed {self.seed}")
+
 
 @dataclass
 class ControllerRuns:
-    """Metrics of one controller by case; a run that failed has none, its message stands in ``failures``."""
+    """Metrics of one controller by case; a run that failed has none, its message stands in ``failures``.
+
+    ``idle`` has the time in which the turbine made no power without a reason [s], see `wt_gym.envs.idling`.
+    """
 
     name: str
     metrics: dict[Case, dict[str, float]]
     failures: dict[Case, str]
+    idle: dict[Case, float] = field(default_factory=dict)
 
     @property
     def done(self) -> tuple[Case, ...]:
@@ -186,10 +196,10 @@ def run_cases(
     runs += own.values()
     executor = SerialExecutor() if executor is None else executor
 
-    def told(job: tuple[str, Case], outcome: tuple[dict[str, float] | None, str | None], _: int) -> None:
-        (label, case), (metrics, failure) = job, outcome
+    def told(job: tuple[str, Case], outcome: tuple[dict[str, float] | None, str | None, float], _: int) -> None:
+        (label, case), (metrics, failure, idle) = job, outcome
         if metrics is not None:
-            own[label].metrics[case] = metrics
+            own[label].metrics[case], own[label].idle[case] = metrics, idle
         else:
             own[label].failures[case] = str(failure)
         if progress is not None:
@@ -222,8 +232,8 @@ class _Runner:
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_running": None, "_wind": None}
 
-    def __call__(self, job: tuple[str, Case]) -> tuple[dict[str, float] | None, str | None]:
-        """Metrics of a controller in a wind, or why there are none."""
+    def __call__(self, job: tuple[str, Case]) -> tuple[dict[str, float] | None, str | None, float]:
+        """Metrics of a controller in a wind, or why there are none, and `idle_time` [s]."""
         (label, case), whole = job, self.skip + self.duration
         choice, parameters = self.controllers[label]
         try:
@@ -235,9 +245,9 @@ class _Runner:
             else:
                 controller = make_controller(choice, self.turbine, **parameters)
                 data = run_controller(self._placed(case), controller, whole, self.control_dt, name=label).to_dataset()
-            return benchmark_metrics(data, self.turbine, self.skip), None
+            return benchmark_metrics(data, self.turbine, self.skip), None, idle_time(data)
         except SimulationError as error:
-            return None, str(error)
+            return None, str(error), 0.0
 
     def _inflow(self, case: Case) -> Inflow:
         if self._wind is None or self._wind[0] != case:
@@ -326,6 +336,7 @@ def in_all_winds(runs: list[ControllerRuns]) -> list[ControllerRuns]:
             run.name,
             {case: run.metrics[case] for case in done if case in run.metrics},
             {case: run.failures[case] for case in done if case in run.failures},
+            run.idle,
         )
         for run in runs
     ]

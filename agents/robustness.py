@@ -185,6 +185,8 @@ class Robustness:
     conditions : tuple of Condition
     over_reference, over_base : dict
         `Gain` by condition and agent.
+    idle : dict
+        Sentences on agents under which the turbine made no power without a reason, by condition.
     """
 
     settings: dict[str, Any]
@@ -193,6 +195,7 @@ class Robustness:
     conditions: tuple[Condition, ...]
     over_reference: dict[str, dict[str, Gain]]
     over_base: dict[str, dict[str, Gain]]
+    idle: dict[str, list[str]] = field(default_factory=dict)
 
     def kept(self, condition: str, agent: str) -> float | None:
         """Share of the nominal gain over the base controller that is left; None where there was none."""
@@ -210,6 +213,7 @@ class Robustness:
             "conditions": {one.name: one.arguments.get("variation", one.arguments) for one in self.conditions},
             "over_reference": {c: {a: asdict(g) for a, g in of.items()} for c, of in self.over_reference.items()},
             "over_base": {c: {a: asdict(g) for a, g in of.items()} for c, of in self.over_base.items()},
+            "idle": self.idle,
             "kept": {
                 one.name: {a: self.kept(one.name, a) for a in self.over_base[one.name]} for one in self.conditions
             },
@@ -235,6 +239,7 @@ class Robustness:
                 ]
                 lines.append(f"| {' | '.join(cells)} |")
             lines.append("")
+        lines += [f"{condition}: {sentence}" for condition, found in self.idle.items() for sentence in found]
         return "\n".join(lines)
 
 
@@ -327,6 +332,7 @@ def run_robustness(
     reference = next(iter(given))
     over_reference: dict[str, dict[str, Gain]] = {}
     over_base: dict[str, dict[str, Gain]] = {}
+    idle: dict[str, list[str]] = {}
     for one in conditions:
         if told is not None:
             told(one)
@@ -335,6 +341,7 @@ def run_robustness(
             folder=folder / one.name, overwrite=overwrite, allow_other_environment=allow_other_environment,
             executor=executor, progress=progress,
         )  # fmt: skip
+        idle[one.name] = list(found.idle_sentences.values())
         metrics = _metrics(found, config)
         over_reference[one.name] = {name: _gain(metrics, name, reference) for name in given if name != reference}
         over_base[one.name] = {name: _gain(metrics, name, base) for name, base in shown.items() if base is not None}
@@ -343,7 +350,7 @@ def run_robustness(
         "winds": [asdict(wind) for wind in config.winds], "duration": config.duration, "skip": config.skip,
         "cost": COST_TASK,
     }  # fmt: skip
-    result = Robustness(settings, reference, shown, tuple(conditions), over_reference, over_base)
+    result = Robustness(settings, reference, shown, tuple(conditions), over_reference, over_base, idle)
     write_text_whole(folder / RESULTS_FILE, json.dumps(result.to_json(), indent=1, default=str) + "\n")
     write_text_whole(folder / TABLE_FILE, result.to_markdown())
     return result

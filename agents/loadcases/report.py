@@ -14,7 +14,7 @@ from plotly.subplots import make_subplots
 from wt_gym.agents.loadcases.cases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
 from wt_gym.agents.loadcases.results import CLEARANCE, PARKED, SPEED
 from wt_gym.agents.loadcases.study import RUNS_FOLDER, TABLE_FILE
-from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.metrics import METRICS, idle_sentence
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.plots import agent_styles, style, titles_at_left
 from wt_gym.analysis.report_page import (
@@ -97,7 +97,17 @@ def load_case_tables(results: LoadCaseResults) -> list[str]:
         if not CASES[case].fatigue:
             cells = [_cell(results, case, agent, key) for key in _EXTREMES]
             lines.append(f"| {case} | {agent} | {_survival(results, case, agent)} | {' | '.join(cells)} |")
-    return lines + _lifetime_lines(results)
+    return lines + _lifetime_lines(results) + _idle_lines(results)
+
+
+def _idle_lines(results: LoadCaseResults) -> list[str]:
+    """Sentences on agents under which the turbine made no power without a reason."""
+    lines = []
+    for agent in results.agents:
+        runs = [run for case in results.cases for run in results.runs.get((case, agent), [])]
+        lines.append(idle_sentence(agent, ((run.condition.name, run.result.get("idle_time", 0.0)) for run in runs)))
+    sentences = [line for line in lines if line is not None]
+    return ["", *sentences] if sentences else []
 
 
 def _lifetime_lines(results: LoadCaseResults) -> list[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.agents.loadcases.cases import EVENT, SKIP, inflow_of
-from wt_gym.analysis.metrics import run_metrics
+from wt_gym.analysis.metrics import idle_time, run_metrics
 from wt_gym.control import Demand
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import SimulationError
@@ -59,8 +59,9 @@ def run_agent(env: gym.Env, agent: Agent, condition: Condition) -> dict[str, Any
     -------
     dict
         JSON values: ``ending`` ("time", "stopped", or why the episode was terminated), ``failure`` (message or None),
-        ``time`` [s], ``extremes`` (`EXTREMES`) and ``fatigue`` after the skipped start, None where there was nothing to
-        measure, ``unloaded_clearance`` [m], and ``trace``: signals of a transient.
+        ``time`` [s], ``idle_time`` (`wt_gym.envs.idling.IdleClock.total`) [s], ``extremes`` (`EXTREMES`) and
+        ``fatigue`` after the skipped start, None where there was nothing to measure, ``unloaded_clearance`` [m], and
+        ``trace``: signals of a transient.
     """
     plain = turbine_env_of(env)
     options = {
@@ -117,7 +118,7 @@ def _nothing(failure: str | None) -> dict[str, Any]:
     """Result of a run that could not start."""
     return {
         "ending": "failure", "failure": failure, "time": 0.0, "extremes": None, "fatigue": None,
-        "unloaded_clearance": None, "trace": None,
+        "idle_time": 0.0, "unloaded_clearance": None, "trace": None,
     }  # fmt: skip
 
 
@@ -129,6 +130,7 @@ def _result(
     result = _nothing(failure) | {
         "ending": ending,
         "time": float(time[-1]),
+        "idle_time": idle_time(data),
         "unloaded_clearance": unloaded_clearance(turbine),
     }
     if time[-1] >= SKIP + _LEAST_MEASURED:

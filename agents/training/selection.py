@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.wind_sampler import WindSampler
 
+_log = logging.getLogger(__name__)
 __all__ = ["FIGURES", "SELECTION_WIND_SEEDS", "SelectionEvaluation"]
 
 if not TYPE_CHECKING:  # which would take every name for one of this module
@@ -91,7 +93,11 @@ class SelectionEvaluation:
 
 def _run(agent: str | Agent, config: EvaluationConfig) -> list[dict[str, Any]]:
     """Return and metrics of an agent in every wind."""
-    return [_figures(run) for run in evaluate({"agent": agent}, config, progress=False).runs]
+    name = agent if isinstance(agent, str) else "agent"
+    evaluation = evaluate({name: agent}, config, progress=False)
+    for sentence in evaluation.idle_sentences.values():
+        _log.warning(sentence)
+    return [_figures(run) for run in evaluation.runs]
 
 
 def _winds(config: TrainingConfig, wind: WindSampler) -> tuple[Wind, ...]:

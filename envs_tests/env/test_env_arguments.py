@@ -13,6 +13,7 @@ from wt_gym.envs.options import env_arguments
 from wt_gym.envs.options.variation import CHOICES, RANGES
 from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import InflowError, WtGymError
 from wt_gym.turbines import load_turbine
@@ -138,10 +139,26 @@ def test_memory_of_the_sensors_has_an_end(given, message):
 
 def test_an_unknown_argument_is_told_with_the_one_it_resembles():
     for make in (gym.make, gym.make_vec):
-        with pytest.raises(TypeError, match=r"no argument 'wind_sped'; did you mean 'wind_speed'\? Its arguments are"):
+        words = r"got an unexpected keyword argument 'wind_sped'; did you mean 'wind_speed'\? Its arguments are"
+        with pytest.raises(TypeError, match=words):
             make("wt_gym/NREL5MW-Steady-v1", wind_sped=8.0)
-    with pytest.raises(TypeError, match=r"no argument 'color'\. Its arguments are turbine, .*, residual_washout"):
+    with pytest.raises(TypeError, match=r"argument 'color'\. Its arguments are turbine, .*, residual_washout"):
         gym.make("wt_gym/NREL5MW-Steady-v1", color=8.0)
+
+
+def test_an_unknown_argument_is_refused_in_the_words_of_python():
+    """TorchRL tries ``frameskip`` and takes it back where the message has these words."""
+
+    def function(frames):
+        """Take another argument."""
+
+    with pytest.raises(TypeError) as of_python:
+        function(frameskip=1)
+    words = str(of_python.value)[str(of_python.value).index("got an") :]
+    for make in (WindTurbineEnv, WindTurbineVectorEnv):
+        with pytest.raises(TypeError) as ours:
+            make(frameskip=1)
+        assert words in str(ours.value)
 
 
 def test_one_group_can_be_named_alone():

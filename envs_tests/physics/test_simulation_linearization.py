@@ -269,6 +269,35 @@ def test_campbell_diagram(simulator, tmp_path):
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
 
+@pytest.mark.parametrize(
+    ("name", "highest"),
+    [("nrel_5mw", 1.1), ("nrel_5mw", 1.2), pytest.param("iea_15mw", 1.2, marks=pytest.mark.slow)],
+)
+def test_branches_have_the_names_of_the_modes_where_these_are_clear(name, highest):
+    """Above rated speed the two first modes of the tower mix and swap their names, and so did whole branches."""
+    simulator = Simulator(name, inflow=SteadyInflow(18.0))
+    speeds = np.linspace(0.0, highest, 6) * simulator.turbine.drivetrain.rated_rotor_speed
+    diagram = campbell(simulator, rotor_speeds=speeds)
+    assert len(set(diagram.names)) == len(diagram.names)
+    clear = []
+    for k, speed in enumerate(speeds[:3]):
+        model = simulator.linearize(rotor_speed=speed, aerodynamics="none", generator="locked", multiblade=True)
+        for mode in model.modes():
+            if mode.participation.get(mode.name, 0.0) > 0.9:
+                clear.append((k, mode.name))
+                assert diagram.frequency[diagram.names.index(mode.name), k] == pytest.approx(mode.frequency, rel=1e-9)
+    assert {(0, "side_side_1"), (0, "fore_aft_1"), (1, "side_side_1"), (1, "fore_aft_1")} <= set(clear)
+
+
+def test_first_tower_modes_at_standstill_are_those_of_elastodyn():
+    """FAST has 0.3120 Hz side-side and 0.3240 Hz fore-aft, ADAMS 0.3164 and 0.3195 Hz: TP-500-38060, table 9-1."""
+    diagram = campbell(Simulator("nrel_5mw", inflow=SteadyInflow(18.0)), rotor_speeds=np.array([0.0, 13.3]) * RPM)
+    side_side, fore_aft = (diagram.frequency[diagram.names.index(n), 0] for n in ("side_side_1", "fore_aft_1"))
+    assert side_side == pytest.approx(0.3120, rel=0.01)
+    assert fore_aft == pytest.approx(0.5 * (0.3240 + 0.3195), rel=0.03)
+    assert side_side < fore_aft
+
+
 def test_campbell_over_wind_follows_the_schedule(simulator):
     schedule = {8.0: SimpleNamespace(rotor_speed=9.16 * RPM, pitch=0.0),
                 18.0: SimpleNamespace(rotor_speed=RATED, pitch=np.radians(14.92))}  # fmt: skip

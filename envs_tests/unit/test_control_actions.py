@@ -3,11 +3,15 @@
 import math
 from dataclasses import replace
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.wrappers import RescaleAction
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from wt_gym.control import ActionMap, Demand, torque_curve
-from wt_gym.control.actions import AgentSetpoint
+from wt_gym.control.actions import ROUNDING, AgentSetpoint
 from wt_gym.errors import ActionError
 from wt_gym.turbines import load_turbine
 
@@ -262,8 +266,29 @@ def test_bad_actions_are_refused_with_the_value(turbine, action, message):
         ActionMap(turbine, DT).validate(action)
 
 
-def test_rounding_beyond_one_is_put_on_one(turbine):
-    np.testing.assert_array_equal(ActionMap(turbine, DT).validate([1.0 + 5e-7, -1.0 - 5e-7, 0.0]), [1.0, -1.0, 0.0])
+def test_rounding_beyond_one_is_put_on_one_and_no_more(turbine):
+    action_map = ActionMap(turbine, DT)
+    for beyond in (5e-7, 0.999 * ROUNDING):
+        np.testing.assert_array_equal(action_map.validate([1.0 + beyond, -1.0 - beyond, 0.0]), [1.0, -1.0, 0.0])
+    for beyond in (1.001 * ROUNDING, 1e-4):
+        with pytest.raises(ActionError, match="within"):
+            action_map.validate([1.0 + beyond, 0.0, 0.0])
+
+
+@settings(deadline=None)
+@given(end=st.floats(1e-3, 1e4), ratio=st.floats(0.5, 256.0), negative=st.booleans())
+def test_rescale_action_takes_the_ends_of_any_range(turbine, end, ratio, negative):
+    """Ranges whose distance from zero is up to 256 times their width (`ROUNDING`); float32 as in any policy."""
+    far, near = np.float32(end), np.float32(end - end / ratio)
+    low, high = (-far, -near) if negative else (near, far)
+    assume(max(abs(low), abs(high)) <= 256.0 * (high - low))
+    env = gym.Env()
+    env.action_space = gym.spaces.Box(-1.0, 1.0, (3,), np.float32)
+    scaled = RescaleAction(env, low, high)
+    for limit, wanted in ((scaled.action_space.low, -1.0), (scaled.action_space.high, 1.0)):
+        action = ActionMap(turbine, DT).validate(scaled.action(limit))
+        np.testing.assert_allclose(action, np.full(3, wanted), rtol=0.0, atol=ROUNDING)
+        assert np.abs(action).max() <= 1.0
 
 
 @pytest.mark.parametrize(

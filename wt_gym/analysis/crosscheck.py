@@ -183,4 +183,5 @@ class Crosscheck:
                 for each in self.evaluations
             ],
             "sample_correlation": samples,
+            "idle": [list(each.idle_sentences.values()) for each in self.evaluations],
         }

@@ -74,6 +74,8 @@ def tables(content: dict[str, Any]) -> str:
     lines += ["", "Correlation sample by sample, mean over the winds.", "", *_heading(["agent", *SERIES])]
     for agent in (baseline, *agents):
         lines.append(_line([agent, *(_number(content["sample_correlation"][agent][name]) for name in SERIES)]))
+    for simulator, sentences in zip(content["simulators"], content.get("idle", ()), strict=False):
+        lines += ["", *(f"In {simulator} {sentence}" for sentence in sentences)] if sentences else []
     lines += ["", f"{baseline}, mean over all winds.", "", *_heading(["simulator", *map(_labeled, COMPARED)])]
     for name, metrics in zip((first, second), content["baseline_metrics"], strict=True):
         lines.append(_line([name, *(format_value(key, metrics[key]) if key in metrics else "" for key in COMPARED)]))

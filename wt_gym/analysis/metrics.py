@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["BLADE_EXPONENT", "LIMIT_METRICS", "METRICS", "TOWER_EXPONENT", "TRACKING_METRICS", "Metric",
-           "damage_equivalent_load", "measured_metrics", "run_metrics"]  # fmt: skip
+__all__ = [
+    "BLADE_EXPONENT", "IDLE_ATTRIBUTE", "LIMIT_METRICS", "METRICS", "TOWER_EXPONENT", "TRACKING_METRICS", "Metric",
+    "damage_equivalent_load", "idle_sentence", "idle_time", "measured_metrics", "run_metrics",
+]  # fmt: skip
 
 BLADE_EXPONENT = 10.0
 """Woehler exponent of the composite blade root."""
@@ -33,6 +35,9 @@ TOWER_EXPONENT = 4.0
 
 _ROTOR_TIME = 5.0
 """Time constant with which the available power is smoothed [s]."""
+
+IDLE_ATTRIBUTE = "idle_time_s"
+"""Attribute of recorded signals: `wt_gym.envs.idling.IdleClock.total` [s]."""
 
 TOWER_DIRECTIONS = 12
 """Directions over half a turn in which the bending of the tower base is looked at."""
@@ -114,6 +119,31 @@ def measured_metrics(tables: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
     groups = (TRACKING_METRICS, LIMIT_METRICS)
     absent = {key for keys in groups if not any(keys[0] in table for table in found) for key in keys}
     return tuple(key for key in METRICS if key not in absent)
+
+
+def idle_time(run: xr.Dataset) -> float:
+    """Time of a recorded run in which the turbine made no power without a reason [s]; 0 where it was not recorded."""
+    return float(run.attrs.get(IDLE_ATTRIBUTE, 0.0))
+
+
+def idle_sentence(agent: str, spells: Iterable[tuple[str, float]]) -> str | None:
+    """Sentence on runs in which a turbine made no power, None where there are none.
+
+    Parameters
+    ----------
+    agent : str
+        Name of the agent or controller.
+    spells : iterable of (str, float)
+        Name of the wind, and `idle_time` of the run [s].
+    """
+    cases = [f"{time:.0f} s in {wind}" for wind, time in spells if time > 0.0]
+    if not cases:
+        return None
+    more = f" and in {len(cases) - 4} more winds" if len(cases) > 4 else ""
+    return (
+        f"{agent} made no power for {', '.join(cases[:4])}{more}, although the wind was above cut-in and nothing had "
+        "stopped the turbine."
+    )
 
 
 def damage_equivalent_load(signal: NDArray[np.float64], duration: float, exponent: float) -> float:

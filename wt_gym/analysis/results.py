@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from wt_gym.analysis.lifetime import WindClimate
-from wt_gym.analysis.metrics import METRICS, measured_metrics
+from wt_gym.analysis.metrics import METRICS, idle_sentence, idle_time, measured_metrics
 from wt_gym.analysis.replay import Replay
 from wt_gym.files import whole_file, write_netcdf_whole, write_text_whole
 
@@ -239,6 +239,13 @@ class Evaluation:
         tables = [run.metrics for run in self.runs_of(agent) if speed in (None, run.wind.speed)]
         shared = [key for key in tables[0] if all(key in table for table in tables)]
         return {key: float(_COMBINE[METRICS[key].over_winds]([table[key] for table in tables])) for key in shared}
+
+    @property
+    def idle_sentences(self) -> dict[str, str]:
+        """Sentences on agents under which the turbine made no power without a reason, by name."""
+        spells = {a: [(run.wind.name, idle_time(run.data)) for run in self.runs_of(a)] for a in self.agents}
+        sentences = {agent: idle_sentence(agent, times) for agent, times in spells.items()}
+        return {agent: sentence for agent, sentence in sentences.items() if sentence is not None}
 
     @property
     def _measured(self) -> tuple[str, ...]:

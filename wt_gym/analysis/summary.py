@@ -300,7 +300,8 @@ def summarize(evaluation: Evaluation) -> list[str]:
     """
     paragraphs = [_baseline_paragraph(evaluation)]
     paragraphs += [_agent_paragraph(evaluation, a) for a in evaluation.agents if a != evaluation.baseline]
-    return [*paragraphs, *evaluation.notes.values(), _reach_paragraph(evaluation)]
+    notes = [*evaluation.notes.values(), *evaluation.idle_sentences.values()]
+    return [*paragraphs, *notes, _reach_paragraph(evaluation)]
 
 
 def _baseline_paragraph(evaluation: Evaluation) -> str:

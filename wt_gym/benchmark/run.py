@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.analysis.metrics import run_metrics
+from wt_gym.analysis.metrics import idle_time, run_metrics
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import rotor_inertia
@@ -136,7 +136,8 @@ def play(
     -------
     dict
         ``metrics`` (empty if the run ended before its time), ``ending`` (``"time"`` or why it was terminated),
-        ``failure``, ``duration`` [s], ``episode_return``, ``cost`` (sum), ``made_with`` and ``wall_seconds``.
+        ``failure``, ``duration`` [s], ``episode_return``, ``cost`` (sum), ``idle_time`` [s]
+        (`wt_gym.envs.idling.IdleClock.total`), ``made_with`` and ``wall_seconds``.
     """
     began = time.monotonic()
 
@@ -158,6 +159,7 @@ def play(
             "duration": found.time,
             "episode_return": found.episode_return,
             "cost": found.cost,
+            "idle_time": idle_time(found.data),
             "made_with": _software_versions(),
             "wall_seconds": round(time.monotonic() - began, 1),
         }

@@ -28,6 +28,7 @@ from wt_gym.commands.engine_options import add_engine_options, add_model_options
 from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, stoppable, user_errors
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from typing import Any
 
     from wt_gym.agents.benchmark_runs import Entry
@@ -152,9 +153,23 @@ def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     ]
 
 
+def idle_lines(results: Iterable[dict[str, Any]]) -> list[str]:
+    """Sentences on agents under which the turbine made no power without a reason."""
+    from wt_gym.analysis.metrics import idle_sentence
+
+    spells: dict[str, list[tuple[str, float]]] = {}
+    for result in results:
+        definition = result["definition"]
+        seed = definition["wind"].get("seed")
+        wind = f"{definition['wind']['speed']:g} m/s" + ("" if seed is None else f", seed {seed}")
+        spell = f"{wind} of {definition['task']}", result.get("idle_time", 0.0)
+        spells.setdefault(result["agent"], []).append(spell)
+    return [line for agent, times in spells.items() if (line := idle_sentence(agent, times)) is not None]
+
+
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run agents."""
-    from wt_gym.agents.benchmark_runs import entries_of, jobs_of, run_jobs
+    from wt_gym.agents.benchmark_runs import definition_of, entries_of, jobs_of, run_jobs
     from wt_gym.agents.names import with_model_options
     from wt_gym.benchmark import ResultFolder
 
@@ -162,9 +177,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     jobs = jobs_of(tasks, entries_of(with_model_options(arguments.agents, arguments.algo, arguments.trust)))
     for line in warnings_of_scores(tasks):
         print(f"warning: {line}", file=sys.stderr, flush=True)
+    folder = ResultFolder(arguments.out)
     with executor_of(arguments) as executor:
-        made = run_jobs(jobs, ResultFolder(arguments.out), executor)
+        made = run_jobs(jobs, folder, executor)
     print(f"{made} runs made, {len(jobs) - made} were there")
+    print("".join(f"{line}\n" for line in idle_lines(folder.read(definition_of(job)) for job in jobs)), end="")
     print(f"scores: wt-gym benchmark table {arguments.out}")
     return {"runs": len(jobs), "made": made, "folder": str(arguments.out)}
 
@@ -184,7 +201,7 @@ def table(arguments: argparse.Namespace) -> dict[str, Any]:
     write_text_whole(arguments.folder / "leaderboard.json", json.dumps(board, indent=1) + "\n")
     if arguments.page is not None:
         write_text_whole(arguments.page, into_page(text, arguments.page.read_text(encoding="utf-8")))
-    print(text)
+    print("\n".join([text, *idle_lines(results)]))
     return board
 
 

@@ -59,12 +59,15 @@ def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.N
 def show(runs: list[ControllerRuns], as_json: bool) -> None:
     """Print the table of the winds in which every controller has run, and what failed."""
     from wt_gym.agents.comparison import in_all_winds, table
+    from wt_gym.analysis.metrics import idle_sentence
 
     runs = in_all_winds(runs)
     print(table(runs))
     for run in runs:
         for case, message in run.failures.items():
             print(f"{run.name} in {case}: {message}")
+        if sentence := idle_sentence(run.name, ((case.name, time) for case, time in run.idle.items())):
+            print(sentence)
     if as_json:
         rows = [
             {"controller": r.name, "wind_speed": c.wind_speed, "seed": c.seed, **m}

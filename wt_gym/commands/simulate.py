@@ -228,6 +228,7 @@ def main(words: list[str] | None = None) -> None:
     hint = "what was simulated is written" if arguments.out else "nothing was to be written"
     with user_errors(), stoppable(hint):
         check(arguments)
+        from wt_gym.analysis.metrics import idle_sentence, idle_time
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
@@ -247,9 +248,13 @@ def main(words: list[str] | None = None) -> None:
             start = time.perf_counter()
             recorder = simulate(arguments, turbine, speed)
             wall = time.perf_counter() - start
-            rows.append(means(recorder.to_dataset(), turbine.n_blades, means_of[number], arguments.average))
+            data = recorder.to_dataset()
+            rows.append(means(data, turbine.n_blades, means_of[number], arguments.average))
             line = "  ".join(f"{rows[-1][key]:{width}.{digits}f}" for key, _, _, width, digits in COLUMNS)
             print(("\r" if sys.stderr.isatty() else "") + line + f"   {arguments.duration / wall:.0f}", flush=True)
+            wind = f"{speed:g} m/s" if isinstance(speed, float) else _label(speed)
+            if sentence := idle_sentence("The baseline controller", [(wind, idle_time(data))]):
+                print(sentence, flush=True)
             if arguments.out:
                 print(f"signals: {file_of(arguments, speed)}", flush=True)
     if arguments.json:

@@ -34,8 +34,13 @@ COMPONENTS = ("pitch", "yaw", "torque", "set_point")
 SPANS = (
     "pitch", "pitch_mean", "pitch_rate", "yaw_rate", "torque", "torque_rate", "set_point", "set_point_rate",
 )  # fmt: skip
-# An action may leave [-1, 1] by float32 rounding of a policy's output, by no more.
-_ROUNDING = 1e-6
+ROUNDING = 2.0**-14
+"""By which an action may leave [-1, 1]: rounding of float32, no more.
+
+A wrapper that takes actions in [low, high], as Gymnasium's `RescaleAction`, computes (x - c) / g with
+g = (high - low) / 2 and c = low + g. With m = max(|low|, |high|), float32 holds x and c to 2^-24 m each. Divided by g,
+both together are 2^-22 m / (high - low). The bound is that of ranges whose distance from zero is 256 times their width.
+"""
 CYCLIC = math.radians(4.0)
 """Greatest pitch in tilt and yaw, and greatest residual pitch [rad]."""
 RESIDUAL_PITCH_RATE = math.radians(1.5)
@@ -359,7 +364,8 @@ class ActionMap:
         Returns
         -------
         numpy.ndarray, shape (size,)
-            A copy; values beyond the bounds by rounding (1e-6) are put on them.
+            A copy; values beyond the bounds by rounding (`ROUNDING`, 6.1e-5) are put on them exactly. Nothing farther
+            beyond is clipped.
 
         Raises
         ------
@@ -374,7 +380,7 @@ class ActionMap:
             raise ActionError(f"action must have shape ({self.size},) for {self.names}, got shape {values.shape}")
         numbers = values.tolist()
         # The comparison is written so that NaN fails it.
-        refused = [i for i, value in enumerate(numbers) if not abs(value) <= 1.0 + _ROUNDING]
+        refused = [i for i, value in enumerate(numbers) if not abs(value) <= 1.0 + ROUNDING]
         if refused:
             wrong = ", ".join(f"{self.names[i]} (component {i}) = {values[i]}" for i in refused)
             raise ActionError(f"action components must be finite and within [-1, 1], got {wrong}")

@@ -41,7 +41,8 @@ Positive pitch feathers; positive yaw is counter-clockwise seen from above, whic
 without yaw drive (greatest yaw rate 0) has no yaw component, one whose generator is a damper no torque component.
 Within a control step demands move evenly, and stop at the limits of the turbine; drives, with their own dynamics
 and greatest rates, follow the demands. An action that is not finite, of another shape or beyond [-1, 1] by more
-than rounding raises `wt_gym.errors.ActionError`, leaves the state unchanged, and the episode can continue.
+than rounding of float32 (`wt_gym.control.actions.ROUNDING`, which is put on the bound exactly) raises
+`wt_gym.errors.ActionError`, leaves the state unchanged, and the episode can continue.
 ``env.unwrapped.layout.action.table()`` has the numbers of every choice.
 
 ## Observation space
@@ -182,12 +183,13 @@ Truncated: ``episode_length`` is over. Either way the environment can be reset a
 
 ``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
 ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
-control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and for
-constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`); with a dial,
-``dial`` (dict of the present factors). After a reset with a ``variation``, ``variation`` (dict of what was drawn),
-with ``fault_kinds``, ``fault`` (dict). With a ``power_reference``, ``demanded_power`` [W]; with a voltage dip,
-``grid_voltage`` over nominal;
-with a supervisor, ``state`` (text, of `wt_gym.control.controllers.STATES`).
+control step and all blades), ``idle_time`` [s], for which the turbine has made no power although the wind over the
+rotor lies between cut-in and cut-out and nothing has stopped it (`wt_gym.envs.idling`), ``reward_terms`` (dict,
+after a step), ``saturated`` (tuple of channel names), and for constrained learning, after a step, ``cost``, the sum
+of ``costs`` (dict, see `wt_gym.envs.costs`); with a dial, ``dial`` (dict of the present factors). After a reset with
+a ``variation``, ``variation`` (dict of what was drawn), with ``fault_kinds``, ``fault`` (dict). With a
+``power_reference``, ``demanded_power`` [W]; with a voltage dip, ``grid_voltage`` over nominal; with a supervisor,
+``state`` (text, of `wt_gym.control.controllers.STATES`).
 ``env.unwrapped.signals`` has every signal of the simulator.
 """
 """What an agent must know: actions, observations, reward, start, end, info."""

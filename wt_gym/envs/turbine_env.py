@@ -23,10 +23,12 @@ from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs import rewards
 from wt_gym.envs.arguments import check_whole_steps, shown
 from wt_gym.envs.costs import Costs
+from wt_gym.envs.description import describe
 from wt_gym.envs.dial import DialCourse, DialDraws, dialed
 from wt_gym.envs.ending import EpisodeLength, Limits, registered_limit, standstill_limit, tip_clearance
 from wt_gym.envs.episode_start import Beginning, EpisodeStarts
 from wt_gym.envs.fault_draws import ICED, FaultDraws
+from wt_gym.envs.idling import IdleClock
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.manual import manual
 from wt_gym.envs.observable import DEFAULT_GROUPS, RESIDUAL_GROUPS
@@ -76,7 +78,7 @@ if TYPE_CHECKING:
 __all__ = ["WindTurbineEnv", "turbine_env_of"]
 
 # What an episode remembers beside the turbine in operation, the sensors and the random numbers
-_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed", "_dial")
+_KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed", "_dial", "idle")
 
 
 class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -147,6 +149,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             self._draws,
         )  # fmt: skip
         self._costs = Costs(self.turbine, self.control_dt, limits.overspeed, limits.costs)
+        self.idle = IdleClock(self.turbine)
         self.layout = EnvLayout(
             self.turbine, observer.layout, action, self.control_dt, late, observer.lidar, observer.washed
         )
@@ -289,6 +292,13 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         return (
             f"<{type(self).__name__}: {self.turbine.name}, {self.wind.label}, {fidelity} fidelity, {self.layout.sizes}>"
         )
+
+    def __str__(self) -> str:
+        return describe(self, self.spec)
+
+    def __format__(self, spec: str) -> str:
+        """Name and id in one line: wrappers of Gymnasium put what they enclose into an f-string."""
+        return format(super().__str__(), spec)
 
     aim = renamed_attribute("aim", "setpoint")  # rename: keep
 
@@ -468,6 +478,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         operation.begin(beginning)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running, self._failed = 0, True, False
+        self.idle.start()
         self._dial = beginning.dial if self.dials is not None else None
         instruments = operation.instruments
         self._observer.reset(self._situation(), start.trail, None if instruments is None else instruments.offset)
@@ -520,6 +531,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
         inflow, reference = operation.wind.inflow, operation.reference
         demanded = None if reference is None else reference.at(after["time"])
+        if not self.wind.parks:
+            self.idle.advance(after, dt, inflow, operation.controller, operation.faults, demanded)
         transition = rewards.Transition(
             self.turbine, before, after, dt, inflow=inflow, action=values, demanded_power=demanded
         )
@@ -598,6 +611,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             "rotor_speed": signals["rotor_speed"],
             "rotor_speed_max": signals["rotor_speed_max"],
             "tip_clearance_min": clearance,
+            "idle_time": self.idle.time,
             "saturated": saturated,
         }
         if (voltage := self.operation.grid_voltage) is not None:

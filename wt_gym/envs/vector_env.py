@@ -16,6 +16,7 @@ from gymnasium.vector.utils import batch_space
 
 from wt_gym.blas_threads import one_blas_thread
 from wt_gym.envs.arguments import shown
+from wt_gym.envs.description import describe
 from wt_gym.envs.options.environment import options_of, plain_spec
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import did_you_mean
@@ -105,6 +106,13 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.num_envs} of {self.envs[0]!r}>"
+
+    def __str__(self) -> str:
+        return describe(self.envs[0], self.spec, self.num_envs)
+
+    def __format__(self, spec: str) -> str:
+        """In one line: wrappers of Gymnasium put what they enclose into an f-string."""
+        return format(repr(self), spec)
 
     @property
     def spec(self) -> EnvSpec | None:

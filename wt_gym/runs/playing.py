@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.analysis.metrics import IDLE_ATTRIBUTE
 from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.control import Demand
 from wt_gym.control.controllers import checked_demand, make_controller, readings_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.episode import episode_steps
+from wt_gym.envs.idling import IdleClock
 from wt_gym.envs.rewards import available_power
 from wt_gym.envs.rewards.power import DiscWind
 from wt_gym.envs.turbine_env import turbine_env_of
@@ -133,6 +135,7 @@ def play(
             on_step(step)
         if count == most:
             break
+    recorder.attributes[IDLE_ATTRIBUTE] = plain.idle.total
     return Episode(
         _with_demanded(recorder.to_dataset(), asked), float(info["time"]), info.get("termination", "time"),
         info.get("failure"), float(total), terms, float(cost), costs, count,
@@ -225,6 +228,7 @@ def run_controller(
     recorder = Recorder(simulator) if recorder is None else recorder
     recorder.attributes |= {"controller": name, "control_interval_s": dt}
     recorder.append(signals)
+    idle, faults = IdleClock(simulator.turbine), simulator.faults
     for _ in range(round(duration / dt)):
         demand = controller.step(readings_of(controller, signals, inflow, *where), dt)
         demand = checked_demand(demand, controller, n_blades)
@@ -232,6 +236,8 @@ def run_controller(
             dt, pitch=demand.pitch, yaw_rate=demand.yaw_rate, generator_torque=demand.generator_torque
         )
         recorder.append(signals)
+        idle.advance(signals, dt, inflow, controller, faults)
+        recorder.attributes[IDLE_ATTRIBUTE] = idle.total
         if on_step is not None:
             on_step(signals)
     return recorder

@@ -195,6 +195,11 @@ class RoscoController(BladedController):
         """
         return self._derate is None and self._start_stop is None
 
+    @property
+    def in_production(self) -> bool:
+        """Whether it never stops the turbine: with ``start_stop`` the library does not tell its stages."""
+        return self._start_stop is None
+
     def runs_in(self, wind: float) -> bool:
         """Whether a turbine runs in a mean wind [m/s] at a start: with ``start_stop`` from cut-in to cut-out.
 

@@ -288,6 +288,11 @@ class Supervisor:
         return STATES[self.state_index]
 
     @property
+    def in_production(self) -> bool:
+        """Whether the demand is that of the base controller, as it is or held back."""
+        return self.state_index in (_PRODUCTION, _SOFT)
+
+    @property
     def lidar(self) -> Lidar | None:
         """Lidar of the base, None if it has none."""
         return lidar_of(self.base)
@@ -300,7 +305,7 @@ class Supervisor:
     @property
     def agent_share(self) -> float:
         """Share of an agent's residual pitch and torque that acts [-]: `load` in production, none in other states."""
-        return self.load if self.state_index in (_PRODUCTION, _SOFT) else 0.0
+        return self.load if self.in_production else 0.0
 
     def acting_offset(self, asked: float) -> float:
         """Offset of the set point of the speed [-] within what acts in the present mean wind."""

@@ -289,7 +289,8 @@ def flat_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     TypeError
-        If there is no such argument; the message names the one that it resembles.
+        If there is no such argument, in Python's words for an unexpected keyword argument; the message names the one
+        that it resembles.
     ValueError
         If a group is neither an object nor a mapping of its options, or something is given twice.
     """
@@ -299,9 +300,9 @@ def flat_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
         if name == _ID or (name in GROUPS and not (name == _BASE and not _is_group(value))):
             continue
         if name not in known:
-            raise TypeError(
-                f"the environment has no argument {name!r}{did_you_mean(name, known, '.')} Its arguments are "
-                f"{', '.join(known)}"
+            raise TypeError(  # in Python's words: tools that try arguments, as TorchRL does, look for them
+                f"the environment got an unexpected keyword argument {name!r}{did_you_mean(name, known, '.')} Its "
+                f"arguments are {', '.join(known)}"
             )
         flat[name] = value
     for title, group in GROUPS.items():

@@ -41,7 +41,7 @@ class CampbellDiagram:
     wind_speed, rotor_speed, pitch : arrays (n_points,)
         [m/s], [rad/s], collective pitch [rad].
     names : tuple of str
-        Modes, by their mean frequency.
+        Modes, by their mean frequency, each named where its participation is clearest.
     frequency, damping : arrays (n_modes, n_points)
         Damped frequency [Hz] and damping ratio [-]; NaN where a mode does not oscillate.
     turbine, description : str
@@ -188,32 +188,62 @@ def _whirl_names(modes: Iterable[Mode]) -> dict[str, Mode]:
     return table
 
 
-def _branches(tables: Sequence[Mapping[str, Mode]]) -> dict[str, list[Mode | None]]:
-    """Continue each mode of the last point towards the first; returns {branch name: [mode or None per point]}.
+def _branches(tables: Sequence[Mapping[str, Mode]]) -> list[list[tuple[str, Mode] | None]]:
+    """Continue each mode of the last point towards the first; returns {name and mode, or None, per point} per branch.
 
     Two modes of neighboring points belong together when each has no part in the other modes of its neighbor,
     |w₁·v₂| |w₂·v₁| = 1 with the dual vectors w; an equal name counts too, for a rotor at standstill mixes the modes.
     """
-    branches: dict[str, list[Mode | None]] = {name: [mode] for name, mode in tables[-1].items()}
+    branches: list[list[tuple[str, Mode] | None]] = [[one] for one in tables[-1].items()]
     for table in reversed(tables[:-1]):
-        old, new = list(branches), list(table)
-        score = np.zeros((len(old), len(new)))
-        for r, branch in enumerate(old):
-            known = branches[branch][0]
-            for c, name in enumerate(new):
-                if known is not None:
-                    mode = table[name]
-                    score[r, c] = abs(known.dual @ mode.shape) * abs(mode.dual @ known.shape) + 0.3 * (branch == name)
-        taken = dict(zip(*linear_sum_assignment(-score), strict=True))
-        length = len(branches[old[0]]) if old else 0
-        for r, branch in enumerate(old):
-            fits = r in taken and score[r, taken[r]] > 0.3
-            branches[branch].insert(0, table[new[taken[r]]] if fits else None)
-        continued = {new[c] for r, c in taken.items() if score[r, c] > 0.3}
-        for name in set(new) - continued:
-            label = name if name not in branches else f"{name} (2)"
-            branches[label] = [table[name]] + [None] * length
+        length, new = len(branches[0]) if branches else 0, list(table.items())
+        score = np.zeros((len(branches), len(new)))
+        for r, branch in enumerate(branches):
+            if branch[0] is not None:
+                before, known = branch[0]
+                score[r] = [
+                    abs(known.dual @ mode.shape) * abs(mode.dual @ known.shape) + 0.3 * (name == before)
+                    for name, mode in new
+                ]
+        pairs = {r: c for r, c in zip(*linear_sum_assignment(-score), strict=True) if score[r, c] > 0.3}
+        for r, branch in enumerate(branches):
+            branch.insert(0, new[pairs[r]] if r in pairs else None)
+        branches += [[one, *[None] * length] for c, one in enumerate(new) if c not in pairs.values()]
     return branches
+
+
+def _branch_names(branches: Sequence[Sequence[tuple[str, Mode] | None]]) -> list[str]:
+    """Name of each branch: that which its modes have where their coordinates are clearest; no name is given twice.
+
+    Where two frequencies come near each other, as those of a tower above rated speed, their modes mix and then swap
+    their names. The branch continues, and its name is that of its clear points, whose share is at least 0.9 of the
+    branch's greatest.
+    """
+    votes: list[dict[str, float]] = []
+    for branch in branches:
+        shares = [(name, _share(name, mode)) for name, mode in filter(None, branch)]
+        clear = 0.9 * max(share for _, share in shares)
+        votes.append({})
+        for name, share in shares:
+            votes[-1][name] = votes[-1].get(name, 0.0) + share * (share >= clear)
+    known = list(dict.fromkeys(name for vote in votes for name in vote))
+    score = np.array([[vote.get(name, 0.0) for name in known] for vote in votes])
+    names = {r: known[c] for r, c in zip(*linear_sum_assignment(-score), strict=True) if score[r, c] > 0.0}
+    taken = list(names.values())
+    for r, vote in enumerate(votes):  # pieces of a branch that was lost between two points
+        if r not in names:
+            wanted = max(vote, key=lambda name: vote[name])
+            taken.append(wanted)
+            names[r] = f"{wanted} ({taken.count(wanted)})"
+    return [names[r] for r in range(len(branches))]
+
+
+def _share(name: str, mode: Mode) -> float:
+    """Participation of the coordinates that a mode has its name from, see `_whirl_names`."""
+    base, _, part = name.rpartition(" ")
+    if part in ("regressive", "progressive"):
+        return mode.participation[f"{base}_cosine"] + mode.participation[f"{base}_sine"]
+    return mode.participation.get(name.replace(" collective", "_collective"), 0.0)  # "mode 7" has no coordinate
 
 
 def _assemble(
@@ -225,9 +255,9 @@ def _assemble(
     generator: str,
 ) -> CampbellDiagram:
     branches = _branches(tables)
-    names, nothing = list(branches), float("nan")
-    frequency = np.array([[m.frequency if m else nothing for m in branches[name]] for name in names])
-    damping = np.array([[m.damping if m else nothing for m in branches[name]] for name in names])
+    names, nothing = _branch_names(branches), float("nan")
+    frequency = np.array([[one[1].frequency if one else nothing for one in branch] for branch in branches])
+    damping = np.array([[one[1].damping if one else nothing for one in branch] for branch in branches])
     order = np.argsort(np.nanmean(frequency, axis=1))
     turbine = simulator.turbine
     words = {"none": "structure without air", "frozen_wake": "in operation, whole wake frozen"}
