@@ -1,5 +1,7 @@
 """The family of time integrators: stability, order, energy, rotations, drives, errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -25,7 +27,7 @@ from wt_gym.multibody.integrators.schemes import (
     make_integrator,
     method_of,
 )
-from wt_gym.multibody.integrators.stability import hamming_matrix
+from wt_gym.multibody.integrators.stability import hamming_matrix, predicted_growth
 from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
 from wt_gym.simulation import Fidelity
 from wt_gym.structure.flexible_body import FlexibleBody
@@ -353,6 +355,22 @@ def test_a_coupled_simulation_gets_what_its_fidelity_says(name):
         assert newton.difference is None
         assert newton.rough_tolerance == 100.0 * newton.tolerance
         np.testing.assert_array_equal(newton.scheme, entry.rule(fidelity.scheme_settings))
+
+
+@pytest.mark.parametrize(("phase", "count"), [(0.60, 3), (0.66, 3), (0.67, 4), (0.80, 4)])
+def test_three_structural_steps_are_taken_only_where_their_prediction_is_stable(phase, count):
+    """The interval of the air is 0.1 s; its three steps would do for an undamped mode up to 0.75 * 1.078."""
+    fidelity, highest = Fidelity(), phase / (0.1 / 3)
+    assert fidelity.substeps_for(0.1, highest) == count
+    assert replace(fidelity, coupling_iterations=3).substeps_for(0.1, highest) == 3
+    assert predicted_growth(highest * 0.1 / count, count, 3, 2) < 0.0
+    assert (predicted_growth(phase, 3, 3, 2) > 0.0) == (count == 4)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 4])
+def test_predictions_of_other_numbers_of_steps_are_stable_in_the_whole_range(steps):
+    growth = [predicted_growth(phase, steps, 3, 2) for phase in np.linspace(0.05, 0.8, 31)]
+    assert max(growth) < 1e-9
 
 
 class HilberHughesTaylor(ImplicitIntegrator):

@@ -11,8 +11,10 @@ from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOp
 from wt_gym.deprecated import renamed_arguments, renamed_attribute
 from wt_gym.errors import SimulationError, did_you_mean
 from wt_gym.fields import later_field
+from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
 from wt_gym.multibody.integrators.hamming import STARTERS
 from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, IntegratorEntry, SchemeSettings, integrator_name
+from wt_gym.multibody.integrators.stability import GROWTH, predicted_growth
 from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
 
 if TYPE_CHECKING:
@@ -332,12 +334,23 @@ class Fidelity:
     def substeps_for(self, time_step: float, highest: float | None) -> int:
         """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: no limit.
 
-        A quarter of what the integrator is stable for without damping is kept in reserve.
+        A quarter of what the integrator is stable for without damping is kept in reserve. Where the coupling of
+        structure and air begins with an uncorrected prediction, the number is one with which that is stable too
+        (`wt_gym.multibody.integrators.stability.predicted_growth`).
         """
         if highest is None:
             return math.ceil(time_step / self.max_substep - 1e-9)
         phase: float = RESERVE * INTEGRATORS[self.integrator].phase_limit(self.scheme_settings)
-        return math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
+        count = math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
+        while (
+            self._explicit
+            and self.coupling_iterations > 1
+            and count <= MOST_UNCORRECTED
+            and predicted_growth(highest * time_step / count, count, self.corrections, self.coupling_iterations)
+            > GROWTH
+        ):
+            count += 1
+        return count
 
 
 def _integrators(having: Callable[[IntegratorEntry], bool]) -> str:
