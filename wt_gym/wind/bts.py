@@ -61,10 +61,11 @@ def read(path: str | os.PathLike[str]) -> BtsContent:
     slope, offset = np.array(numbers[6::2]), np.array(numbers[7::2])
     if identifier not in (_NOT_PERIODIC, _PERIODIC):
         raise InflowError(f"{path} is not a .bts file: it starts with {identifier}, not {_NOT_PERIODIC} or {_PERIODIC}")
-    if min(n_z, n_y, n_times) < 2 or n_tower < 0 or not 0 <= n_characters <= len(data) - _HEADER.size:
+    longest = max(_MAX_DESCRIPTION, len(data) - _HEADER.size)
+    if min(n_z, n_y, n_times) < 2 or n_tower < 0 or not 0 <= n_characters <= longest:
         raise InflowError(
             f"{path} has an impossible header: {n_y} x {n_z} grid points (at least 2 x 2), {n_tower} tower points, "
-            f"{n_times} time steps (at least 2), {n_characters} characters of description (at most what the file has)"
+            f"{n_times} time steps (at least 2), {n_characters} characters of description (at most {longest})"
         )
     positive = [spacing_z, spacing_y, time_step, mean_speed, hub_height]
     if not np.isfinite(numbers).all() or min(positive) <= 0.0 or (slope == 0.0).any():
