@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -21,8 +22,18 @@ __all__ = [
 ]
 
 
+_NUMPY_SCALAR = re.compile(r"\bnp\.(?:\w+\(([^()]*)\)|(True|False)_)")
+"""Representation of a scalar of NumPy: np.float64(1.0), np.str_('a'), np.True_."""
+
+
 class WtGymError(Exception):
-    """Base class of every exception this package raises on purpose."""
+    """Base class of every exception this package raises on purpose.
+
+    Scalars of NumPy in the message read as plain numbers: 1.0 for np.float64(1.0).
+    """
+
+    def __init__(self, *args: object) -> None:
+        super().__init__(*(_NUMPY_SCALAR.sub(r"\1\2", a) if isinstance(a, str) else a for a in args))
 
 
 class TurbineDefinitionError(WtGymError, ValueError):

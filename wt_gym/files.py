@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = [
-    "json_values", "remove_partial", "require_writable", "whole_file", "write_netcdf_whole", "write_text_whole",
-    "write_whole",
+    "decoded_text", "json_values", "remove_partial", "require_writable", "whole_file", "write_netcdf_whole",
+    "write_text_whole", "write_whole",
 ]  # fmt: skip
 
 
@@ -120,3 +120,12 @@ def write_netcdf_whole(path: Path, data: xr.Dataset) -> None:
     The file is made in memory: the HDF5 library crashes the process where it finds no room on a disk.
     """
     write_whole(path, lambda file: file.write(data.to_netcdf(engine="h5netcdf")))
+
+
+def decoded_text(data: bytes) -> str:
+    """Return the text of a file, UTF-8 with or without its mark or else Latin-1, with the line ends of this system."""
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")

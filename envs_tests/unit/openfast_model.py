@@ -79,6 +79,10 @@ class Model:
         self.bend = np.zeros(blade.aero_station.size)
         self.density = turbine.air_density if release < 3 else quoted("default")
         self.coordinates = True
+        self.aerodyn = {
+            "TwrAero": "True", "AirDens": self.density, **({"TFinAero": "False"} if release >= 3 else {}),
+            "AFTabMod": 1, "InCol_Alfa": 1, "InCol_Cl": 2, "InCol_Cd": 3, "InCol_Cm": 4, "InCol_Cpmin": 0,
+        }  # fmt: skip
         self.tables = {}
 
     def write(self, folder):
@@ -151,10 +155,8 @@ class Model:
         tower, n = self.turbine.tower, len(self.turbine.blade.airfoils)
         drag = np.full(tower.diameter.size, tower.drag_coefficient)
         names = [(f'"af{i}.dat"' + (" AFNames - Airfoil file names" if i == 0 else ""),) for i in range(n)]
-        extra = [("TFinAero", "False")] if self.release >= 3 else []
         return lines("AERODYN", [
-            ("TwrAero", "True"), ("AirDens", self.density), *extra, ("InCol_Alfa", 1), ("InCol_Cl", 2), ("InCol_Cd", 3),
-            ("InCol_Cm", 4), ("InCol_Cpmin", 0), ("NumAFfiles", n), *names,
+            (RULE,), *self.aerodyn.items(), ("NumAFfiles", n), *names,
             *((f"ADBlFile({i + 1})", quoted("blade.dat")) for i in range(self.turbine.n_blades)),
             ("NumTwrNds", tower.diameter.size), ("TwrElev TwrDiam TwrCd",), ("(m) (m) (-)",),
             *rows(tower.base_height + tower.diameter_station, tower.diameter, drag),

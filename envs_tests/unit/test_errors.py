@@ -3,6 +3,7 @@
 import doctest
 
 import gymnasium as gym
+import numpy as np
 import pytest
 
 from wt_gym import errors
@@ -16,6 +17,7 @@ from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.drivetrain.faults import SensorBias
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.checks import fail
 from wt_gym.wind import SteadyInflow, wind_from
 
 STEADY = "wt_gym/NREL5MW-Steady-v1"
@@ -54,6 +56,13 @@ def test_the_name_that_was_meant_is_asked_for(case):
     with pytest.raises((WtGymError, ValueError, TypeError, KeyError, AttributeError)) as refused:
         call()
     assert f"; did you mean '{meant}'?" in str(refused.value)
+
+
+def test_messages_have_plain_numbers():
+    value = [np.float64(1.5), (np.int64(2), np.True_), {"a": np.str_("b")}, np.float32(-1e-5)]
+    assert str(errors.InflowError(f"got {value!r}")) == "got [1.5, (2, True), {'a': 'b'}, -1e-05]"
+    with pytest.raises(WtGymError, match=r"got \[1\.0, -2\.0\], must be"):
+        raise fail("table", [np.float64(1.0), np.float64(-2.0)], "positive numbers")
 
 
 def test_a_command_that_was_meant_is_asked_for(capsys):

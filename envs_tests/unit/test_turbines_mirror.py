@@ -12,7 +12,7 @@ from wt_gym.errors import TurbineDefinitionError
 from wt_gym.simulation.state import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.mirror import clockwise_image, mirrored
-from wt_gym.turbines.windio_writer import write_windio
+from wt_gym.turbines.windio_writer import require_same, write_windio
 
 CLOCKWISE = load_turbine("nrel_5mw")
 OTHER = load_turbine("nrel_5mw", rotation="counter-clockwise")
@@ -56,9 +56,11 @@ def test_a_site_can_name_the_rotation():
         CLOCKWISE.with_site(rotation=1.0)
 
 
-def test_windio_has_no_key_for_it(tmp_path):
-    with pytest.raises(TurbineDefinitionError, match=r"rotation: got 'counter-clockwise'.*windIO has no key"):
-        write_windio(OTHER, tmp_path / "turbine.yaml")
+def test_it_is_written_beside_the_windio_file(tmp_path):
+    written = write_windio(OTHER, tmp_path / "turbine.yaml")
+    require_same(OTHER, load_turbine(written[0]))
+    written[1].unlink()
+    assert load_turbine(written[0]).rotation == "clockwise"  # windIO has no key for it
 
 
 def test_the_image_of_the_image_is_the_turbine():

@@ -169,15 +169,35 @@ class TestWhatTheFilesSay:
         assert read.blade.structure.mass_moment(0) == pytest.approx(nrel_5mw.blade.structure.mass_moment(0), rel=1e-4)
         assert notes_with(read, "prebend")
 
-    def test_the_table_nearest_to_the_rated_reynolds_number(self, model, nrel_5mw, tmp_path):
-        polar = nrel_5mw.blade.airfoils[-1].polar
+    @pytest.mark.parametrize(
+        ("mode", "kind", "note"),
+        [(1, "Re", "the first is used"), (2, "Re", "Reynolds number of rated"), (3, "UserProp", "UserProp 0")],
+    )
+    def test_several_tables_as_airfoilinfo_uses_them(self, model, nrel_5mw, mode, kind, note, tmp_path):
+        """AFI_ComputeAirfoilCoefs: the first table, or linear over log(Re) or UserProp, which is 0."""
+        blade, polar = nrel_5mw.blade, nrel_5mw.blade.airfoils[-1].polar
+        place = np.searchsorted(blade.airfoil_station, blade.aero_station, side="right") - 1
+        nodes = np.flatnonzero(blade.airfoil_index[np.maximum(place, 0)] == 7)
+        node = nodes[nodes.size // 2]
+        radius = nrel_5mw.hub.radius + blade.aero_station[node]
+        reynolds = nrel_5mw.drivetrain.rated_rotor_speed * radius * blade.chord[node] / 1.46e-5 / 1e6
+        tables = {"Re": [(0.5 * reynolds, 0), (2.0 * reynolds, 0)], "UserProp": [(1.0, -1), (1.0, 3)]}[kind]
         model.tables[7] = [
-            (re, setting, Polar(polar.alpha, factor * polar.cl, polar.cd, polar.cm))
-            for re, setting, factor in ((1.0, 0, 0.5), (10.0, 0, 0.8), (9.0, 1, 0.1))
+            (*at, Polar(polar.alpha, factor * polar.cl, polar.cd, polar.cm))
+            for at, factor in zip(tables, (0.5, 0.8), strict=True)
         ]
+        model.aerodyn["AFTabMod"] = mode
         read = load_turbine(model.write(tmp_path))
-        assert np.max(read.blade.airfoils[-1].polar.cl) == pytest.approx(0.8 * np.max(polar.cl))
-        assert notes_with(read, "af7.dat: 3 tables, number 2")
+        factor = {1: 0.5, 2: 0.65, 3: 0.5 + 0.3 / 4}[mode]
+        assert np.max(read.blade.airfoils[-1].polar.cl) == pytest.approx(factor * np.max(polar.cl), rel=1e-6)
+        assert notes_with(read, f"af7.dat: 2 tables, {'' if mode == 1 else 'the coefficients '}")
+        assert notes_with(read, note)
+
+    def test_tables_in_the_wrong_order(self, model, nrel_5mw, tmp_path):
+        polar = nrel_5mw.blade.airfoils[-1].polar
+        model.tables[7], model.aerodyn["AFTabMod"] = [(9.0, 0, polar), (1.0, 0, polar)], 2
+        with pytest.raises(TurbineDefinitionError, match=r"af7\.dat: Re: got .*ascend from table to table"):
+            load_turbine(model.write(tmp_path))
 
     def test_a_section_without_coordinates_has_the_camber_of_its_polar(self, model, tmp_path):
         model.coordinates = False
@@ -318,7 +338,7 @@ def test_a_truncated_table_is_refused(model, tmp_path):
         ("aero/af2_coords.txt", r"\d+ NumCoords", "1.5 NumCoords", "NumCoords: got '1.5'"),
         ("aero/ad.dat", "TwrElev TwrDiam", "TwrElev Diameter", "no column twrdiam"),
         ("aero/blade.dat", "BlTwist", "Twist", "no column bltwist"),
-        ("bd_sections.dat", "DISTRIBUTED", "OTHER", "station_total sections"),
+        ("bd_sections.dat", r"\d+ +station_total", "99 station_total", "station_total sections"),
     ],
 )
 def test_damaged_tables_are_refused(model, file, pattern, new, message, tmp_path):

@@ -61,6 +61,16 @@ def test_reads_the_handmade_file(handmade):
             np.testing.assert_allclose(velocity, decoded(it, NZ * NY + tower_point), atol=1e-5)
 
 
+def test_reads_a_description_of_any_length(handmade):
+    data, text = handmade.read_bytes(), b"Gr\xf6\xdfe " + 300 * b"x"
+    start = 66 + 4 + len(DESCRIPTION)
+    handmade.write_bytes(data[:66] + struct.pack("<i", len(text)) + text + data[start:])
+    box = TurbulenceBox.from_bts(handmade)
+    assert box.description.endswith(300 * "x")
+    handmade.write_bytes(data)
+    np.testing.assert_array_equal(box.fluctuation, TurbulenceBox.from_bts(handmade).fluctuation)
+
+
 def test_writes_the_same_layout(tmp_path):
     """Every header field and integer of a written file, decoded with struct alone."""
     rng = np.random.default_rng(3)

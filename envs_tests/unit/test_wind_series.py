@@ -85,6 +85,18 @@ def test_a_positive_direction_of_inflowwind_blows_to_the_right(tmp_path):
     assert wind.table[0, COLUMNS.index("upflow")] == 0.0  # eight columns
 
 
+def test_a_uniform_wind_file_in_any_form_that_inflowwind_takes(tmp_path):
+    """Comment characters !#%, words behind the numbers, rows that are repeated, Latin-1, line ends, exponents."""
+    path = tmp_path / "a.wnd"
+    path.write_text("0 9 0 0 0 0.2 0 0\n49 9 0 0 0 0.2 0 0\n49.1 10 0 0 0 0.2 0 0\n")
+    plain = read_uniform(path)
+    path.write_bytes(
+        "! B\xf6e \x85\n# more\n% and more\n\n0.0D+00,9,0,0,0,.2,0,0 x\r\n0 9 0 0 0 0.2 0 0\n0 9 0 0 0 0.2 0 0 ! c\n"
+        "4.9E1\t9 0 0 0 0.2 0 0\n49 9 0 0 0 0.2 0 0 # c\n49.1 10 0 0 0 0.2 0 0".encode("latin-1")
+    )
+    assert read_uniform(path) == plain
+
+
 def test_csv_columns_stand_in_any_order_and_directions_are_ours(tmp_path):
     path = tmp_path / "met.csv"
     path.write_text("# mast\n\nspeed, time,direction,shear_exponent\n8,0,0,-0.1\n 12 ,10,30,-0.1\n")

@@ -7,10 +7,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_ascending, check_number, fail
 
-__all__ = ["Airfoil", "Polar", "blend_airfoils", "blend_polars", "camber_line"]
+__all__ = ["DRAG_ALLOWED", "Airfoil", "Polar", "blend_airfoils", "blend_polars", "camber_line", "driving_drag"]
 
 CAMBER_POINTS = 61
 """Chordwise points of the camber line; cosine spacing puts a third of them into the first 15 % of the chord."""
+
+_LEAST_REVERSED_DRAG = -0.05
+DRAG_ALLOWED = f"a drag of at least 0, or {_LEAST_REVERSED_DRAG:g} in flow from behind (beyond 90 deg)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,7 +30,8 @@ class Polar(ArrayRecord):
     Raises
     ------
     TurbineDefinitionError
-        If lengths differ, the grid is not ascending or does not reach -pi and pi, or a value is not finite.
+        If lengths differ, the grid is not ascending or does not reach -pi and pi, a value is not finite, or drag is
+        negative (`driving_drag`).
     """
 
     alpha: NDArray[np.float64]
@@ -42,10 +46,14 @@ class Polar(ArrayRecord):
         if alpha[0] > -np.pi + 1e-6 or alpha[-1] < np.pi - 1e-6:
             raise fail("Polar.alpha", [float(alpha[0]), float(alpha[-1])], "a grid that reaches from -pi to pi")
         n = alpha.size
+        cd = check_array("Polar.cd", self.cd, (n,), low=-10.0, high=10.0)
+        wrong = driving_drag(alpha, cd)
+        if wrong is not None:
+            raise fail(f"Polar.cd[{wrong}] at {np.degrees(alpha[wrong]):.4g} deg", float(cd[wrong]), DRAG_ALLOWED)
         self._set(
             alpha=alpha,
             cl=check_array("Polar.cl", self.cl, (n,), low=-10.0, high=10.0),
-            cd=check_array("Polar.cd", self.cd, (n,), low=-1.0, high=10.0),
+            cd=cd,
             cm=check_array("Polar.cm", self.cm, (n,), low=-10.0, high=10.0),
         )
 
@@ -132,6 +140,21 @@ class Airfoil(ArrayRecord):
             raise fail("x_c", x_c, "chordwise positions in [0, 1]")
         slope = np.gradient(self.camber, self.camber_x)
         return np.interp(x, self.camber_x, self.camber), np.interp(x, self.camber_x, slope)
+
+
+def driving_drag(alpha: NDArray[np.float64], cd: NDArray[np.float64]) -> int | None:
+    """Return the index of the first drag coefficient that would drive the section, None if there is none.
+
+    Tables of airfoils have small negative values in flow from behind, where they continue measured ones; OpenFAST uses
+    them as they are.
+
+    Parameters
+    ----------
+    alpha, cd : ndarray (n,)
+        Angle of attack [rad], drag coefficient.
+    """
+    wrong = cd < np.where(np.abs(alpha) > 0.5 * np.pi, _LEAST_REVERSED_DRAG, 0.0)
+    return int(np.argmax(wrong)) if np.any(wrong) else None
 
 
 def blend_polars(first: Polar, second: Polar, weight: float) -> Polar:

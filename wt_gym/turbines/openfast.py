@@ -9,9 +9,10 @@ from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.model import Turbine
 from wt_gym.turbines.openfast_blade import BladeFiles, read_openfast_blade
-from wt_gym.turbines.openfast_control import Rating, read_openfast_control, read_rating
+from wt_gym.turbines.openfast_control import Rating, read_controllers, read_openfast_control, read_rating
+from wt_gym.turbines.openfast_left_aside import name_the_rest
 from wt_gym.turbines.openfast_nacelle import (
-    blade_files,
+    blade_file,
     read_openfast_drivetrain,
     read_openfast_hub,
     read_openfast_nacelle,
@@ -20,6 +21,7 @@ from wt_gym.turbines.openfast_nacelle import (
 )
 from wt_gym.turbines.openfast_text import TextFile, existing_file
 from wt_gym.turbines.openfast_tower import read_openfast_tower
+from wt_gym.turbines.windio_airfoils import KINEMATIC_VISCOSITY
 
 __all__ = ["read_openfast"]
 
@@ -47,7 +49,8 @@ def read_openfast(
     path : str or Path
         Primary file of the model (``.fst``).
     rated_power : float, optional
-        Electrical [W], for a model that does not say it (without ROSCO's DISCON.IN and ServoDyn's VS_RtTq).
+        Electrical [W], for a model that does not say it: its torque is neither by ROSCO (VSContrl 5 with a DISCON.IN)
+        nor by ServoDyn's own law (VSContrl 1).
     rated_rotor_speed : float, optional
         [rad/s], likewise.
     blade : str, optional
@@ -80,12 +83,13 @@ def read_openfast(
     folder = primary.path.parent
     elastodyn = TextFile(existing_file(folder, primary.text("EDFile"), "EDFile"))
     require_plain(elastodyn)
-    aerodyn = TextFile(existing_file(folder, primary.text("AeroFile"), "AeroFile"))
+    aerodyn = TextFile(existing_file(folder, primary.text("AeroFile"), "AeroFile"), free=True)
     servodyn = None
     if primary.integer("CompServo", 0) == 1:
-        servodyn = TextFile(existing_file(folder, primary.text("ServoFile"), "ServoFile"))
-    discon = _discon(servodyn, notes)
+        servodyn = TextFile(existing_file(folder, primary.text("ServoFile"), "ServoFile"), free=True)
+    discon = read_controllers(servodyn, notes)
     n_blades = elastodyn.integer("NumBl")
+    gearbox = elastodyn.number("GBoxEff") / 100.0
     rating = read_rating(elastodyn, servodyn, discon, rated_power, rated_rotor_speed, notes)
     hub = read_openfast_hub(elastodyn, notes)
     structure = blade or _STRUCTURES[primary.integer("CompElast") - 1]
@@ -98,10 +102,10 @@ def read_openfast(
     density = _density(primary, aerodyn)
     tip = hub.radius + length
     radius = tip * float(np.cos(hub.cone))
-    drivetrain = read_openfast_drivetrain(elastodyn, servodyn, discon, rating, notes)
-    pitch = read_openfast_pitch(servodyn, discon, notes)
+    drivetrain = read_openfast_drivetrain(elastodyn, discon.torque, rating, notes)
+    pitch = read_openfast_pitch(servodyn, discon.pitch, notes)
     control = read_openfast_control(servodyn, discon, rating, radius, density, notes)
-    _name_the_rest(primary, elastodyn, servodyn, aerodyn, notes)
+    name_the_rest(primary, elastodyn, servodyn, aerodyn, notes)
     rotation = _rotation(primary, notes)
     notes.append(f"OpenFAST models have no cut-in and cut-out wind, {CUT_IN:g} and {CUT_OUT:g} m/s assumed")
     notes.append("OpenFAST models have no wind class, IEC class I and turbulence class B assumed")
@@ -111,7 +115,7 @@ def read_openfast(
         rotor_orientation="upwind",
         rotor_diameter=2.0 * (tip if tip - radius < _NOMINAL * radius else radius),
         hub_height=tower.height + nacelle.tower_top_to_shaft + nacelle.overhang * float(np.sin(nacelle.tilt)),
-        rated_wind_speed=_rated_wind(rating, control, radius, density, notes),
+        rated_wind_speed=_rated_wind(rating, gearbox, control, radius, density, notes),
         cut_in=CUT_IN,
         cut_out=CUT_OUT,
         air_density=density,
@@ -152,46 +156,27 @@ def _require_wind_turbine(file: TextFile) -> None:
         raise file.fail("CompAero", file.integer("CompAero"), "2 (blade and polars are read from AeroDyn 15)")
 
 
-def _discon(servodyn: TextFile | None, notes: list[str]) -> TextFile | None:
-    """Return ROSCO's parameter file if ServoDyn names one."""
-    if servodyn is None:
-        notes.append("CompServo: 0, the model has no controller")
-        return None
-    if servodyn.integer("PCMode", 0) != 5 and servodyn.integer("VSContrl", 0) != 5:
-        return None
-    name = servodyn.text("DLL_InFile").replace("\\", "/")
-    path = servodyn.path.parent / name
-    if not path.is_file():
-        notes.append(f"{servodyn.path.name}: DLL_InFile {name}: there is no such file, gains are not known")
-        return None
-    file = TextFile(path, comment="!")
-    if "VS_RtPwr" not in file or "PC_GS_angles" not in file:
-        notes.append(f"{path.name}: not a DISCON.IN of ROSCO, gains are not known")
-        return None
-    return file
-
-
 def _blade_files(
     primary: TextFile, elastodyn: TextFile, aerodyn: TextFile, n_blades: int, structure: str, notes: list[str]
 ) -> BladeFiles:
     """Open the files of the blade, whose structure is that of ElastoDyn or BeamDyn."""
     numbers = range(1, n_blades + 1)
-    name = blade_files(aerodyn, [f"ADBlFile({i})" for i in numbers])
-    aero = TextFile(existing_file(aerodyn.path.parent, name, "ADBlFile(1)"))
+    aero = blade_file(aerodyn, [f"ADBlFile({i})" for i in numbers])
+    fluid = primary if aerodyn.is_default("KinVisc") else aerodyn
+    viscosity = KINEMATIC_VISCOSITY if fluid.is_default("KinVisc") else fluid.number("KinVisc")
+    viscosity = check_number(f"{fluid.path.name}: KinVisc", viscosity, 1e-8, 1e-2)
     elastic_path = elastodyn.path.parent / elastodyn.text("BldFile(1)").replace("\\", "/")
     if structure == "elastodyn":
-        name = blade_files(elastodyn, [f"BldFile({i})" for i in numbers])
-        elastic = TextFile(existing_file(elastodyn.path.parent, name, "BldFile(1)"))
+        elastic = blade_file(elastodyn, [f"BldFile({i})" for i in numbers], free=True)
         if "BDBldFile(1)" in primary and (primary.path.parent / primary.text("BDBldFile(1)")).is_file():
             notes.append("blade: sections of ElastoDyn; BeamDyn's, which the model has too, are left aside")
-        return BladeFiles(elastic, None, None, aerodyn, aero)
-    name = blade_files(primary, [f"BDBldFile({i})" for i in numbers])
-    beam = TextFile(existing_file(primary.path.parent, name, "BDBldFile(1)"))
+        return BladeFiles(elastic, None, None, aerodyn, aero, viscosity)
+    beam = blade_file(primary, [f"BDBldFile({i})" for i in numbers], within="BldFile")
     sections = TextFile(existing_file(beam.path.parent, beam.text("BldFile"), f"{beam.path.name}: BldFile"))
-    elastic_file = TextFile(elastic_path) if elastic_path.is_file() else None
+    elastic_file = TextFile(elastic_path, free=True) if elastic_path.is_file() else None
     if elastic_file is not None:
         notes.append(f"blade: sections of BeamDyn ({sections.path.name}), not those of {elastic_file.path.name}")
-    return BladeFiles(elastic_file, beam, sections, aerodyn, aero)
+    return BladeFiles(elastic_file, beam, sections, aerodyn, aero, viscosity)
 
 
 def _density(primary: TextFile, aerodyn: TextFile) -> float:
@@ -200,53 +185,19 @@ def _density(primary: TextFile, aerodyn: TextFile) -> float:
     return check_number(f"{file.path.name}: AirDens", file.number("AirDens"), 0.1, 10.0)
 
 
-def _rated_wind(rating: Rating, control: ControlData | None, radius: float, density: float, notes: list[str]) -> float:
-    """Return the wind at which the rotor has rated power at its largest power coefficient [m/s]."""
+def _rated_wind(
+    rating: Rating, gearbox: float, control: ControlData | None, radius: float, density: float, notes: list[str]
+) -> float:
+    """Return the wind at which the rotor has rated power at its largest power coefficient [m/s].
+
+    The rotor gives what the generator takes and what the gearbox of efficiency ``gearbox`` loses.
+    """
     cp = None if control is None else control.peak_power_coefficient
     if cp is None:
         cp = 0.8 * _BETZ
         how = f"with a power coefficient of {cp:.3f} (0.8 of Betz's), which the model does not say"
     else:
         how = f"with the power coefficient {cp:.3f} of the controller's data"
-    wind = (rating.mechanical_power / (0.5 * density * np.pi * radius**2 * cp)) ** (1.0 / 3.0)
+    wind = (rating.mechanical_power / gearbox / (0.5 * density * np.pi * radius**2 * cp)) ** (1.0 / 3.0)
     notes.append(f"rated wind speed: {wind:.2f} m/s is where the rotor reaches rated power {how}")
     return float(wind)
-
-
-_SUPPORT = {
-    "CompHydro": "loads of the water",
-    "CompSub": "the substructure",
-    "CompMooring": "the mooring",
-    "CompIce": "ice",
-    "CompSoil": "the soil",
-}
-_PLATFORM = ("PtfmSgDOF", "PtfmSwDOF", "PtfmHvDOF", "PtfmRDOF", "PtfmPDOF", "PtfmYDOF")
-_DAMPERS = {"NumBStC": "blades", "NumNStC": "nacelle", "NumTStC": "tower", "NumSStC": "substructure"}
-
-
-def _name_the_rest(
-    primary: TextFile, elastodyn: TextFile, servodyn: TextFile | None, aerodyn: TextFile, notes: list[str]
-) -> None:
-    """Note what the model has and the turbine does not hold."""
-    left = [f"{what} ({key})" for key, what in _SUPPORT.items() if primary.integer(key, 0) != 0]
-    if any(elastodyn.flag(key) for key in _PLATFORM):
-        left.append("the motion of the platform")
-    if left:
-        base = elastodyn.number("TowerBsHt")
-        notes.append(f"left aside: {', '.join(left)}; the tower is clamped at its base, {base:g} m up")
-    for number, where in _DAMPERS.items():
-        if servodyn is not None and servodyn.integer(number, 0) > 0:
-            notes.append(f"left aside: {servodyn.integer(number)} structural dampers of the {where} ({number})")
-    for key, where in (("CompNTMD", "nacelle"), ("CompTTMD", "tower")):  # up to OpenFAST 2
-        if servodyn is not None and servodyn.flag(key):
-            notes.append(f"left aside: the mass damper of the {where} ({key})")
-    if aerodyn.flag("TFinAero"):
-        notes.append("left aside: the tail fin (TFinAero)")
-    if aerodyn.flag("NacelleDrag"):
-        notes.append("left aside: the drag of the nacelle (NacelleDrag)")
-    if elastodyn.number("PBrIner(1)", 0.0) or elastodyn.number("BlPIner(1)", 0.0):
-        notes.append("left aside: inertias of pitch bearing and blade about the pitch axis (PBrIner, BlPIner)")
-    if elastodyn.integer("YawFrctMod", 0) != 0:
-        notes.append("left aside: friction of the yaw bearing (YawFrctMod)")
-    if primary.number("Gravity", 9.80665) < 9.0:
-        notes.append(f"left aside: Gravity {primary.number('Gravity'):g} m/s^2; here it is 9.80665 m/s^2")

@@ -17,7 +17,7 @@ from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.airfoil import Airfoil
 from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
 from wt_gym.turbines.blade import Blade
-from wt_gym.turbines.checks import check_ascending, fail
+from wt_gym.turbines.checks import check_ascending
 from wt_gym.turbines.openfast_airfoils import AirfoilFile, read_airfoil_file
 from wt_gym.turbines.openfast_text import TextFile, existing_file
 from wt_gym.turbines.windio_airfoils import KINEMATIC_VISCOSITY
@@ -47,6 +47,8 @@ class BladeFiles:
     aerodyn : TextFile
         Primary file.
     aerodyn_blade : TextFile
+    viscosity : float
+        Kinematic, of the air [m^2/s] (KinVisc).
     """
 
     elastodyn: TextFile | None
@@ -54,6 +56,7 @@ class BladeFiles:
     beamdyn_sections: TextFile | None
     aerodyn: TextFile
     aerodyn_blade: TextFile
+    viscosity: float = KINEMATIC_VISCOSITY
 
 
 @dataclass(frozen=True)
@@ -165,13 +168,19 @@ def _read_planform(
         raise file.fail("BlAFID", (named + 1).tolist(), f"numbers from 1 to NumAFfiles = {len(names)}")
     ratio = table.get("t_c", np.zeros(z.size))
     alfa, lift, drag, moment = (files.aerodyn.integer(f"InCol_{key}") for key in ("Alfa", "Cl", "Cd", "Cm"))
+    if not files.aerodyn.flag("UseBlCm", True):
+        moment = 0
+    mode = files.aerodyn.integer("AFTabMod", 1)
+    if mode not in (1, 2, 3):
+        raise files.aerodyn.fail("AFTabMod", mode, "1, 2 or 3")
     read: list[AirfoilFile] = []
     index = np.zeros(z.size, dtype=np.int64)
     for position, i in enumerate(np.unique(named)):
         nodes = np.flatnonzero(named == i)
         k = int(nodes[nodes.size // 2])
-        reynolds = rotor_speed * (hub_radius + z[k]) * chord[k] / KINEMATIC_VISCOSITY
-        read.append(read_airfoil_file(names[i], (alfa, lift, drag, moment), float(reynolds), float(ratio[k]), notes))
+        reynolds = rotor_speed * (hub_radius + z[k]) * chord[k] / files.viscosity
+        columns = (alfa, lift, drag, moment)
+        read.append(read_airfoil_file(names[i], columns, mode, float(reynolds), float(ratio[k]), notes))
         index[nodes] = position
     return _Planform(z, table["blcrvac"], table["blswpac"], twist, chord, index, tuple(read))
 
@@ -179,7 +188,7 @@ def _read_planform(
 def _airfoil_names(file: TextFile) -> list[Path]:
     """Return the paths of the airfoil files."""
     count = file.integer("NumAFfiles")
-    rows = file.rows(file.line_of("AFNames"), count, "AFNames")
+    rows = file.rows(file.line_of("NumAFfiles") + 1, count, "AFNames")  # their first line need not have the keyword
     return [existing_file(file.path.parent, row[0].strip("\"'"), f"{file.path.name}: AFNames") for row in rows]
 
 
@@ -205,15 +214,16 @@ def _beamdyn_axis(
     file: TextFile, length: float, notes: list[str]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return z (n,), x and y (n, 2) of the key points [m] and the twist there (n,) [rad]."""
-    line = file.line_of("kp_total") + 1
-    members = file.integer("member_total")
-    points: list[NDArray[np.float64]] = []
-    for _ in range(members):
-        count = int(file.numbers(line, 1, 2, "number of a member and of its key points")[0, 1])
-        block = file.numbers(line + 3, count, 4, "key points")
-        points.append(block[1:] if points else block)
-        line += 3 + count
-    table = np.concatenate(points)
+    members, total = file.integer("member_total"), file.integer("kp_total")
+    if members < 1 or total < 2:
+        raise file.fail("member_total, kp_total", [members, total], "at least one member and two key points")
+    rows = file.rows(file.line_of("kp_total") + 1, members + total, "members and key points", 2, skip_text=True)
+    counts = [file.value("key points of a member", row[1]) for row in rows[:members]]
+    if sum(counts) - (members - 1) != total:  # members share the key point where they meet
+        raise file.fail("kp_total", total, f"the sum over the members, shared points once ({counts})")
+    if any(len(row) < 4 for row in rows[members:]):
+        raise file.fail("key points", min(rows[members:], key=len), "rows of x, y, z and twist")
+    table = np.array([[file.value("key points", word) for word in row[:4]] for row in rows[members:]])
     z = table[:, 2]
     if np.any(np.diff(z) <= 0.0) or abs(z[0]) > 1e-6 * length or abs(z[-1] - length) > _SAME_LENGTH * length:
         allowed = f"values that ascend from 0 to TipRad - HubRad = {length:g} m"
@@ -332,26 +342,28 @@ def _beamdyn_sections(
     file = files.beamdyn_sections
     assert file is not None
     count = file.integer("station_total")
+    # OpenFAST counts lines up to this heading, which is the last of the file, and does not read it
+    headings = [i for i, text in enumerate(file.lines) if text.lstrip().startswith(("--", "=="))]
     line = next(
-        (i + 1 for i, text in enumerate(file.lines) if "DISTRIBUTED PROPERTIES" in text.upper()), len(file.lines)
+        (i for i, text in enumerate(file.lines) if "DISTRIBUTED PROP" in text.upper()), max(headings, default=0)
     )
-    station, stiffness, inertia = np.zeros(count), np.zeros((count, 6, 6)), np.zeros((count, 6, 6))
-    for i in range(count):
-        line = _next_filled(file, line)
-        station[i] = file.numbers(line, 1, 1, "span of a section")[0, 0]
-        line = _next_filled(file, line + 1)
-        stiffness[i] = file.numbers(line, 6, 6, "stiffness of a section")
-        line = _next_filled(file, line + 6)
-        inertia[i] = file.numbers(line, 6, 6, "inertia of a section")
-        line += 6
+    rows = file.rows(line + 1, 13 * count, "station_total sections with a stiffness and an inertia each", 1, True)
+    sections = [rows[i : i + 13] for i in range(0, 13 * count, 13)]
+    if any(len(row) < 6 for section in sections for row in section[1:]):
+        raise file.fail(
+            "sections", f"{count} sections", "a line with the span, and two matrices with six rows of six each"
+        )
+    station = np.array([file.value("span of a section", section[0][0]) for section in sections])
+    matrices = np.array([[[file.value("section", word) for word in row[:6]] for row in s[1:]] for s in sections])
+    stiffness, inertia = matrices[:, :6], matrices[:, 6:]
     if abs(station[0]) > 1e-6 or abs(station[-1] - 1.0) > 1e-6:
         raise file.fail("span of the sections", [float(station[0]), float(station[-1])], "fractions from 0 to 1")
     station[0], station[-1] = 0.0, 1.0
     s = station * length
     turn = rotation_about_z(-twist(s))
     back = np.swapaxes(turn, -1, -2)
-    sections = BeamStations(s, _symmetric(turn @ stiffness @ back), _symmetric(turn @ inertia @ back))
-    return sections, _beamdyn_damping(files, notes)
+    beam = BeamStations(s, _symmetric(turn @ stiffness @ back), _symmetric(turn @ inertia @ back))
+    return beam, _beamdyn_damping(files, notes)
 
 
 def _beamdyn_damping(files: BladeFiles, notes: list[str]) -> float:
@@ -362,7 +374,10 @@ def _beamdyn_damping(files: BladeFiles, notes: list[str]) -> float:
     """
     file = files.beamdyn_sections
     assert file is not None
-    kind = file.integer("damp_type", 0)
+    kind = file.integer("damp_flag" if "damp_flag" in file else "damp_type", 1)
+    if kind == 0:
+        notes.append(f"{file.path.name}: the blade has no structural damping")
+        return 0.0
     if kind == 2 and "n_modes" in file:
         first = float(file.numbers(file.line_of("n_modes") + 1, 1, 1, "zeta")[0, 0])
         notes.append(f"{file.path.name}: modal damping, that of the first mode ({100 * first:g} %) is taken for all")
@@ -375,15 +390,6 @@ def _beamdyn_damping(files: BladeFiles, notes: list[str]) -> float:
         return value
     notes.append(f"{file.path.name}: mu is not used, {100 * DEFAULT_BLADE_DAMPING:g} % of critical assumed")
     return DEFAULT_BLADE_DAMPING
-
-
-def _next_filled(file: TextFile, line: int) -> int:
-    """Return the index of the next line with text."""
-    while line < len(file.lines) and not file.lines[line].strip():
-        line += 1
-    if line >= len(file.lines):
-        raise fail(file.path.name, "its end", "station_total sections with a stiffness and an inertia each")
-    return line
 
 
 def _symmetric(matrices: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,16 +10,19 @@ import numpy as np
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import check_number
 from wt_gym.turbines.control_data import ControlData
-from wt_gym.turbines.openfast_text import TextFile
+from wt_gym.turbines.openfast_text import TextFile, as_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Rating", "read_openfast_control", "read_rating"]
+__all__ = ["Controllers", "Rating", "read_controllers", "read_openfast_control", "read_rating"]
 
 _RPM = np.pi / 30.0
-_UNUSED_SPEED = 9000.0
-"""Rated speed [rpm] from which on ServoDyn's own numbers are placeholders (9999.9 in models with a controller)."""
+_TIP_SPEEDS = 10.0, 250.0
+"""Tip speeds of rated operation [m/s]; others come from placeholders and from laws without region 2."""
+_BLADED = 5
+_SIMPLE = 1
+"""Values of PCMode and VSContrl: a library as Bladed takes it, ServoDyn's own torque law."""
 
 
 @dataclass(frozen=True)
@@ -47,19 +50,55 @@ class Rating:
         return self.power / self.generator_efficiency
 
 
+@dataclass(frozen=True)
+class Controllers:
+    """Parameter files of ROSCO by what they control, None where another law is in force."""
+
+    torque: TextFile | None
+    pitch: TextFile | None
+
+
+def read_controllers(servodyn: TextFile | None, notes: list[str]) -> Controllers:
+    """Return ROSCO's parameter file if ServoDyn names one, for torque (VSContrl 5) and pitch (PCMode 5)."""
+    if servodyn is None:
+        notes.append("CompServo: 0, the model has no controller")
+        return Controllers(None, None)
+    modes = [servodyn.integer(key, 0) for key in ("VSContrl", "PCMode")]
+    if _BLADED not in modes:
+        return Controllers(None, None)
+    name = servodyn.text("DLL_InFile").replace("\\", "/")
+    path = servodyn.path.parent / name
+    if not path.is_file():
+        notes.append(f"{servodyn.path.name}: DLL_InFile {name}: there is no such file, gains are not known")
+        return Controllers(None, None)
+    file = TextFile(path, titles=0)
+    if "VS_RtPwr" not in file or "PC_GS_angles" not in file:
+        notes.append(f"{path.name}: not a DISCON.IN of ROSCO, gains are not known")
+        return Controllers(None, None)
+    for mode, what in zip(modes, ("torque", "pitch"), strict=True):
+        if mode != _BLADED:
+            notes.append(f"{path.name}: left aside: control of the {what}, which ServoDyn does not leave to it")
+    torque, pitch = (file if mode == _BLADED else None for mode in modes)
+    return Controllers(torque, pitch)
+
+
 def read_rating(
     elastodyn: TextFile,
     servodyn: TextFile | None,
-    discon: TextFile | None,
+    discon: Controllers,
     rated_power: float | None,
     rated_rotor_speed: float | None,
     notes: list[str],
 ) -> Rating:
-    """Return the rated operation from what is given, DISCON.IN or ServoDyn, in this order.
+    """Return the rated operation from what is given, or else from the law that is in force.
+
+    The torque follows ROSCO's DISCON.IN (VSContrl 5) or ServoDyn's own law (VSContrl 1). With the latter, a pitch
+    controller of ROSCO (PCMode 5) holds its own speed.
 
     Parameters
     ----------
-    elastodyn, servodyn, discon : TextFile or None
+    elastodyn, servodyn : TextFile or None
+    discon : Controllers
     rated_power, rated_rotor_speed : float or None
         Given from outside [W], [rad/s].
     notes : list of str
@@ -78,29 +117,41 @@ def read_rating(
     if ratio <= 0.0:
         raise elastodyn.fail("GBRatio", ratio, "a number above 0")
     efficiency = 1.0
-    if discon is not None and "VS_GenEff" in discon:
-        efficiency = discon.number("VS_GenEff") / 100.0
+    if discon.torque is not None and "VS_GenEff" in discon.torque:
+        efficiency = discon.torque.number("VS_GenEff") / 100.0
     elif servodyn is not None and "GenEff" in servodyn:
         efficiency = servodyn.number("GenEff") / 100.0
     else:
         notes.append("GenEff: not in the model, a generator without losses assumed")
-    power, speed = rated_power, rated_rotor_speed
-    if discon is not None:
-        power = discon.number("VS_RtPwr") if power is None else power
-        key = "PC_RefSpd" if "PC_RefSpd" in discon else "VS_RefSpd"
-        speed = discon.number(key) / ratio if speed is None else speed
-    elif servodyn is not None and 0.0 < servodyn.number("VS_RtGnSp", 0.0) < _UNUSED_SPEED:
+    power, speed, reason = None, None, _no_rating(servodyn)
+    if discon.torque is not None:
+        power = discon.torque.number("VS_RtPwr")
+        speed = discon.torque.number("PC_RefSpd" if "PC_RefSpd" in discon.torque else "VS_RefSpd") / ratio
+    elif servodyn is not None and servodyn.integer("VSContrl", 0) == _SIMPLE:
         rated = servodyn.number("VS_RtGnSp") * _RPM
-        power = servodyn.number("VS_RtTq") * rated * efficiency if power is None else power
-        speed = rated / ratio if speed is None else speed
-    if speed is None and elastodyn.number("RotSpeed", 0.0) > 0.0:
+        if discon.pitch is not None and "PC_RefSpd" in discon.pitch:
+            rated = discon.pitch.number("PC_RefSpd")
+        tip_speed = rated / ratio * elastodyn.number("TipRad")
+        if _TIP_SPEEDS[0] <= tip_speed <= _TIP_SPEEDS[1]:
+            power, speed = servodyn.number("VS_RtTq") * rated * efficiency, rated / ratio
+        else:
+            reason = (
+                f"{servodyn.path.name}: VS_RtGnSp {servodyn.number('VS_RtGnSp'):g} rpm is no rated speed (tips at "
+                f"{tip_speed:.3g} m/s), as in models for linearization, whose torque is constant"
+            )
+    power = power if rated_power is None else rated_power
+    speed = speed if rated_rotor_speed is None else rated_rotor_speed
+    if power is not None and speed is None and elastodyn.number("RotSpeed", 0.0) > 0.0:
         speed = elastodyn.number("RotSpeed") * _RPM
-        notes.append(f"rated rotor speed: not in the model, the initial {speed / _RPM:.4g} rpm (RotSpeed) is taken")
+        notes.append(
+            f"rated rotor speed: not in the model, the initial {speed / _RPM:.4g} rpm (RotSpeed) is taken; give "
+            "rated_rotor_speed (--rated-rotor-speed) if it is another"
+        )
     if power is None or speed is None:
         missing = "rated power" if power is None else "rated rotor speed"
         raise TurbineDefinitionError(
-            f"{missing}: the model has neither a DISCON.IN of ROSCO nor ServoDyn's VS_RtGnSp and VS_RtTq; give it "
-            "(read_openfast, wt-gym import --rated-power and --rated-rotor-speed)"
+            f"{missing}: the model has neither a DISCON.IN of ROSCO nor ServoDyn's VS_RtGnSp and VS_RtTq in force: "
+            f"{reason}; give it (read_openfast, wt-gym import --rated-power and --rated-rotor-speed)"
         )
     return Rating(
         check_number("rated power [W] (VS_RtPwr, or VS_RtTq and VS_RtGnSp)", power, 1.0, 1e9),
@@ -110,8 +161,18 @@ def read_rating(
     )
 
 
+def _no_rating(servodyn: TextFile | None) -> str:
+    """Return why the files of ServoDyn and the controller say nothing about the rating."""
+    if servodyn is None:
+        return "CompServo is 0"
+    mode = servodyn.integer("VSContrl", 0)
+    if mode == _BLADED:
+        return "VSContrl is 5, and DLL_InFile is not a DISCON.IN of ROSCO"
+    return f"VSContrl is {mode}" + (", a generator without control of its speed" if mode == 0 else "")
+
+
 def read_openfast_control(
-    servodyn: TextFile | None, discon: TextFile | None, rating: Rating, radius: float, density: float, notes: list[str]
+    servodyn: TextFile | None, discon: Controllers, rating: Rating, radius: float, density: float, notes: list[str]
 ) -> ControlData | None:
     """Return the numbers of the turbine's controller, None where the model has none.
 
@@ -119,7 +180,8 @@ def read_openfast_control(
 
     Parameters
     ----------
-    servodyn, discon : TextFile or None
+    servodyn : TextFile or None
+    discon : Controllers
     rating : Rating
     radius : float
         Of the rotor [m].
@@ -137,22 +199,38 @@ def read_openfast_control(
     TurbineDefinitionError
         For gains of mixed signs, tables of different lengths, or numbers out of range.
     """
-    if discon is not None:
-        return _from_discon(discon, rating, radius, density, notes)
-    if servodyn is None or servodyn.integer("VSContrl", 0) != 1:
-        return None
-    slip = 0.01 * servodyn.number("VS_SlPc")
-    return ControlData(
-        region_2_gain=servodyn.number("VS_Rgn2K") / _RPM**2,
-        air_density=density,
-        region_3_speed=servodyn.number("VS_RtGnSp") * _RPM,
-        slip=slip if slip <= 1.0 else None,
-        rated_mechanical_power=rating.mechanical_power,
-        constant_power=False,
-    )
+    values: dict[str, Any] = {}
+    file = discon.torque or discon.pitch
+    if file is not None:
+        values = _from_discon(file, rating, radius, density, notes)
+        for part, names in ((discon.torque, _TORQUE_NUMBERS), (discon.pitch, _PITCH_NUMBERS)):
+            if part is None:
+                values = {name: value for name, value in values.items() if name not in names}
+    if servodyn is not None and servodyn.integer("VSContrl", 0) == _SIMPLE:
+        slip = 0.01 * servodyn.number("VS_SlPc")
+        values |= {
+            "region_2_gain": servodyn.number("VS_Rgn2K") / _RPM**2,
+            "air_density": density,
+            "region_3_speed": servodyn.number("VS_RtGnSp") * _RPM,
+            "slip": slip if slip <= 1.0 else None,
+            "rated_mechanical_power": rating.mechanical_power,
+            "constant_power": False,
+        }
+    return ControlData(**values) if values else None
 
 
-def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, notes: list[str]) -> ControlData:
+_TORQUE_NUMBERS = (
+    "region_2_gain", "region_2_speed", "region_3_speed", "optimal_tip_speed_ratio", "torque_proportional_gain",
+    "torque_integral_gain", "constant_power", "region_3_min_pitch",
+)  # fmt: skip
+_PITCH_NUMBERS = (
+    "fine_pitch", "reference_generator_speed", "gain_pitch", "pitch_proportional_gain", "pitch_integral_gain",
+    "min_pitch_wind", "min_pitch", "pitch_actuator_frequency", "pitch_actuator_damping",
+)  # fmt: skip
+"""Numbers of DISCON.IN that act through the torque and through the pitch."""
+
+
+def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, notes: list[str]) -> dict[str, Any]:
     values: dict[str, Any] = {"rated_mechanical_power": rating.mechanical_power, "air_density": density}
     for name, key in (
         ("fine_pitch", "PC_FinePit"),
@@ -195,7 +273,7 @@ def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, 
         if file.integer("PA_Mode") == 2:
             values["pitch_actuator_damping"] = file.number("PA_Damping")
     _name_modes(file, notes)
-    return ControlData(**values)
+    return values
 
 
 def _schedule(file: TextFile, notes: list[str]) -> dict[str, NDArray[np.float64]]:
@@ -276,35 +354,32 @@ def _power_coefficient(gain: float, tip_speed_ratio: float, ratio: float, radius
 def _tabulated_power_coefficient(file: TextFile, pitch: float, tip_speed_ratio: float) -> float | None:
     """Return Cp at a pitch [rad] and tip-speed ratio from ROSCO's file of rotor performance, None without the file.
 
-    The file has the pitch angles [deg], the tip-speed ratios and then a table of Cp with a row for each ratio, each
-    below a comment that names it.
+    Lines of numbers are the pitch angles [deg], the tip-speed ratios, wind speeds and then tables of Cp, Ct and Cq with
+    a row for each ratio. ROSCO counts lines; what the lines between them say is free.
     """
     if "PerfFileName" not in file or tip_speed_ratio <= 0.0:
         return None
     path = file.path.parent / file.text("PerfFileName").replace("\\", "/")
     if not path.is_file():
         return None
-    blocks: dict[str, list[list[float]]] = {}
-    name = ""
-    for line in TextFile(path).lines:
-        if line.lstrip().startswith("#"):
-            name = line.lower()
-        elif line.strip():
-            try:
-                blocks.setdefault(name, []).append([float(word) for word in line.split()])
-            except ValueError:
-                raise file.fail("PerfFileName", line[:80], f"rows of numbers ({path.name})") from None
-    found = [next((rows for head, rows in blocks.items() if what in head), None) for what in _PERFORMANCE]
-    if any(rows is None for rows in found):
-        raise file.fail("PerfFileName", path.name, f"a file with {', '.join(_PERFORMANCE)}")
-    pitches, ratios = (np.concatenate([np.array(row) for row in rows or []]) for rows in found[:2])
-    table = np.array(found[2]) if len({len(row) for row in found[2] or []}) == 1 else np.zeros(0)
-    if table.shape != (ratios.size, pitches.size):
-        raise file.fail("PerfFileName", table.shape, f"a table of Cp {ratios.size} x {pitches.size} ({path.name})")
+    lines = [[as_number(word) for word in line.replace(",", " ").split()] for line in TextFile(path).lines]
+    rows = [[number for number in line if number is not None] for line in lines if line and None not in line]
+    if len(rows) < 3:
+        raise file.fail("PerfFileName", path.name, "a file with pitch angles, tip-speed ratios and a table of Cp")
+    n, m = len(rows[0]), len(rows[1])
+    if "PerfTableSize" in file:
+        n, m = file.array("PerfTableSize")[:2].astype(int).tolist()
+    numbers = np.concatenate([np.array(row) for row in rows])
+    rest = numbers.size - n - m
+    if min(n, m) < 2 or rest < n * m or not np.all(np.isfinite(numbers)):
+        raise file.fail("PerfFileName", f"{numbers.size} numbers", f"a table of Cp {m} x {n} ({path.name})")
+    pitches, ratios = numbers[:n], numbers[n : n + m]
+    first = n + m + rest % (n * m)
+    table = numbers[first : first + n * m].reshape(m, n)
+    if np.any(np.diff(pitches) <= 0.0) or np.any(np.diff(ratios) <= 0.0):
+        allowed = f"ascending pitch angles and tip-speed ratios, {n} and {m} ({path.name})"
+        raise file.fail("PerfFileName", [*pitches[:2].tolist(), *ratios[:2].tolist()], allowed)
     if not (ratios[0] <= tip_speed_ratio <= ratios[-1] and pitches[0] <= np.degrees(pitch) <= pitches[-1]):
         return None
     at_pitch = [float(np.interp(np.degrees(pitch), pitches, row)) for row in table]
     return float(np.interp(tip_speed_ratio, ratios, at_pitch))
-
-
-_PERFORMANCE = ("pitch angle vector", "tsr vector", "power coefficient")

@@ -14,14 +14,16 @@ from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
 from wt_gym.turbines.openfast_control import Rating
-from wt_gym.turbines.openfast_text import TextFile
+from wt_gym.turbines.openfast_text import TextFile, existing_file
 from wt_gym.turbines.windio_nacelle import YAW_DAMPING, YAW_FREQUENCY
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
 __all__ = [
-    "blade_files",
+    "blade_file",
     "read_openfast_drivetrain",
     "read_openfast_hub",
     "read_openfast_nacelle",
@@ -35,6 +37,8 @@ _RATE = 0.3 * _DEGREE
 _TORQUE_MARGIN = 1.1
 _TORQUE_TIME = 3.0
 """In which a torque rate that no file gives runs through the rated torque [s], about that of the NREL 5-MW."""
+_RIGID_SHAFT = 1e15
+"""Stiffness [N m/rad] with which the shaft of any turbine is stiffer than what a simulation lets twist."""
 _PITCH_RATE = 8.0 * _DEGREE
 """Of the NREL 5-MW [rad/s]."""
 
@@ -140,10 +144,8 @@ def _yaw(
     return inertia * omega**2, 2.0 * YAW_DAMPING * inertia * omega, rate
 
 
-def read_openfast_drivetrain(
-    file: TextFile, servodyn: TextFile | None, discon: TextFile | None, rating: Rating, notes: list[str]
-) -> Drivetrain:
-    """Build the drivetrain.
+def read_openfast_drivetrain(file: TextFile, discon: TextFile | None, rating: Rating, notes: list[str]) -> Drivetrain:
+    """Build the drivetrain; limits of the torque come from a DISCON.IN of ROSCO that controls it.
 
     Raises
     ------
@@ -153,8 +155,7 @@ def read_openfast_drivetrain(
     ratio = rating.gear_ratio
     gear = file.number("GBoxEff") / 100.0
     rated_torque = rating.mechanical_power / (rating.rotor_speed * ratio)
-    if not file.flag("DrTrDOF", True):
-        notes.append(f"{file.path.name}: DrTrDOF is False; the shaft twists by DTTorSpr here")
+    spring = _shaft_spring(file, notes)
     most, rate = _TORQUE_MARGIN * rated_torque, rated_torque / _TORQUE_TIME
     if discon is not None and "VS_MaxTq" in discon:
         most = discon.number("VS_MaxTq")
@@ -174,7 +175,7 @@ def read_openfast_drivetrain(
         gearbox_efficiency=gear,
         generator_efficiency=rating.generator_efficiency,
         generator_inertia=file.number("GenIner"),
-        spring=file.number("DTTorSpr"),
+        spring=spring,
         damper=file.number("DTTorDmp"),
         rated_power=rating.power,
         rated_rotor_speed=rating.rotor_speed,
@@ -184,8 +185,24 @@ def read_openfast_drivetrain(
     )
 
 
+def _shaft_spring(file: TextFile, notes: list[str]) -> float:
+    """Return the torsional stiffness of the shaft [N m/rad]."""
+    spring = file.number("DTTorSpr")
+    if spring < 0.0:
+        raise file.fail("DTTorSpr", spring, "a number of at least 0")
+    if file.flag("DrTrDOF", True):
+        if spring == 0.0:
+            raise file.fail(
+                "DTTorSpr", spring, "a number above 0 with DrTrDOF True: rotor and generator are not connected"
+            )
+        return spring
+    words = "twists by DTTorSpr" if spring > 0.0 else "is rigid (DTTorSpr 0)"
+    notes.append(f"{file.path.name}: DrTrDOF is False; the shaft {words} here")
+    return spring or _RIGID_SHAFT
+
+
 def read_openfast_pitch(servodyn: TextFile | None, discon: TextFile | None, notes: list[str]) -> PitchSystem:
-    """Build the limits of the pitch system, from DISCON.IN or else the Bladed interface of ServoDyn.
+    """Build the limits of the pitch system, from the DISCON.IN that controls it or the Bladed interface of ServoDyn.
 
     Raises
     ------
@@ -231,17 +248,44 @@ def require_plain(file: TextFile) -> None:
         raise file.fail("Furling", True, "False (rotors and tails that furl are not modeled)")
 
 
-def blade_files(file: TextFile, keys: list[str]) -> str:
-    """Return the one file name that all keywords have.
+def blade_file(file: TextFile, keys: list[str], free: bool = False, within: str = "") -> TextFile:
+    """Open the file that all keywords name, or the first of several that are copies of each other.
+
+    Parameters
+    ----------
+    file : TextFile
+        That has the keywords.
+    keys : list of str
+        One for each blade.
+    free : bool
+        As of `TextFile`.
+    within : str
+        Keyword of these files that names another one, whose copies are copies too.
 
     Raises
     ------
     TurbineDefinitionError
-        If blades have files of their own.
+        If there is no such file, or blades differ.
     """
     names = [file.text(key) for key in keys if key in file]
     if not names:
         raise TurbineDefinitionError(f"{file.path.name}: {keys[0]}: missing, no line has this keyword")
-    if len(set(names)) > 1:
-        raise fail(f"{file.path.name}: {', '.join(keys)}", names, "the same file for all blades")
-    return names[0]
+    first = TextFile(existing_file(file.path.parent, names[0], keys[0]), free)
+    for name in dict.fromkeys(names[1:]):
+        if name != names[0] and not _is_copy(first, file.path.parent / name.replace("\\", "/"), free, within):
+            allowed = "the same file for all blades, or copies of it"
+            raise fail(f"{file.path.name}: {', '.join(keys)}", names, allowed)
+    return first
+
+
+def _is_copy(first: TextFile, path: Path, free: bool, within: str) -> bool:
+    """Return whether a file has the same words below its titles, and so the file that ``within`` names there."""
+    if not path.is_file():
+        return False
+    other = TextFile(path, free)
+    if first.words(within) != other.words(within):
+        return False
+    if not within:
+        return True
+    one, two = (existing_file(file.path.parent, file.text(within), within) for file in (first, other))
+    return _is_copy(TextFile(one), two, False, "")

@@ -15,12 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.files import decoded_text
 from wt_gym.turbines.checks import fail, short
 
-__all__ = ["TextFile", "existing_file"]
+__all__ = ["TextFile", "as_number", "existing_file"]
 
-_TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,]+")
+_TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;!]+")
+"""Words: quoted, or up to a separator. ROSCO's exclamation mark between values and keyword is one."""
+_CONTENT = re.compile(r"(?:[\s,;]*(?:\"[^\"]*\"|'[^']*'|[^\s,;!#%]+))*")
+"""Part of a line before the first comment character, ``!``, ``#`` or ``%``."""
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[edq][+-]?\d+|[+-]\d+)?", re.IGNORECASE)
+"""A real number as Fortran reads it: 1, .5, 1.0D+03, 1.0+3."""
+_REPEAT = re.compile(r"(\d+)\*(.+)")
+_LOGICAL = re.compile(r"\.?([tf])(?:rue|alse)?\.?", re.IGNORECASE)
+_NO_VALUE = re.compile(r"\s*,|.*,\s*,")
+_INCLUDED = re.compile(r"@\s*(?:(\d+)(?:-(\d+))?\s+in\s+)?(?:\"([^\"]*)\"|'([^']*)'|(\S+))", re.IGNORECASE)
 _MOST_BYTES = 20_000_000
+_MOST_LEVELS = 10
+"""Files that include each other."""
+_MOST_REPEATS = 1000
 _DEFAULT = re.compile(r"[\"']?default[\"']?", re.IGNORECASE)
 
 
@@ -32,7 +45,7 @@ def existing_file(folder: Path, name: str, what: str) -> Path:
     TurbineDefinitionError
         If there is no such file.
     """
-    path = folder / name.replace("\\", "/")
+    path = folder / name.replace("\\", "/").strip()
     if not path.is_file():
         raise TurbineDefinitionError(f"{what}: {short(name, 200)}: there is no such file in {folder}")
     return path
@@ -41,11 +54,24 @@ def existing_file(folder: Path, name: str, what: str) -> Path:
 class TextFile:
     """Lines of one input file.
 
+    OpenFAST has two ways of reading. Primary files, ElastoDyn, ServoDyn and BeamDyn are read line by line, with values
+    first. AeroDyn, AirfoilInfo and ElastoDyn blades (``ProcessComFile`` of its library) lose comments, empty lines and
+    what follows ``!``, ``#`` or ``%`` first, may include other files by ``@``, and may have a value behind its keyword.
+
     Parameters
     ----------
     path : Path
-    comment : str
-        ``"!"`` for files whose comment lines begin with it (AirfoilInfo, DISCON.IN); empty for the others.
+    free : bool
+        Whether the file is read in the second way.
+    titles : int
+        Lines at the beginning that hold no keywords.
+
+    Attributes
+    ----------
+    lines : list of str
+        As they are in the file, or without comments.
+    comments : str
+        Comments that were taken out.
 
     Raises
     ------
@@ -53,43 +79,55 @@ class TextFile:
         If the file cannot be read or is larger than 20 MB.
     """
 
-    def __init__(self, path: Path, comment: str = "") -> None:
+    def __init__(self, path: Path, free: bool = False, titles: int = 2) -> None:
         self.path = path
-        try:
-            if path.stat().st_size > _MOST_BYTES:
-                raise fail(str(path), f"{path.stat().st_size} bytes", f"a file of at most {_MOST_BYTES} bytes")
-            text = path.read_text(encoding="utf-8", errors="replace")
-        except OSError as error:
-            raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
-        lines = text.splitlines()
-        self.lines = [line for line in lines if not line.lstrip().startswith("!")] if comment else lines
-        self._places: dict[str, tuple[int, list[str]]] = {}
+        self.comments = ""
+        self.lines = self._without_comments(path) if free else _lines_of(path)
+        self._places: dict[str, list[tuple[int, list[str]]]] = {}
+        self._reversed: dict[str, list[tuple[int, list[str]]]] = {}
         for i, line in enumerate(self.lines):
-            # The first two lines of primary files are titles; rules of dashes or equals signs head sections.
-            if (comment or i > 1) and not line.lstrip().startswith(("--", "==")):
-                self._index(i, line)
+            tokens = _TOKEN.findall(line)
+            if "outlist" in (token.lower() for token in tokens[:2]):
+                break  # names of outputs follow, which may be those of keywords
+            # rules of dashes or equals signs head sections
+            if i >= titles and tokens and not line.lstrip().startswith(("--", "==", "!", "#", "%")):
+                self._index(i, tokens)
 
-    def _index(self, i: int, line: str) -> None:
-        """Note the keyword of a line: the word before the dash, or after the exclamation mark."""
-        before, mark, after = line.partition("!")
-        tokens = _TOKEN.findall(before)
-        if mark and tokens and not any(token == "-" for token in tokens) and _is_value(tokens[-1]):
-            # DISCON.IN: values ! KEY - what it is
-            key = _TOKEN.findall(after)[:1]
-            values = tokens
-        else:
-            # values KEY - what it is
-            stop = next((k for k, token in enumerate(tokens) if k and (token == "-" or token.startswith("- "))), None)
-            words = tokens[:stop] if stop is not None else tokens[: _first_key(tokens) + 1]
-            if len(words) < 2:
+    def _without_comments(self, path: Path, first: int = 1, last: int | None = None, level: int = 0) -> list[str]:
+        """Return the lines of a file, and of those that it includes, that have more than a comment."""
+        if level > _MOST_LEVELS:
+            raise fail(f"{self.path}: @", path.name, f"files that include others up to {_MOST_LEVELS} levels deep")
+        out: list[str] = []
+        for line in _lines_of(path)[first - 1 : last]:
+            content = _content(line)
+            self.comments += line[len(content) :] + "\n"
+            include = _INCLUDED.match(content.strip())
+            if include is not None:
+                begin, end, *names = include.groups()
+                other = existing_file(path.parent, next(filter(None, names), ""), f"{path.name}: @")
+                out += self._without_comments(other, int(begin or 1), int(end or 0) or None, level + 1)
+            elif content.strip():
+                out.append(content)
+        return out
+
+    def _index(self, i: int, tokens: list[str]) -> None:
+        """Note the keyword of a line, the first word behind the first that is no value; also the other way round."""
+        if tokens[1:2] not in ([], ["-"]):
+            self._reversed.setdefault(_normal(tokens[0]), []).append((i, tokens[1:2]))
+        for k, token in enumerate(tokens):
+            if token == "-":
                 return
-            key, values = words[-1:], words[:-1]
-        if key and values:
-            self._places.setdefault(_normal(key[0]), (i, values))
+            if k and not _is_value(token):
+                self._places.setdefault(_normal(token), []).append((i, _expanded(tokens[:k])))
+                return
 
     def __contains__(self, key: str) -> bool:
         """Whether a line has this keyword."""
-        return _normal(key) in self._places
+        return bool(self._lines(key))
+
+    def _lines(self, key: str) -> list[tuple[int, list[str]]]:
+        """Return index and values of the lines with a keyword; with the keyword in front if there are no others."""
+        return self._places.get(_normal(key)) or self._reversed.get(_normal(key), [])
 
     def fail(self, key: str, value: Any, allowed: str) -> TurbineDefinitionError:
         """Build (not raise) an error that names file and keyword."""
@@ -106,10 +144,29 @@ class TextFile:
         return self._place(key)[0]
 
     def _place(self, key: str) -> tuple[int, list[str]]:
-        place = self._places.get(_normal(key))
-        if place is None:
+        places = self._lines(key)
+        if not places:
             raise TurbineDefinitionError(f"{self.path.name}: {key}: missing, no line has this keyword")
-        return place
+        values = [words for _, words in places]
+        if any(words != values[0] for words in values):
+            raise self.fail(key, [" ".join(words) for words in values], "one value: several lines have this keyword")
+        return places[0]
+
+    def entries(self, *keys: str) -> list[tuple[int, str, str]]:
+        """Return index, keyword (as in ``keys``) and value of every line with one of some keywords, in their order."""
+        places = [
+            (i, key, words[0])
+            for key in keys
+            for order in (self._places, self._reversed)
+            for i, words in order.get(_normal(key), [])
+        ]
+        return sorted(places)
+
+    def words(self, except_key: str = "") -> list[list[str]]:
+        """Return the words of all lines below the titles, without comments and the line of one keyword."""
+        hidden = {i for i, _ in self._lines(except_key)} if except_key else set()
+        lines = (_TOKEN.findall(_content(line)) for i, line in enumerate(self.lines) if i > 1 and i not in hidden)
+        return [words for words in lines if words]
 
     def is_default(self, key: str) -> bool:
         """Whether the value of a keyword is missing or left to OpenFAST (``default``)."""
@@ -117,7 +174,7 @@ class TextFile:
 
     def text(self, key: str) -> str:
         """Return the value of a keyword without quotes."""
-        return self._place(key)[1][0].strip("\"'")
+        return self._place(key)[1][0].strip("\"'").strip()
 
     def number(self, key: str, default: float | None = None) -> float:
         """Return the number of a keyword; ``default`` where no line has it.
@@ -129,7 +186,7 @@ class TextFile:
         """
         if default is not None and key not in self:
             return default
-        return self._number(key, self._place(key)[1][0])
+        return self.value(key, self._place(key)[1][0])
 
     def integer(self, key: str, default: int | None = None) -> int:
         """Return the whole number of a keyword; ``default`` where no line has it."""
@@ -142,34 +199,56 @@ class TextFile:
         """Return the logical value of a keyword; ``default`` where no line has it."""
         if key not in self:
             return default
-        word = self.text(key).lower().strip(".")
-        if word in ("true", "t", "1"):
+        word = self.text(key).lower().lstrip(".")[:1]  # Fortran looks no further
+        if word in ("t", "1"):
             return True
-        if word in ("false", "f", "0"):
+        if word in ("f", "0"):
             return False
         raise self.fail(key, self.text(key), "True or False")
 
     def array(self, key: str) -> NDArray[np.float64]:
         """Return all numbers of a keyword's line (n,)."""
-        return np.array([self._number(key, value) for value in self._place(key)[1]])
+        return np.array([self.value(key, value) for value in self._place(key)[1]])
 
-    def _number(self, key: str, token: str) -> float:
-        value = _as_number(token)
+    def value(self, key: str, token: str) -> float:
+        """Return a word as a number; ``key`` says what it is in the message for any other word."""
+        value = as_number(token)
         if value is None or not np.isfinite(value):
             raise self.fail(key, token, "a finite number")
         return value
 
-    def rows(self, first: int, count: int, what: str, least: int = 1) -> list[list[str]]:
-        """Return the words of ``count`` lines from the index ``first``, each with at least ``least`` words."""
-        rows = [_TOKEN.findall(line.partition("!")[0]) for line in self.lines[first : first + max(count, 0)]]
+    def rows(self, first: int, count: int, what: str, least: int = 1, skip_text: bool = False) -> list[list[str]]:
+        """Return the words of ``count`` lines from the index ``first``, each with at least ``least`` words.
+
+        Parameters
+        ----------
+        first, count : int
+            Index of the first line, number of lines without those that are empty or hold a comment only.
+        what : str
+            The lines, for messages.
+        least : int
+        skip_text : bool
+            Whether lines that do not begin with a number are passed over, such as names and units of columns.
+        """
+        rows: list[list[str]] = []
+        for line in self.lines[first:]:
+            if len(rows) >= count:
+                break
+            content = _content(line)
+            words = _expanded(_TOKEN.findall(content))
+            if not words or (skip_text and as_number(words[0]) is None):
+                continue
+            if _NO_VALUE.match(content):
+                raise self.fail(what, content.strip(), "rows with a value between any two commas")
+            rows.append(words)
         if count < 1 or len(rows) < count or any(len(row) < least for row in rows):
             raise self.fail(what, f"{count} rows announced", f"at least one row, and as many as announced ({what})")
         return rows
 
-    def numbers(self, first: int, count: int, columns: int, what: str) -> NDArray[np.float64]:
-        """Return a block of numbers (count, columns) that begins in the line with the index ``first``."""
-        rows = self.rows(first, count, what, columns)
-        return np.array([[self._number(what, word) for word in row[:columns]] for row in rows])
+    def numbers(self, first: int, count: int, columns: int, what: str, skip_text: bool = False) -> NDArray[np.float64]:
+        """Return a block of numbers (count, columns) that begins in the line with the index ``first``, see `rows`."""
+        rows = self.rows(first, count, what, columns, skip_text)
+        return np.array([[self.value(what, word) for word in row[:columns]] for row in rows])
 
     def sections(
         self, count_key: str, fraction: str, columns: Sequence[str], what: str
@@ -210,7 +289,7 @@ class TextFile:
         count_key : str
             Keyword of the line with the number of rows, above the table.
         first_column : str
-            Name of the first column, with which the header begins; a line of units follows it.
+            Name of a column that the header has; a line of units may follow it.
 
         Returns
         -------
@@ -220,39 +299,57 @@ class TextFile:
         count = self.integer(count_key)
         start = self.line_of(count_key)
         for i in range(start + 1, len(self.lines)):
-            names = _TOKEN.findall(self.lines[i].partition("!")[0])
-            if names and _normal(names[0]) == _normal(first_column):
-                rows = self.rows(i + 2, count, first_column)
+            names = [_normal(name) for name in _TOKEN.findall(_content(self.lines[i]))]
+            if _normal(first_column) in names:
+                rows = self.rows(i + 1, count, first_column, skip_text=True)
                 width = min(len(names), *(len(row) for row in rows))
-                values = [[self._number(first_column, word) for word in row[:width]] for row in rows]
-                return dict(zip(map(_normal, names[:width]), np.array(values).T, strict=True))
-        raise TurbineDefinitionError(f"{self.path.name}: no table that begins with the column {first_column}")
+                values = [[self.value(first_column, word) for word in row[:width]] for row in rows]
+                return dict(zip(names[:width], np.array(values).T, strict=True))
+        raise TurbineDefinitionError(f"{self.path.name}: no table with the column {first_column}")
 
 
-def _first_key(tokens: list[str]) -> int:
-    """Return the index of the first word that is not a value; the last one where all are."""
-    for k, token in enumerate(tokens):
-        if k and not _is_value(token):
-            return k
-    return len(tokens) - 1
+def _lines_of(path: Path) -> list[str]:
+    """Return the lines of a file in UTF-8 or, where it has other bytes, Latin-1."""
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise fail(str(path), f"{path.stat().st_size} bytes", f"a file of at most {_MOST_BYTES} bytes")
+        data = path.read_bytes()
+    except OSError as error:
+        raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
+    return decoded_text(data).split("\n")
+
+
+def _content(line: str) -> str:
+    """Return a line without its comment."""
+    match = _CONTENT.match(line)
+    assert match is not None  # it matches an empty text
+    return match[0]
+
+
+def _expanded(words: list[str]) -> list[str]:
+    """Return words with Fortran's repetitions written out: 3*0.0 is 0.0 0.0 0.0."""
+    out: list[str] = []
+    for word in words:
+        repeat = _REPEAT.fullmatch(word)
+        count = int(repeat[1]) if repeat is not None else 1
+        out += [word] if repeat is None or count > _MOST_REPEATS else count * [repeat[2]]
+    return out
 
 
 def _is_value(token: str) -> bool:
-    quoted = token[0] in "\"'"
-    return quoted or _as_number(token) is not None or token.lower() in ("true", "false", "t", "f", "default")
+    if token[0] in "\"'" or _LOGICAL.fullmatch(token) or token.lower() == "default":
+        return True
+    return as_number(_expanded([token])[0]) is not None
 
 
-def _as_number(token: str) -> float | None:
-    """Return a number as Fortran writes it (1.0D+03), None for another word."""
-    word = token.strip("\"'")
-    try:
+def as_number(token: str) -> float | None:
+    """Return a number as Fortran reads it, None for another word."""
+    word = token.strip("\"'").strip().lower()
+    if word in ("nan", "inf", "+inf", "-inf", "infinity"):
         return float(word)
-    except ValueError:
-        pass
-    try:
-        return float(re.sub(r"[dD]", "e", word))
-    except ValueError:
+    if _NUMBER.fullmatch(word) is None:
         return None
+    return float(re.sub(r"(?<=[\d.])(?:[dq]|(?=[+-]))", "e", word, count=1))
 
 
 def _normal(key: str) -> str:

@@ -14,13 +14,14 @@ from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.model import Turbine
 from wt_gym.turbines.source import Node, WindioFile, read_windio
 from wt_gym.turbines.windio_blade import read_blade
-from wt_gym.turbines.windio_control import own_control_file, read_control, with_own_constants
+from wt_gym.turbines.windio_control import own_control_file, read_control, with_own_constants, with_own_fields
 from wt_gym.turbines.windio_nacelle import read_drivetrain, read_hub, read_machine, read_nacelle, read_pitch, rpm
 from wt_gym.turbines.windio_tower import read_support, read_tower
 
 __all__ = ["AIR_DENSITY", "own_file", "read_turbine"]
 
 AIR_DENSITY = 1.225
+_BESIDE = "the .control.json beside it"
 """At sea level in the standard atmosphere [kg/m^3]; windIO's turbine files carry none."""
 
 _CLASS_NUMBERS = {"1": "I", "2": "II", "3": "III", "4": "IV"}
@@ -57,7 +58,7 @@ def read_turbine(
     beside = own_control_file(path)
     try:
         content = path.read_bytes()
-        constants = None if beside is None else beside.read_text(encoding="utf-8")
+        constants = None if beside is None else beside.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -128,7 +129,7 @@ def _build(
     height = tower.height + root.at("components.drivetrain.outer_shape").number("distance_tt_hub", 0.0, 20.0)
     own = read_control(root, drivetrain.gear_ratio, notes)
     if constants is not None:
-        own = with_own_constants(own, constants, "the .control.json beside it", notes)
+        own = with_own_constants(own, constants, _BESIDE, notes)
     values: dict[str, Any] = dict(
         name=root.text("name"),
         n_blades=n_blades,
@@ -151,7 +152,8 @@ def _build(
         control=own,
     )
     try:
-        return Turbine(**values)
+        turbine = Turbine(**values)
+        return turbine if constants is None else with_own_fields(turbine, constants, _BESIDE)
     except TurbineDefinitionError as error:
         # say the same in the words of the file
         text = str(error)

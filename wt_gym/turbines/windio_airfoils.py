@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.turbines.airfoil import Airfoil, Polar, blend_polars, camber_line
+from wt_gym.turbines.airfoil import DRAG_ALLOWED, Airfoil, Polar, blend_polars, camber_line, driving_drag
 from wt_gym.turbines.checks import check_ascending, fail
 from wt_gym.turbines.source import Node, within
 
@@ -174,9 +174,8 @@ def _polar(table: Node, center: float) -> Polar:
             allowed = "angles of attack from -180 to 180 deg"
             raise fail(curve.where("grid"), [float(angle[0]), float(angle[-1])], allowed)
         values = curve.array("values", angle.size)
-        if key == "cd" and values.min() < 0.0:
-            i = int(np.argmin(values))
-            raise fail(f"{curve.where('values')}[{i}]", float(values[i]), "a drag of at least 0")
+        if key == "cd" and (i := driving_drag(np.radians(angle), values)) is not None:
+            raise fail(f"{curve.where('values')}[{i}]", float(values[i]), DRAG_ALLOWED)
         curves[key] = (angle, values)
     degrees = np.unique(np.concatenate([curve[0] for curve in curves.values()]))
     cl, cd, cm = (np.interp(degrees, *curves[key]) for key in ("cl", "cd", "cm"))

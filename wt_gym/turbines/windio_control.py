@@ -5,7 +5,7 @@ files (negative), and schedules in degrees; `ControlData` holds them on the gene
 
 A JSON file ``NAME.control.json`` beside ``NAME.yaml`` holds what windIO has no keys for, under the names of
 `ControlData`; an angle may be given in degrees under its name with ``_deg``. What stands there goes before the section
-of the windIO file.
+of the windIO file. Numbers of the turbine without a windIO key stand in its object ``turbine`` (`OWN_FIELDS`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,17 @@ from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.source import Node, within
 from wt_gym.turbines.windio_nacelle import rpm
 
-__all__ = ["own_control_file", "read_control", "with_own_constants"]
+if TYPE_CHECKING:
+    from wt_gym.turbines.model import Turbine
+
+__all__ = ["OWN_FIELDS", "own_control_file", "read_control", "with_own_constants", "with_own_fields"]
+
+OWN_FIELDS = {
+    "": ("air_density", "design_air_density", "rotation"),
+    "pitch": ("max_pitch", "servo_frequency", "servo_damping"),
+    "drivetrain": ("gearbox_reverses", "torque_lag"),
+}
+"""Fields of a turbine and of its parts that a windIO file has no keys for, or keys with a smaller range."""
 
 _DEGREE = np.pi / 180.0
 _READ = {
@@ -163,7 +173,56 @@ def own_control_file(path: Path) -> Path | None:
     return beside if beside.is_file() else None
 
 
-def with_own_constants(control: ControlData | None, text: str, name: str, notes: list[str]) -> ControlData:
+def _own_object(text: str, name: str) -> dict[str, Any]:
+    """Return the content of a file ``NAME.control.json``.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the text is not a JSON object.
+    """
+    try:
+        content = json.loads(text)
+    except ValueError as error:
+        raise TurbineDefinitionError(f"{name}: not JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise TurbineDefinitionError(f"{name}: must be a JSON object with the names of ControlData, got {content!r}")
+    return content
+
+
+def with_own_fields(turbine: Turbine, text: str, name: str) -> Turbine:
+    """Return a turbine with the fields in the object ``turbine`` of a file ``NAME.control.json``.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    text : str
+        JSON.
+    name : str
+        Of the file, for messages.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        For a key that is none of `OWN_FIELDS`, or a value out of range.
+    """
+    given = _own_object(text, name).get("turbine", {})
+    known = {f"{part}.{field}" if part else field for part, fields in OWN_FIELDS.items() for field in fields}
+    if not isinstance(given, dict) or not given.keys() <= known:
+        raise TurbineDefinitionError(
+            f"{name}: turbine must be an object with keys among {sorted(known)}, got {given!r}"
+        )
+    for part, names in OWN_FIELDS.items():
+        prefix = f"{part}." if part else ""
+        values = {field: given[prefix + field] for field in names if prefix + field in given}
+        with within(name):
+            if part:
+                values = {part: replace(getattr(turbine, part), **values)}
+            turbine = replace(turbine, **values)
+    return turbine
+
+
+def with_own_constants(control: ControlData | None, text: str, name: str, notes: list[str]) -> ControlData | None:
     """Return control data with the constants of a file ``NAME.control.json``.
 
     Parameters
@@ -182,12 +241,8 @@ def with_own_constants(control: ControlData | None, text: str, name: str, notes:
     TurbineDefinitionError
         If the text is not a JSON object, or has a key or value that `ControlData` does not.
     """
-    try:
-        content = json.loads(text)
-    except ValueError as error:
-        raise TurbineDefinitionError(f"{name}: not JSON: {error}") from error
-    if not isinstance(content, dict):
-        raise TurbineDefinitionError(f"{name}: must be a JSON object with the names of ControlData, got {content!r}")
+    content = _own_object(text, name)
+    content.pop("turbine", None)
     source = content.pop("source", None)
     known = {f.name for f in fields(ControlData)}
     values: dict[str, Any] = {}
@@ -199,6 +254,8 @@ def with_own_constants(control: ControlData | None, text: str, name: str, notes:
             values[plain] = np.radians(value) if key != plain else value
         except TypeError as error:
             raise TurbineDefinitionError(f"{name}: {key} must be numbers, got {value!r}") from error
+    if not values:
+        return control
     with within(name):
         made = replace(control or ControlData(), **values)
     notes.append(f"control: published constants of the controller from {source or name}")

@@ -1,7 +1,7 @@
 """Turbines as windIO v2 files: what the readers of this package read back as the same turbine, to rounding.
 
-windIO has no keys for some numbers of a turbine's controller. They go into a JSON file ``NAME.control.json`` beside
-``NAME.yaml``, under the names of `ControlData`.
+windIO has no keys for some numbers of a turbine and its controller. They go into a JSON file ``NAME.control.json``
+beside ``NAME.yaml``, under the names of `ControlData`, and of the turbine (`OWN_FIELDS`).
 """
 
 import dataclasses
@@ -19,8 +19,9 @@ from wt_gym.turbines.airfoil import Airfoil
 from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
 from wt_gym.turbines.blade import Blade
 from wt_gym.turbines.checks import fail
-from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, Tower, Turbine
+from wt_gym.turbines.windio import AIR_DENSITY
+from wt_gym.turbines.windio_control import OWN_FIELDS
 from wt_gym.turbines.windio_nacelle import rpm
 
 __all__ = ["control_file_of", "require_same", "windio_content", "write_windio"]
@@ -29,6 +30,12 @@ _DEGREE = np.pi / 180.0
 _VERSION = "2.1"
 _ROUNDING = 1e-9
 """Relative difference that angles in degrees and speeds in rpm leave."""
+_HELD: dict[str, object] = {
+    "air_density": AIR_DENSITY, "design_air_density": None, "rotation": "clockwise", "servo_frequency": None,
+    "servo_damping": 1.0, "gearbox_reverses": False, "torque_lag": 0.0,
+}  # fmt: skip
+"""Values of own fields that a windIO file means."""
+_LARGEST_PITCH = 0.5 * np.pi
 _NO_MU = [0.0] * 6
 """windIO's mu, which the schema requires; the ratio beside it is what is read."""
 
@@ -58,8 +65,7 @@ def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[P
     ------
     TurbineDefinitionError
         If the turbine has what windIO files do not hold here: a support, a damper as generator, a downwind cone or
-        tilt, stall delay added to polars, a blade that is softer edgewise than flapwise, a rotor that turns
-        counter-clockwise.
+        tilt, stall delay added to polars, a blade that is softer edgewise than flapwise.
     """
     path = Path(path)
     content = windio_content(turbine)
@@ -77,11 +83,14 @@ def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[P
     written = [path]
     with whole_file(path) as partial:
         partial.write_text(text.getvalue(), encoding="utf-8")
-    if turbine.control is not None:
-        beside = control_file_of(path)
+    numbers = _control_json(turbine, source)
+    beside = control_file_of(path)
+    if numbers:
         with whole_file(beside) as partial:
-            partial.write_text(json.dumps(_control_json(turbine.control, source), indent=1) + "\n", encoding="utf-8")
+            partial.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
         written.append(beside)
+    else:  # that of another turbine under this name
+        beside.unlink(missing_ok=True)
     return written
 
 
@@ -103,12 +112,6 @@ def windio_content(turbine: Turbine) -> dict[str, Any]:
         raise fail("Turbine.blade.augmentation", turbine.blade.augmentation, "None")
     if turbine.ice is not None:
         raise fail("Turbine.ice", turbine.ice, "None: the file has one blade for all")
-    if turbine.rotation != "clockwise":
-        allowed = (
-            "'clockwise' (windIO has no key for it: write dataclasses.replace(turbine, rotation='clockwise'), and load "
-            "the file with load_turbine(path, rotation='counter-clockwise'))"
-        )
-        raise fail("Turbine.rotation", turbine.rotation, allowed)
     names = _names(turbine.blade.airfoils)
     return {
         "name": turbine.name,
@@ -169,7 +172,7 @@ def _control(turbine: Turbine) -> dict[str, Any]:
         "max_gen_torque": train.max_generator_torque,
         "max_torque_rate": train.max_torque_rate,
         "min_pitch_limit": pitch.min_pitch / _DEGREE,
-        "max_pitch_limit": pitch.max_pitch / _DEGREE,
+        "max_pitch_limit": min(pitch.max_pitch, _LARGEST_PITCH) / _DEGREE,
         "max_pitch_rate": pitch.max_rate / _DEGREE,
         "yaw_rate": turbine.nacelle.max_yaw_rate / _DEGREE,
     }
@@ -205,14 +208,23 @@ def _control(turbine: Turbine) -> dict[str, Any]:
     return section
 
 
-def _control_json(data: ControlData, source: str) -> dict[str, Any]:
-    """Return the controller's numbers under their names, those that are known."""
-    values: dict[str, Any] = {"source": source} if source else {}
-    for item in dataclasses.fields(data):
-        value = getattr(data, item.name)
+def _control_json(turbine: Turbine, source: str) -> dict[str, Any]:
+    """Return the controller's known numbers under their names, and the turbine's that windIO does not hold."""
+    values: dict[str, Any] = {}
+    for item in dataclasses.fields(turbine.control) if turbine.control is not None else ():
+        value = getattr(turbine.control, item.name)
         if value is not None:
             values[item.name] = value.tolist() if isinstance(value, np.ndarray) else value
-    return values
+    own = {}
+    for part, names in OWN_FIELDS.items():
+        for name in names:
+            value = getattr(getattr(turbine, part) if part else turbine, name)
+            if value != _HELD.get(name, value):
+                own[f"{part}.{name}" if part else name] = value
+    if turbine.pitch.max_pitch > _LARGEST_PITCH:
+        own["pitch.max_pitch"] = turbine.pitch.max_pitch
+    values |= {"turbine": own} if own else {}
+    return ({"source": source} if source and values else {}) | values
 
 
 def _hub(hub: Hub) -> dict[str, Any]:

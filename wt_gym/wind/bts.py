@@ -24,7 +24,7 @@ __all__ = ["BtsContent", "read", "write"]
 
 _HEADER = struct.Struct("<h4i12fi")
 _NOT_PERIODIC, _PERIODIC = 7, 8
-_MAX_DESCRIPTION = 200
+_MAX_DESCRIPTION = 200  # of TurbSim's own files; readers take any length
 _FASTEST = 200.0  # m/s; no gust has ever come near, so what is above is damage or another unit
 
 
@@ -61,10 +61,11 @@ def read(path: str | os.PathLike[str]) -> BtsContent:
     slope, offset = np.array(numbers[6::2]), np.array(numbers[7::2])
     if identifier not in (_NOT_PERIODIC, _PERIODIC):
         raise InflowError(f"{path} is not a .bts file: it starts with {identifier}, not {_NOT_PERIODIC} or {_PERIODIC}")
-    if min(n_z, n_y, n_times) < 2 or n_tower < 0 or not 0 <= n_characters <= _MAX_DESCRIPTION:
+    longest = max(_MAX_DESCRIPTION, len(data) - _HEADER.size)
+    if min(n_z, n_y, n_times) < 2 or n_tower < 0 or not 0 <= n_characters <= longest:
         raise InflowError(
             f"{path} has an impossible header: {n_y} x {n_z} grid points (at least 2 x 2), {n_tower} tower points, "
-            f"{n_times} time steps (at least 2), {n_characters} characters (at most {_MAX_DESCRIPTION})"
+            f"{n_times} time steps (at least 2), {n_characters} characters of description (at most {longest})"
         )
     positive = [spacing_z, spacing_y, time_step, mean_speed, hub_height]
     if not np.isfinite(numbers).all() or min(positive) <= 0.0 or (slope == 0.0).any():

@@ -4,7 +4,8 @@ CSV: the first line that is neither empty nor begins with ``#`` names the column
 the others are zero without: direction [deg], vertical_speed [m/s], shear_exponent, horizontal_shear, vertical_shear,
 gust [m/s], upflow [deg]. Directions are ours: against +x, counter-clockwise from above positive.
 
-Uniform wind files (``.wnd``, ``.hh``) have lines of 8 or 9 numbers without names, ``!`` beginning a comment: time [s],
+Uniform wind files (``.wnd``, ``.hh``) have lines of 8 or 9 numbers without names, ``!``, ``#`` and ``%`` beginning a
+comment, and what follows the numbers is not read: time [s],
 speed [m/s], direction [deg], vertical speed [m/s], horizontal linear shear, power-law exponent, vertical linear shear,
 gust [m/s], and upflow [deg]. Directions are InflowWind's: a positive one blows towards −y (from the left looking
 downwind), so that its sign is turned when it is read; so is nothing else.
@@ -13,12 +14,14 @@ downwind), so that its sign is turned when it is read; so is nothing else.
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.errors import InflowError, did_you_mean
+from wt_gym.files import decoded_text
 from wt_gym.wind.series import COLUMNS, SeriesInflow
 
 if TYPE_CHECKING:
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["read_csv", "read_uniform"]
 
+_COMMENT = re.compile("[!#%].*")
 _ANGLES = ("direction", "upflow")
 _UNIFORM = (
     "time", "speed", "direction", "vertical_speed", "horizontal_shear", "shear_exponent", "vertical_shear", "gust",
@@ -81,30 +85,40 @@ def read_uniform(path: str | os.PathLike[str], **more: Any) -> SeriesInflow:
     InflowError
         If the file cannot be read, is a binary file, or a line is damaged; the message names file and line.
     """
-    body = [(number, words.split()) for number, line in _lines(path) if (words := line.split("!")[0].replace(",", " "))]
+    body = [(number, _COMMENT.sub("", line).replace(",", " ").split()) for number, line in _lines(path)]
     body = [(number, cells) for number, cells in body if cells]
     if not body:
         raise InflowError(f"{path} must have lines of 8 or 9 numbers (uniform wind file), got none")
-    width = len(body[0][1])
-    if width not in (8, 9):
+    number, first = body[0]
+    width = 9 if _number(first[8:9]) is not None else 8
+    if len(first) < width:
         raise InflowError(
-            f"{path}, line {body[0][0]}: lines of a uniform wind file must have 8 or 9 numbers, got {width}"
+            f"{path}, line {number}: lines of a uniform wind file must have 8 or 9 numbers, got {len(first)}"
         )
-    return _series(path, _UNIFORM[:width], body, -1.0, more)
+    return _series(path, _UNIFORM[:width], [(number, cells[:width]) for number, cells in body], -1.0, more)
+
+
+def _number(cells: list[str]) -> float | None:
+    """Return the number in the only cell as Fortran may write it (1.0D+03), None for anything else."""
+    try:
+        return float(cells[0].lower().replace("d", "e"))
+    except (IndexError, ValueError):
+        return None
 
 
 def _lines(path: str | os.PathLike[str]) -> list[tuple[int, str]]:
     """Lines that hold something, with their numbers from 1."""
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        data = Path(path).read_bytes()
     except OSError as error:
         raise InflowError(f"cannot read the wind file {path}: {error}") from error
-    except UnicodeDecodeError as error:
+    if b"\0" in data:
         raise InflowError(
-            f"{path} must be a text file: {error}. Binary .wnd files (TurbSim, Bladed) are not read; TurbSim also "
-            "writes .bts"
-        ) from error
-    return [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+            f"{path} must be a text file, it has bytes of 0. Binary .wnd files (TurbSim, Bladed) are not read; TurbSim "
+            "also writes .bts"
+        )
+    lines = enumerate(decoded_text(data).split("\n"), 1)
+    return [(number, line.strip()) for number, line in lines if line.strip()]
 
 
 def _check_names(path: str | os.PathLike[str], names: list[str]) -> None:
@@ -133,14 +147,15 @@ def _series(
         if len(cells) != len(names):
             raise InflowError(f"{path}, line {number}: {len(names)} numbers are needed, one a column; got {len(cells)}")
         for column, cell in enumerate(cells):
-            try:
-                values[row, column] = float(cell.replace("D", "e").replace("d", "e"))
-            except ValueError:
-                raise InflowError(f"{path}, line {number}: {names[column]} must be a number; got {cell!r}") from None
+            value = _number([cell])
+            if value is None:
+                raise InflowError(f"{path}, line {number}: {names[column]} must be a number; got {cell!r}")
+            values[row, column] = value
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values).all(axis=1)))
         raise InflowError(f"{path}, line {body[row][0]}: every number must be finite; got {body[row][1]}")
-    columns = dict(zip(names, values.T, strict=True))
+    again = np.concatenate(([False], (values[1:] == values[:-1]).all(axis=1)))  # a row that stands there twice
+    columns = dict(zip(names, values[~again].T, strict=True))
     for name in _ANGLES:
         if name in columns:
             columns[name] = np.radians(columns[name])

@@ -128,8 +128,6 @@ class LatticePlanform:
             )
         if self.polars.shape[1] < 8 or not np.all(np.isfinite(self.polars)):
             raise AerodynamicsError("polars must have at least 8 angles and finite coefficients")
-        if np.any(self.polars[:, :, 1] < 0.0):
-            raise AerodynamicsError("drag coefficients of polars must be at least 0")
         _check_panels(self.nodes)
         for array in arrays.values():
             array.setflags(write=False)
