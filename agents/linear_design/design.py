@@ -149,7 +149,7 @@ def definition(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, 
     """What decides on a recording, as JSON values."""
     speed, seed, excited = run
     return {
-        "fingerprint": benchmark_fingerprint(turbine, task.fidelity),
+        "fingerprint": benchmark_fingerprint(turbine, task.fidelity, "wt_gym.agents.linear_design.recording"),
         "base": task.base,
         "wind": {"speed": speed, "seed": seed},
         "duration": task.duration,

@@ -307,9 +307,9 @@ def test_an_executor_makes_the_same_files(tmp_path, monkeypatch, elsewhere):
 
 
 def test_a_machine_with_other_code_is_refused(tmp_path, monkeypatch, elsewhere, counted):
-    codes = iter([{"kernels": "a"}, {"kernels": "a"}, {"kernels": "b"}])  # of definitions, of the work, elsewhere
-    monkeypatch.setattr(study, "code_fingerprint", lambda turbine, fidelity: next(codes))
-    with pytest.raises(ValueError, match="has other code: kernels"):
+    codes = iter([{"code": "a"}, {"code": "a"}, {"code": "b"}])  # of definitions, of the work, elsewhere
+    monkeypatch.setattr(study, "benchmark_fingerprint", lambda *given: next(codes))
+    with pytest.raises(ValueError, match="has another code"):
         run_load_cases({"A": "baseline"}, quick("2.3"), tmp_path, executor=elsewhere, progress=False)
     assert not elsewhere.compiled
     assert not files(tmp_path)
