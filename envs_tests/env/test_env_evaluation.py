@@ -38,7 +38,7 @@ AGENTS = {"Baseline": "baseline", "Constant": "constant"}
 @pytest.fixture
 def count_runs(monkeypatch):
     """Agents and winds that are run; stops with Ctrl-C where told."""
-    done, original = [], module._run
+    done, original = [], module.run_agent
 
     def run(pool, job, **more):
         if len(done) == run.stop_after:
@@ -47,7 +47,7 @@ def count_runs(monkeypatch):
         return original(pool, job, **more)
 
     run.stop_after = None
-    monkeypatch.setattr(module, "_run", run)
+    monkeypatch.setattr(module, "run_agent", run)
     return done, run
 
 
