@@ -22,6 +22,7 @@ from wt_gym.agents.linear_design.ladder import Rung, Seen, climb, known_wind, ru
 from wt_gym.agents.linear_design.oracle import OracleOptions, Played, best_of, learn_offsets
 from wt_gym.agents.linear_design.recording import LOADS, DrawnOffsets, Recording, RecordingStore, record
 from wt_gym.agents.names import BASELINE, RESIDUAL_INTERFACE
+from wt_gym.analysis.change import relative_change
 from wt_gym.benchmark import ResultFolder, play, run_definition
 from wt_gym.benchmark.ceiling import Ceiling
 from wt_gym.benchmark.run import make_env
@@ -250,7 +251,7 @@ def _in_wind(runs: _Runs, plants: dict[float, Plant], turbine: Turbine, wind: Be
     passes = learn_offsets(play_levels, base, plants[wind.speed], turbine, runs.options.oracle)
     best = best_of(passes)
     found = metrics[next(k for k, played in enumerate(passes) if played is best)]
-    changes = {name: found[name] / baseline["metrics"][name] - 1.0 for name in _CHANGES}
+    changes = {name: relative_change(found[name], baseline["metrics"][name]) for name in _CHANGES}
     gained = None
     if yardstick is not None and yardstick["ending"] == "time":
         gained = runs.task.improvement(yardstick["metrics"], baseline["metrics"])

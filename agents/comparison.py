@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 from wt_gym.agents.names import RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
 from wt_gym.agents.pool import load_agent, load_model
 from wt_gym.agents.trained_environment import environment_of_training
+from wt_gym.analysis.change import is_relative, relative_change
 from wt_gym.analysis.metrics import idle_time
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
@@ -346,7 +347,8 @@ def table(runs: list[ControllerRuns]) -> str:
     """Markdown by wind speed: the first controller's means over the seeds, and the changes of the others against it.
 
     A change is the mean over the seeds of the relative change in the same wind; from three seeds on with the half width
-    of its 95 % interval (Student's t). Duty cycle, torque rate and greatest speed are means, not changes.
+    of its 95 % interval (Student's t). Duty cycle, torque rate and greatest speed are means, not changes, and so is a
+    metric whose reference rounds to zero.
     """
     head = ["wind", "controller", *(name for _, name in COLUMNS)]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
@@ -363,11 +365,13 @@ def change(run: ControllerRuns, reference: ControllerRuns, wind_speed: float, me
     Returns
     -------
     mean, half_width : float
-        NaN where no run, or fewer than three, can be compared.
+        NaN where no run, or fewer than three, can be compared, and where no share makes sense
+        (`wt_gym.analysis.change.is_relative`).
     """
-    ratios = np.array([new / old - 1.0 for new, old in _pairs(run, reference, wind_speed, metric)])
-    if ratios.size == 0:
+    values, references = np.array(_pairs(run, reference, wind_speed, metric)).reshape(-1, 2).T
+    if values.size == 0 or not is_relative(metric, references):
         return float("nan"), float("nan")
+    ratios = relative_change(values, references)
     if ratios.size < LEAST_FOR_INTERVAL:
         return float(ratios.mean()), float("nan")
     return float(ratios.mean()), half_width(ratios)
@@ -401,9 +405,7 @@ def _cell(key: str, run: ControllerRuns, reference: ControllerRuns, speed: float
             return f"{value / 1e3:.1f} kN m/s"
         case "rotor_speed_max":
             return f"{value * 30 / np.pi:.1f} rpm"
-        case "mean_power" if run is reference:
-            return f"{value / 1e6:.3f} MW"
-        case _ if run is reference:
-            return f"{value / 1e6:.2f} MN m"
     mean, half = change(run, reference, speed, key)
+    if run is reference or np.isnan(mean):
+        return f"{value / 1e6:.3f} MW" if key == "mean_power" else f"{value / 1e6:.2f} MN m"
     return f"{100 * mean:+.1f} %" if np.isnan(half) else f"{100 * mean:+.1f} ± {100 * half:.1f} %"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.agents.comparison import COLUMNS, LEAST_FOR_INTERVAL, change
+from wt_gym.analysis.change import is_relative, relative_change
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import Estimate
 from wt_gym.analysis.plots import agent_styles
@@ -98,9 +99,10 @@ def write_comparison(
 
 
 def _mean_change(run: ControllerRuns, reference: ControllerRuns, key: str) -> float:
-    """Mean relative change over all winds in which both ran."""
-    ratios = [run.metrics[c][key] / reference.metrics[c][key] - 1.0 for c in run.metrics if c in reference.metrics]
-    return float(np.mean(ratios)) if ratios else math.nan
+    """Mean relative change over all winds in which both ran; NaN where there is none, or no share makes sense."""
+    pairs = [(run.metrics[c][key], reference.metrics[c][key]) for c in run.metrics if c in reference.metrics]
+    values, references = np.array(pairs).reshape(-1, 2).T
+    return float(np.mean(relative_change(values, references))) if pairs and is_relative(key, references) else math.nan
 
 
 def _result(runs: Sequence[ControllerRuns]) -> str:
@@ -118,10 +120,9 @@ def _result(runs: Sequence[ControllerRuns]) -> str:
         return f"No controller has less fatigue than {reference.name} in the mean of blade and tower."
     words = ", ".join(f"{name} by {_percent(changes[best][key])}" for key, name in _LOADS.items())
     power = _mean_change(next(run for run in others if run.name == best), reference, "mean_power")
-    return (
-        f"Least fatigue: {best} changes {words}, and power by {_percent(power)} against {reference.name}, mean over"
-        f" {len(reference.metrics)} winds."
-    )
+    more = "" if math.isnan(power) else f", and power by {_percent(power)}"
+    winds = f"mean over {len(reference.metrics)} winds"
+    return f"Least fatigue: {best} changes {words}{more} against {reference.name}, {winds}."
 
 
 def _percent(value: float) -> str:
@@ -146,11 +147,9 @@ def _cell(key: str, run: ControllerRuns, reference: ControllerRuns, speed: float
     values = [m[key] for c, m in run.metrics.items() if c.wind_speed == speed]
     if not values:
         return "failed"
-    if run is reference or key in _VALUES:
-        return f"{format_value(key, float(np.mean(values)))} {METRICS[key].unit}"
     mean, half = change(run, reference, speed, key)
-    if math.isnan(mean):
-        return "\u2013"
+    if run is reference or key in _VALUES or math.isnan(mean):
+        return f"{format_value(key, float(np.mean(values)))} {METRICS[key].unit}"
     found = Estimate(mean, mean - half, mean + half, True, len(values))
     value, _, interval = format_estimate(key, found).partition(" [")
     kind = "none" if value == "=" else found.kind(key)

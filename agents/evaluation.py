@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from contextlib import nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -12,22 +11,20 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.evaluation_config import FIRST_SEED, LEAST_MEASURED, EvaluationConfig
+from wt_gym.agents.evaluation_config import FIRST_SEED, EvaluationConfig
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
-from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS, actual_wind
+from wt_gym.agents.evaluation_run import run_agent
+from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS
 from wt_gym.agents.oscillation_notes import oscillation_notes
 from wt_gym.agents.pool import AgentPool
 from wt_gym.agents.training_notes import training_notes
 from wt_gym.analysis.lifetime import WindClimate
-from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.envs.costs import violated
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.files import json_values
 from wt_gym.runs.executors import SerialExecutor
-from wt_gym.runs.playing import play
-from wt_gym.runs.progress import ProgressLine, clock
+from wt_gym.runs.progress import ProgressLine
 from wt_gym.runs.table import make_runs
 from wt_gym.wind.iec import REFERENCE_SPEED
 
@@ -35,11 +32,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    import xarray as xr
-
-    from wt_gym.envs.episode import Agent, EpisodeStep
+    from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
-    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.runs.executors import Executor
     from wt_gym.turbines import Turbine
 
@@ -117,7 +111,7 @@ def evaluate(
                 line.show(f"{there} of {len(jobs)}: {run.agent} at {run.wind.name}", final=True)
 
         made = make_runs(
-            jobs, partial(pool.results, partial(_run, config=config, line=shown), executor, code_fingerprint),
+            jobs, partial(pool.results, partial(run_agent, config=config, line=shown), executor, code_fingerprint),
             tally=executor.tally, store=store, define=store.definition if store else None,
             label=lambda job: f"{job[0]} at {job[1].label}", told=told,
         )  # fmt: skip
@@ -169,62 +163,6 @@ def _require_common_winds(runs: Mapping[tuple[str, Wind], Run], agents: Iterable
                 f"agents met different winds where one was asked for, {' and '.join(w.label for w in met)}: the "
                 "inflow must follow from the random generator that it is given, and from nothing else"
             )
-
-
-def _run(pool: AgentPool, job: tuple[str, Wind], config: EvaluationConfig, line: ProgressLine) -> Run:
-    """One agent in one wind."""
-    (name, asked), (env, agent) = job, pool[job[0]]
-    turbine_env, began = turbine_env_of(env), time.monotonic()
-
-    def shown(step: EpisodeStep) -> None:
-        simulated, elapsed = step.info["time"], time.monotonic() - began
-        line.show(
-            f"evaluating {name} at {asked.name}: {simulated:.0f} of {config.duration:.0f} s simulated"
-            f" in {clock(elapsed)} min ({simulated / max(elapsed, 1e-9):.0f} x real time)",
-            final=step.done,
-        )
-
-    options = _options(turbine_env, asked, config)
-    replay = config.replay_in(asked)
-    found = play(env, agent, seed=config.seed_in(asked), options=options, replay=replay, on_step=shown)
-    wind = actual_wind(turbine_env, asked, config.winds)
-    seed = int(turbine_env.episode_wind.wind_seed)
-    metrics = _metrics(found.after_start, turbine_env.turbine, config.skip, found.time)
-    if metrics and turbine_env.options.limits.costs is not None:
-        beyond = violated({name: cost / found.steps for name, cost in found.costs.items()})
-        metrics["limits_violated"] = float(bool(beyond))
-    return Run(
-        agent=name,
-        wind=wind,
-        data=found.data.assign_attrs(agent=name, wind_speed=wind.speed, wind_seed=seed),
-        metrics=metrics,
-        episode_return=found.episode_return,
-        reward_terms=found.reward_terms,
-        planned_duration=config.duration,
-        duration=found.time,
-        ending=found.ending,
-        failure=found.failure,
-        replay=found.replay,
-    )
-
-
-def _options(env: WindTurbineEnv, asked: Wind, config: EvaluationConfig) -> dict[str, Any]:
-    """How an episode begins: what of the wind that is asked for the environment knows."""
-    allowed = env.wind.options
-    options: dict[str, Any] = {"azimuth": 0.0}
-    if "wind_speed" in allowed:
-        options["wind_speed"] = asked.speed
-    if asked.seed is not None and "wind_seed" in allowed:
-        options["wind_seed"] = asked.seed
-    if asked.draw is not None and (pieces := env.wind.windows(config.duration)):
-        file, start = pieces[(asked.draw - 1) % len(pieces)]  # drawn ones would overlap, or be the same
-        options["inflow"] = file.inflow(start)
-    return options
-
-
-def _metrics(data: xr.Dataset, turbine: Turbine, skip: float, duration: float) -> dict[str, float]:
-    """Metrics of a run, none if it ended before there was something to measure."""
-    return run_metrics(data, turbine, skip) if duration >= skip + LEAST_MEASURED else {}
 
 
 def _settings(config: EvaluationConfig, layout: EnvLayout, env: gym.Env) -> dict[str, Any]:

@@ -7,10 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import wt_gym.agents
 from wt_gym.agents.names import fingerprint
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
-from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing, sources_digest
+from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing
 from wt_gym.envs.wind_files import wind_files_of
 from wt_gym.files import json_values, write_text_whole
 from wt_gym.runs.definition import RunDefinition, described, digest
@@ -27,11 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder", "code_fingerprint"]
 
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
-_AGENTS, _ENVS = Path(wt_gym.agents.__file__).parent, Path(wt_gym.__file__).parent / "envs"
-_SOURCES = (
-    "constant.py", "controller_agent.py", "evaluation.py", "evaluation_config.py", "evaluation_winds.py", "pool.py",
-    "trained_agent.py",
-)  # fmt: skip
 # These weigh what the runs gave, and change no run.
 _ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")
 
@@ -47,13 +41,9 @@ def code_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, st
     Returns
     -------
     dict
-        That of the benchmark (`wt_gym.benchmark.benchmark_fingerprint`), with ``rewards`` and ``agents``.
+        As `wt_gym.benchmark.benchmark_fingerprint`.
     """
-    rewards = {_ENVS / "costs.py", *(_ENVS / "rewards").rglob("*.py")}
-    return benchmark_fingerprint(turbine, fidelity) | {
-        "rewards": sources_digest(rewards, _ENVS),
-        "agents": sources_digest({_AGENTS / name for name in _SOURCES}, _AGENTS),
-    }
+    return benchmark_fingerprint(turbine, fidelity, "wt_gym.agents.evaluation_run")
 
 
 class EvaluationFolder(RunStore):
@@ -170,8 +160,8 @@ class EvaluationFolder(RunStore):
                 raise ValueError(f"{file} is damaged: {error}") from error
         names = [name for name, value in self._configuration.items() if name not in found or found[name] != value]
         if "code" in names and isinstance(found.get("code"), dict):
-            parts = differing(found["code"], self._configuration["code"])
-            names[names.index("code")] = f"code ({', '.join(parts)})"
+            at = names.index("code")
+            names[at : at + 1] = differing(found["code"], self._configuration["code"])
         return names
 
     def _clear(self) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from wt_gym.agents.benchmark_runs import Entry, entry_of
 from wt_gym.agents.names import BASELINE, LEVELS
+from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.statistics import bootstrap_interval
 from wt_gym.files import whole_file
 
@@ -97,7 +98,7 @@ def _refuse_early(task: BenchmarkTask, results: Mapping[str, Mapping[str, Mappin
 
 def _changes(own: Sequence[Mapping[str, float]], base: Sequence[Mapping[str, float]], metric: str) -> np.ndarray:
     """Relative change of a metric in each wind."""
-    return np.array([a[metric] / b[metric] - 1.0 for a, b in zip(own, base, strict=True)])
+    return np.array([relative_change(a[metric], b[metric]) for a, b in zip(own, base, strict=True)])
 
 
 @dataclass(frozen=True)

@@ -173,7 +173,7 @@ def checked_choices(given: Any, choice: str) -> dict[str, Any]:
     ValueError
         If they are not a table, or one is not the agent's to choose.
     """
-    from wt_gym.benchmark import INTERFACE
+    from wt_gym.benchmark.run import INTERFACE
 
     if not isinstance(given, dict):
         raise ValueError(f"env_kwargs of {choice} must be a table of arguments of the environment, got {given!r}")

@@ -313,7 +313,7 @@ def _warm(
     with closing(Environments(*where)) as environments:
         env = turbine_env_of(environments.plain)
         if other := differing(code, code_of(env.turbine, env.fidelity)):
-            raise ValueError(f"wt_gym on {platform.node()} has other code: {', '.join(other)}")
+            raise ValueError(f"wt_gym on {platform.node()} has another {' and '.join(other)}")
         compile_kernels(environments.plain)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from wt_gym.agents.comparison import half_width
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
@@ -413,9 +414,10 @@ def _cell(study: Study, column: Column, own: Mapping[Any, Any], base: Mapping[An
     if first or column.how in ("level", "most"):
         return _level(column, mine)
     if column.how == "change":
-        changes = mine / theirs - 1.0
+        changes = relative_change(mine, theirs)
         return f"{_signed(100.0 * changes.mean(), 1)} ± {100.0 * half_width(changes):.1f} %"
-    return f"{_signed(100.0 * (mine.sum() / theirs.sum() - 1.0), 2 if column.how in ('total', 'climate') else 1)} %"
+    digits = 2 if column.how in ("total", "climate") else 1
+    return f"{_signed(100.0 * relative_change(mine.sum(), theirs.sum()), digits)} %"
 
 
 def _weights(study: Study, speeds: list[float]) -> np.ndarray:

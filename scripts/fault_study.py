@@ -20,6 +20,8 @@ from pathlib import Path
 import numpy as np
 import use_venv  # noqa: F401 - finds packages and interpreter
 
+from wt_gym.analysis.change import relative_change
+
 ROOT = Path(__file__).resolve().parent.parent
 RECORD = ROOT / "docs" / "data" / "fault_study.json"
 PAGE = ROOT / "docs" / "tasks" / "faults.md"
@@ -94,7 +96,7 @@ def table(record: dict) -> str:
     def change(condition: str, agent: str, base: tuple[str, str], key: str = FLAP) -> str:
         """Mean change of a load over the winds that both came through."""
         pairs = [(by[condition, agent, wind]["metrics"], by[(*base, wind)]["metrics"]) for wind in winds]
-        values = [mine[key] / theirs[key] - 1.0 for mine, theirs in pairs if mine and theirs]
+        values = [relative_change(mine[key], theirs[key]) for mine, theirs in pairs if mine and theirs]
         return signed(100.0 * np.mean(values), 0) + " %" if values else "–"
 
     def gain(condition: str, agent: str) -> float | None:

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 import use_venv  # noqa: F401 - finds packages and interpreter
 
+from wt_gym.analysis.change import relative_change
+
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = ("captured_power", "blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
 FAMILIES = {"linear_optimal": "linear optimal", "constrained_ipc": "constrained individual pitch"}
@@ -86,7 +88,7 @@ def rows_of(turbine, controllers, arguments):
             }
         )
         for key in SHOWN:
-            rows[-1][key] = np.mean([run.metrics[case][key] / base[case][key] - 1.0 for case in cases])
+            rows[-1][key] = np.mean([relative_change(run.metrics[case][key], base[case][key]) for case in cases])
     return rows
 
 

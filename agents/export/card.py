@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import wt_gym
 from wt_gym.agents.trained_environment import trained_arguments
+from wt_gym.analysis.change import relative_change
 from wt_gym.control.controllers.names import BASELINE
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def _effects(record: Mapping[str, Any]) -> list[dict[str, Any]]:
     evaluation = record.get("evaluation") or {}
     winds, before, after = (evaluation.get(key) or [] for key in ("winds", "baseline", "agent"))
     return [
-        {"wind": wind, **{k: new[k] / old[k] - 1.0 for k in _EFFECTS if old.get(k) and k in new}}
+        {"wind": wind, **{k: relative_change(new[k], old[k]) for k in _EFFECTS if old.get(k) and k in new}}
         for wind, old, new in zip(winds, before, after, strict=False)
         if isinstance(old, dict) and isinstance(new, dict)
     ]

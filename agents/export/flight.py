@@ -14,6 +14,7 @@ from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.export.discon import export_discon
 from wt_gym.agents.export.openfast_folder import demanded_power, export_openfast
 from wt_gym.agents.pool import load_model
+from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.bridges.openfast import PointLidar, find_driver, find_library, read_outputs, run_driver
 from wt_gym.control import Lidar
@@ -91,7 +92,7 @@ class Flight:
         if not {LIBRARY_IN_OPENFAST, PYTHON_IN_OPENFAST} <= self.metrics.keys():
             return {}
         library, python = self.metrics[LIBRARY_IN_OPENFAST], self.metrics[PYTHON_IN_OPENFAST]
-        return {load: library[load] / python[load] - 1.0 for load in LOADS}
+        return {load: relative_change(library[load], python[load]) for load in LOADS}
 
     @property
     def agrees(self) -> bool:

@@ -19,6 +19,7 @@ from wt_gym.agents.linear_design.feedback import (
 )
 from wt_gym.agents.linear_design.identification import explained_share, identify, respond
 from wt_gym.agents.linear_design.recording import LOADS, Excitation, Recording, record
+from wt_gym.analysis.change import relative_change
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.optimal.design_file import LinearDesign, offset_fade
@@ -149,7 +150,7 @@ def definition(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, 
     """What decides on a recording, as JSON values."""
     speed, seed, excited = run
     return {
-        "fingerprint": benchmark_fingerprint(turbine, task.fidelity),
+        "fingerprint": benchmark_fingerprint(turbine, task.fidelity, "wt_gym.agents.linear_design.recording"),
         "base": task.base,
         "wind": {"speed": speed, "seed": seed},
         "duration": task.duration,
@@ -306,7 +307,7 @@ def design(
 
 
 def _mean_change(now: Sequence[dict[str, float]], before: Sequence[dict[str, float]], key: str) -> float:
-    return float(np.mean([a[key] / b[key] - 1.0 for a, b in zip(now, before, strict=True)]))
+    return float(np.mean([relative_change(a[key], b[key]) for a, b in zip(now, before, strict=True)]))
 
 
 def _at_speed(

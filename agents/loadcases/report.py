@@ -14,6 +14,7 @@ from plotly.subplots import make_subplots
 from wt_gym.agents.loadcases.cases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
 from wt_gym.agents.loadcases.results import CLEARANCE, PARKED, SPEED
 from wt_gym.agents.loadcases.study import RUNS_FOLDER, TABLE_FILE
+from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import METRICS, idle_sentence
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.plots import agent_styles, style, titles_at_left
@@ -30,7 +31,7 @@ from wt_gym.analysis.report_page import (
     today,
     write_page,
 )
-from wt_gym.analysis.summary import format_value
+from wt_gym.analysis.summary import format_difference, format_value
 
 if TYPE_CHECKING:
     from wt_gym.agents.loadcases.results import CaseRun, LoadCaseResults, Value
@@ -51,6 +52,19 @@ class _Shown:
     def text(self, value: float) -> str:
         """Value without its unit."""
         return f"{value * self.factor:.{self.digits}f}".replace("-", "\u2212")
+
+    def change(self, value: float, other: float, signed: bool) -> tuple[str, str]:
+        """Class and text of a change: a share of the other value, but of margins, and of zero, a difference.
+
+        More is better of a margin, and worse of a load.
+        """
+        last = 10.0**-self.digits
+        relative = not signed and abs(other) * self.factor >= last
+        amount = relative_change(value, other) if relative else (value - other) * self.factor
+        least = _NEGLIGIBLE if relative else 0.5 * last
+        kind = "equal" if abs(amount) < least else "better" if (amount > 0.0) == signed else "worse"
+        text = f"{100.0 * amount:+.1f} %" if relative else f"{amount:+.{self.digits}f} {self.unit}"
+        return kind, text.replace("-", "\u2212")
 
 
 _EXTREMES = {
@@ -143,8 +157,8 @@ def _lifetime(results: LoadCaseResults, agent: str, key: str) -> str:
     value, base = results.lifetime(agent, key), results.lifetime(results.agents[0], key)
     if value is None:
         return _NONE
-    change = "" if agent == results.agents[0] or not base else f" ({100 * (value / base - 1):+.1f} %)"
-    return format_value(key, value) + change.replace("-", "\u2212")
+    change = "" if agent == results.agents[0] or base is None else f" ({format_difference(key, value, base)})"
+    return format_value(key, value) + change
 
 
 def write_load_case_report(results: LoadCaseResults, path: str | Path, title: str | None = None) -> Path:
@@ -244,7 +258,11 @@ def _verdict(results: LoadCaseResults) -> str:
         f"difference to <b>{escape(base)}</b>",
         f"{_BEYOND} without cases in which a run ended early",
     ]
-    marks = {"better": "better", "worse": "worse (both: by 1 % or more)", "equal": "within \u00b11 %"}
+    marks = {
+        "better": "better",
+        "worse": "worse (both: by 1 % or more)",
+        "equal": "within \u00b11 %, or half the last digit of meters",
+    }
     return legend(marks if len(results.agents) > 1 else {}, more) + table(head, rows, texts=(1,))
 
 
@@ -271,12 +289,9 @@ def _governing_cell(results: LoadCaseResults, agent: str, base: str, key: str) -
         return _NONE
     value, case, whole = mine
     text = f"{_EXTREMES[key].text(value)}{'' if whole else f' {_BEYOND}'}<small class='note'>DLC {case}</small>"
-    if agent == base or other is None or not (whole and other[2]) or other[0] <= 0.0:
+    if agent == base or other is None or not (whole and other[2]):
         return text
-    change = value / other[0] - 1.0
-    good = (change > 0.0) == (key == CLEARANCE)
-    kind = "equal" if abs(change) < _NEGLIGIBLE else "better" if good else "worse"
-    shown = f"{100 * change:+.1f} %".replace("-", "\u2212")
+    kind, shown = _EXTREMES[key].change(value, other[0], signed=key == CLEARANCE)
     return f"{text}<span class='diff {kind}'>{shown}</span>"
 
 

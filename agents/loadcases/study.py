@@ -13,14 +13,13 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.evaluation_folder import code_fingerprint
 from wt_gym.agents.loadcases.cases import CASES, SKIP, Plan, plan_of
 from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
 from wt_gym.agents.loadcases.run import run_agent, run_parked
 from wt_gym.agents.names import fingerprint
 from wt_gym.agents.pool import AgentPool
 from wt_gym.analysis.lifetime import WindClimate
-from wt_gym.benchmark.fingerprint import sources_digest
+from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.envs.simulators import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
@@ -45,8 +44,6 @@ if TYPE_CHECKING:
 __all__ = ["REPORT_FILE", "RUNS_FOLDER", "TABLE_FILE", "LoadCaseConfig", "run_load_cases"]
 
 REPORT_FILE, TABLE_FILE = "report.html", "loadcases.json"
-_HERE = Path(__file__).parent
-_SOURCES = ("cases.py", "run.py")
 _ANY_SPEED = AVERAGE_OVER_REFERENCE_SPEED * REFERENCE_SPEED["II"]  # to look at the exponent of a climate alone
 _FORMAT = 2
 """Raise when files of runs mean something else."""
@@ -215,8 +212,7 @@ def _jobs(agents: Mapping[str, str], conditions: Sequence[Condition]) -> Iterato
 
 def _code(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, str]:
     """Digests of the code that a run depends on, by part."""
-    own = sources_digest({_HERE / name for name in _SOURCES}, _HERE)
-    return code_fingerprint(turbine, fidelity) | {"loadcases": own}
+    return benchmark_fingerprint(turbine, fidelity, "wt_gym.agents.loadcases.run", "wt_gym.agents.loadcases.cases")
 
 
 def _definitions(

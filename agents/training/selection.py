@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.results import Wind
 from wt_gym.deprecated import renamed_names
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
@@ -140,10 +142,11 @@ def _figures(run: Run) -> dict[str, Any]:
 
 
 def _compare(name: str, own: list[dict[str, Any]], baseline: list[dict[str, Any]]) -> float | None:
-    """Mean over the winds of a figure against the baseline's."""
+    """Mean over the winds of a figure against the baseline's; None where a run lacks it, or the baseline has none."""
     if any(name not in row for row in own + baseline):
         return None
     pairs = [(row[name], other[name]) for row, other in zip(own, baseline, strict=True)]
     if name == "episode_return":
         return float(np.mean([new - old for new, old in pairs]))
-    return float(np.mean([new / old - 1.0 for new, old in pairs]))
+    mean = float(np.mean([relative_change(new, old) for new, old in pairs]))
+    return None if math.isnan(mean) else mean

@@ -17,6 +17,7 @@ import pytest
 
 import wt_gym.agents
 from wt_gym.analysis.metrics import METRICS, run_metrics
+from wt_gym.constants import AIR_DENSITY
 from wt_gym.control.controllers import COMPILED, CONTROLLERS, lidar_of
 from wt_gym.envs.observations import OBSERVATION_GROUPS
 from wt_gym.simulation.channels import channel_table
@@ -24,7 +25,6 @@ from wt_gym.simulation.recorder import Recorder
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.mirror import mirrored
-from wt_gym.turbines.windio import AIR_DENSITY
 from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
 from wt_gym.wind.protocol import PointInflow
 

@@ -12,7 +12,7 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents import evaluation
+from wt_gym.agents import evaluation_run
 from wt_gym.agents.datasets import DatasetConfig
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder
@@ -208,7 +208,7 @@ def test_runs_of_an_evaluation_begin_where_the_pieces_do(files, monkeypatch):
             return super().reset(**given)
 
     use(monkeypatch, Watched)
-    monkeypatch.setattr(evaluation, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(evaluation_run, "_metrics", lambda *_: {"mean_power": 1.0})
     winds = tuple(Wind(15.0, draw=k) for k in (1, 2))
     config = EvaluationConfig(STEADY, {"inflow": str(files / "once.bts")}, winds, duration=20.0, skip=1.0, replay=0.0)
     evaluate({"a": "constant"}, config, progress=False)

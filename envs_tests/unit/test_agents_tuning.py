@@ -117,6 +117,16 @@ def test_changes_and_table():
     assert math.isnan(change(second, first, 12.0, "blade_flap_del")[0])
 
 
+@pytest.mark.parametrize("metric", ["mean_power", "blade_flap_del"])
+def test_a_reference_of_zero_leaves_values(metric):
+    cases = [Case(3.0, seed) for seed in (1, 2)]
+    first = ControllerRuns("discon", {c: METRICS | {metric: 0.0} for c in cases}, {})
+    second = ControllerRuns("ipc", {c: METRICS | {metric: 5e5} for c in cases}, {})
+    assert math.isnan(change(second, first, 3.0, metric)[0])
+    row = table([first, second]).splitlines()[-1]
+    assert ("0.500 MW" if metric == "mean_power" else "0.50 MN m") in row
+
+
 def test_a_class_of_ones_own_is_tuned(monkeypatch, tmp_path):
     pytest.importorskip("optuna")
     monkeypatch.setattr(tuning, "run_cases", made_up)

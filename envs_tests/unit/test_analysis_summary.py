@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from wt_gym.analysis.change import difference, relative_change
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.plots import spectra_figure, time_series_figure
 from wt_gym.analysis.replay import trailing_strength
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.analysis.summary import (
-    difference,
     difference_class,
     format_difference,
     format_value,
@@ -63,8 +63,17 @@ def test_differences():
     assert difference("mean_power", 4.5e6, 5e6) == (pytest.approx(-0.1), True)
     assert format_difference("mean_power", 4.5e6, 5e6) == "\u221210.0 %"
     assert format_difference("overspeed_count", 3.0, 1.0) == "+2.0"
-    assert format_difference("pitch_travel", np.radians(5.0), 0.0) == "+5.0"
+    assert format_difference("pitch_travel", np.radians(5.0), 0.0) == "+5.0 deg"
+    assert difference("tip_clearance_min", 0.3, 0.05) == (pytest.approx(0.25), False)
+    assert format_difference("tip_clearance_min", 0.3, 0.05) == "+0.25 m"
+    assert format_difference("tip_clearance_min", -0.2, 0.3) == "\u22120.50 m"
     assert format_difference("yaw_travel", 0.0, 0.0) == "="
+
+
+def test_relative_changes_against_zero_have_no_number():
+    changes = relative_change([1.5, 0.5, -1.5, 2.0, 0.0], [1.0, 1.0, -3.0, 0.0, 0.0])
+    np.testing.assert_array_equal(changes, [0.5, -0.5, 0.5, np.nan, 0.0])
+    assert relative_change(2.0, 1.0) == 1.0
 
 
 @pytest.mark.parametrize(

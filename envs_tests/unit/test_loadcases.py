@@ -307,9 +307,9 @@ def test_an_executor_makes_the_same_files(tmp_path, monkeypatch, elsewhere):
 
 
 def test_a_machine_with_other_code_is_refused(tmp_path, monkeypatch, elsewhere, counted):
-    codes = iter([{"kernels": "a"}, {"kernels": "a"}, {"kernels": "b"}])  # of definitions, of the work, elsewhere
-    monkeypatch.setattr(study, "code_fingerprint", lambda turbine, fidelity: next(codes))
-    with pytest.raises(ValueError, match="has other code: kernels"):
+    codes = iter([{"code": "a"}, {"code": "a"}, {"code": "b"}])  # of definitions, of the work, elsewhere
+    monkeypatch.setattr(study, "benchmark_fingerprint", lambda *given: next(codes))
+    with pytest.raises(ValueError, match="has another code"):
         run_load_cases({"A": "baseline"}, quick("2.3"), tmp_path, executor=elsewhere, progress=False)
     assert not elsewhere.compiled
     assert not files(tmp_path)
@@ -352,3 +352,17 @@ def test_a_parked_turbine_is_refused_to_another_simulator(tmp_path):
     config = LoadCaseConfig("wt_gym/LoadReduction-v1", {"simulator": lambda *_: None}, cases=("6.1",), quick=True)
     with pytest.raises(ValueError, match=r"without a parked turbine, got 6\.1"):
         run_load_cases({"discon": "discon"}, config, tmp_path)
+
+
+@pytest.mark.parametrize(("clearance", "kind"), [(0.3, "better"), (-1.0, "worse")])
+def test_a_change_of_the_clearance_is_in_meters(tmp_path, clearance, kind):
+    case, winds = "1.3", [Condition("NTM", 12.0, 80.0, seed) for seed in (0, 1)]
+    runs = {
+        (case, name): [CaseRun(name, wind, result(clearance=least)) for wind in winds]
+        for name, least in (("A", 0.04), ("B", clearance))
+    }
+    table = LoadCaseResults("T", (case,), ("A", "B"), runs, None, {"quick": True, "fidelity": "training"})
+    page = write_load_case_report(table, tmp_path / "report.html").read_text(encoding="utf-8")
+    least = [table.value(case, name, "tip_clearance_min").design for name in ("A", "B")]
+    text = f"{least[1] - least[0]:+.1f} m".replace("-", "\u2212")
+    assert f"<span class='diff {kind}'>{text}</span>" in page

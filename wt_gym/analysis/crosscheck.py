@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import spearmanr
 
+from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import paired_change
 from wt_gym.analysis.spectra import power_spectral_density
@@ -104,7 +105,7 @@ class Crosscheck:
     def level(self, key: str, speed: float | None = None) -> float:
         """Metric of the baseline in the first simulator over that in the second, minus one."""
         first, second = (each.overall_metrics(self.baseline, speed).get(key, math.nan) for each in self.evaluations)
-        return first / second - 1.0 if second else math.nan
+        return float(relative_change(first, second))
 
     def rank_correlation(self, key: str, speed: float | None = None) -> float:
         """Spearman's rank correlation of the agents' changes, the baseline's being zero; NaN for fewer than three.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.analysis.change import is_relative, relative_change
 from wt_gym.analysis.lifetime import lifetime_load, wind_weights
 from wt_gym.analysis.metrics import BLADE_EXPONENT, METRICS, TOWER_EXPONENT
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, bootstrap_interval, interquartile_mean
@@ -95,8 +96,8 @@ def paired_change(evaluation: Evaluation, agent: str, key: str, speed: float | N
     """Change of a metric against the baseline in the same winds.
 
     The interquartile mean of the changes in each wind both completed, for power and energy the change of their sums,
-    because what one wind costs another must earn; with a bootstrap interval stratified by wind speed. Relative, unless
-    the baseline's value rounds to zero in one of the winds or counts events.
+    because what one wind costs another must earn; with a bootstrap interval stratified by wind speed. Relative where
+    `wt_gym.analysis.change.is_relative` of the baseline's values.
 
     Parameters
     ----------
@@ -116,21 +117,14 @@ def paired_change(evaluation: Evaluation, agent: str, key: str, speed: float | N
     mine, base = (_values(evaluation, name, winds, key) for name in (agent, evaluation.baseline))
     if mine is None or base is None:
         return None
-    metric = METRICS[key]
-    relative = key != "overspeed_count" and bool(np.all(np.abs(base) * metric.factor >= 10.0**-metric.digits))
-    changes = _relative_change(mine, base) if relative else (mine - base) * metric.factor
+    relative = is_relative(key, base)
+    changes = relative_change(mine, base) if relative else (mine - base) * METRICS[key].factor
     speeds = tuple(wind.speed for wind in winds)
     if key in _ADD_UP:
         if relative:
-            return _estimate(speeds, lambda k: _relative_change(mine[k].sum(axis=-1), base[k].sum(axis=-1)), relative)
+            return _estimate(speeds, lambda k: relative_change(mine[k].sum(axis=-1), base[k].sum(axis=-1)), relative)
         return _estimate(speeds, lambda k: changes[k].mean(axis=-1), relative)
     return _estimate(speeds, lambda k: interquartile_mean(changes[k], axis=-1), relative)
-
-
-def _relative_change(mine: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Change against the baseline; more is more where the baseline's value is negative, too."""
-    out: NDArray[np.float64] = (mine - base) / np.abs(base)
-    return out
 
 
 def level_of(evaluation: Evaluation, agent: str, key: str, speed: float | None = None) -> Estimate | None:
@@ -172,7 +166,8 @@ def lifetime_change(evaluation: Evaluation, agent: str, key: str) -> Estimate | 
     exponent = LIFETIME_EXPONENTS[key]
 
     def ratio(k: NDArray[np.intp]) -> NDArray[np.float64]:
-        return lifetime_load(mine[k], weights, exponent) / lifetime_load(base[k], weights, exponent) - 1.0
+        loads = (lifetime_load(each[k], weights, exponent) for each in (mine, base))
+        return np.asarray(relative_change(*loads))
 
     return _estimate(tuple(wind.speed for wind in evaluation.winds), ratio, True)
 

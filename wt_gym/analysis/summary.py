@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
+from wt_gym.analysis.change import difference
 from wt_gym.analysis.metrics import METRICS, measured_metrics
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 __all__ = [
     "JUDGED",
     "Verdict",
-    "difference",
     "difference_class",
     "format_difference",
     "format_estimate",
@@ -82,31 +82,15 @@ def format_value(key: str, value: float) -> str:
     return f"{value * metric.factor:.{metric.digits}f}".replace("-", "\u2212")
 
 
-def difference(key: str, value: float, reference: float) -> tuple[float, bool]:
-    """Difference of a metric to its reference.
-
-    Returns
-    -------
-    difference : float
-        Relative to the reference, or in the shown unit where the reference rounds to zero or counts events.
-    relative : bool
-        Whether it is relative.
-    """
-    metric = METRICS[key]
-    shown = abs(reference * metric.factor)
-    if key == "overspeed_count" or shown < 10.0**-metric.digits:
-        return (value - reference) * metric.factor, False
-    return (value - reference) / abs(reference), True
-
-
 def format_difference(key: str, value: float, reference: float) -> str:
-    """Signed difference of a metric to its reference, in percent where that makes sense."""
+    """Signed difference of a metric to its reference, in percent where that makes sense, else in the unit shown."""
     amount, relative = difference(key, value, reference)
     if amount == 0.0:
         return "="
     if relative:
         return f"{_signed(100 * amount, 1)} %" if abs(amount) < 10 else f"\u00d7 {1 + amount:.0f}"
-    return _signed(amount, METRICS[key].digits)
+    unit = METRICS[key].unit
+    return _signed(amount, METRICS[key].digits) + ("" if unit == "-" else f" {unit}")
 
 
 def format_estimate(key: str, estimate: Estimate) -> str:

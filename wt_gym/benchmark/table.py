@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.analysis.change import relative_change
 from wt_gym.benchmark.ceiling import ceiling_line, ceiling_of
 from wt_gym.benchmark.reference import reference_of
 from wt_gym.benchmark.scoring import score
@@ -105,12 +106,12 @@ def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping[str, Any]], refe
     weights = [wind.weight for wind in winds]
 
     def mean(metric: str) -> float:
-        ratios = [by_wind[w.label]["metrics"][metric] / reference.baseline[w.label][metric] for w in winds]
-        return float(np.average(ratios, weights=weights))
+        pairs = [(by_wind[w.label]["metrics"][metric], reference.baseline[w.label][metric]) for w in winds]
+        return float(np.average([relative_change(*pair) for pair in pairs], weights=weights))
 
     still = any(reference.baseline[wind.label]["pitch_travel"] == 0.0 for wind in winds)
-    changes = {metric: mean(metric) - 1.0 for metric in _shown(task)}
-    return {"changes": changes, "pitch_travel": None if still else mean("pitch_travel")}
+    changes = {metric: mean(metric) for metric in _shown(task)}
+    return {"changes": changes, "pitch_travel": None if still else 1.0 + mean("pitch_travel")}
 
 
 def to_markdown(board: Mapping[str, Any]) -> str:
@@ -162,7 +163,7 @@ def _cells(row: Mapping[str, Any], shown: Collection[str]) -> list[str]:
         f"{found['score']:.1f}",
         f"{found['low']:.1f} … {found['high']:.1f}",
         f"{100 * found['better']:.0f} %",
-        *(f"{100 * changes[metric]:+.1f} %" if changes else "–" for metric in shown),
+        *(f"{100 * changes[metric]:+.1f} %" if changes and np.isfinite(changes[metric]) else "–" for metric in shown),
         "–" if travel is None else f"× {travel:.2f}",
         penalties or "none",
     ]

@@ -249,6 +249,8 @@ class BenchmarkTask:
         total = 0.0
         for term in self.terms:
             before = baseline[term.metric]
+            if term.scale is None and before == 0.0:
+                raise BenchmarkError(f"task {self.name}: {term.metric} of the baseline must not be 0, or needs a scale")
             total -= term.weight * (metrics[term.metric] - before) / (before if term.scale is None else term.scale)
         return total
 

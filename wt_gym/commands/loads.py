@@ -81,6 +81,7 @@ def table(metrics: Mapping[str, Mapping[str, float]], baseline: str | None) -> s
         Run against which changes are shown.
     """
     from wt_gym.analysis.metrics import METRICS
+    from wt_gym.analysis.summary import format_difference
 
     names = {run: Path(run).parent.name or run if run.endswith(".out") else run for run in metrics}
     width = max(map(len, names.values()))
@@ -90,7 +91,7 @@ def table(metrics: Mapping[str, Mapping[str, float]], baseline: str | None) -> s
         for run, values in metrics.items():
             text = f"{metric.factor * values[key]:.{metric.digits}f}"
             if baseline is not None and run != baseline:
-                text += f" ({100.0 * (values[key] / metrics[baseline][key] - 1.0):+.1f} %)"
+                text += f" ({format_difference(key, values[key], metrics[baseline][key])})"
             cells.append(f"  {text:>{max(width, 18)}s}")
         lines.append(f"{f'{metric.label} [{metric.unit}]':44s}" + "".join(cells))
     return "\n".join(lines)

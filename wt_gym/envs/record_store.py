@@ -10,23 +10,23 @@ import pickle
 import threading
 import zipfile
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import filelock
 import numpy as np
 
-from wt_gym.compiled import digest_of
 from wt_gym.control.controllers.memory import Memory
 from wt_gym.envs import running_record
 from wt_gym.envs.running_record import Record, StartRecorder
 from wt_gym.files import whole_file
 from wt_gym.simulation.state import fingerprint
+from wt_gym.sources import sources_digest
 from wt_gym.user_cache import user_cache
 from wt_gym.wind import MirroredInflow
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
+    from pathlib import Path
 
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.wind_sampler import WindSampler
@@ -39,7 +39,6 @@ _log = logging.getLogger(__name__)
 _FORMAT = 8  # raise when what a record holds changes
 RECORD_SEED = 7_777_000
 """First seed of the turbulence in which a turbine is recorded, none of an evaluation or training."""
-_ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "turbines", "wind")
 _MOST, _MOST_FILES = 32, 200
 _MOST_BYTES, _MOST_FILE_BYTES = 300_000_000, 2_000_000_000
 """Records in memory and files, at most: some 2 MB each, 35 MB of a controller with a long memory."""
@@ -116,9 +115,8 @@ def digest_of_controller(controller: Controller) -> str:
 
 @cache
 def _sources() -> str:
-    """Digest of the simulator's sources: how another version of it runs is not how this one does."""
-    package = Path(__file__).parents[1]
-    return digest_of(package, [file for room in _ROOMS for file in (package / room).rglob("*.py")])
+    """Digest of all that makes a record: how another version of it runs is not how this one does."""
+    return sources_digest("wt_gym.envs.running_record", "wt_gym.envs.wind_sampler")
 
 
 def _folder() -> Path | None:

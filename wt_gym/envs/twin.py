@@ -13,7 +13,6 @@ import pickle
 import platform
 from dataclasses import fields
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import llvmlite
@@ -21,13 +20,14 @@ import llvmlite.binding
 import numba
 import numpy as np
 
-from wt_gym.compiled import digest_of, way_to_compile
+from wt_gym.compiled import way_to_compile
 from wt_gym.control.controllers import parts_of
 from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.reward_store import Course, kept_course, new_course, store_course
 from wt_gym.envs.snapshot import TwinSnapshot
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
+from wt_gym.sources import sources_digest
 from wt_gym.wind import (
     MirroredInflow,
     PathInflow,
@@ -215,10 +215,8 @@ def _digest(value: object) -> str:
 
 @cache
 def _sources() -> str:
-    """Digest of the sources of everything that a step of an environment calls."""
-    package = Path(__file__).parents[1]
-    rooms = "aerodynamics", "control", "envs", "multibody", "simulation", "structure", "turbines", "wind"
-    return digest_of(package, [file for room in rooms for file in (package / room).rglob("*.py")])
+    """Digest of everything that an environment loads."""
+    return sources_digest("wt_gym.envs.turbine_env")
 
 
 @cache

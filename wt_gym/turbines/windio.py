@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wt_gym.constants import AIR_DENSITY
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.model import Turbine
 from wt_gym.turbines.source import Node, WindioFile, read_windio
@@ -18,11 +19,9 @@ from wt_gym.turbines.windio_control import own_control_file, read_control, with_
 from wt_gym.turbines.windio_nacelle import read_drivetrain, read_hub, read_machine, read_nacelle, read_pitch, rpm
 from wt_gym.turbines.windio_tower import read_support, read_tower
 
-__all__ = ["AIR_DENSITY", "own_file", "read_turbine"]
+__all__ = ["own_file", "read_turbine"]
 
-AIR_DENSITY = 1.225
 _BESIDE = "the .control.json beside it"
-"""At sea level in the standard atmosphere [kg/m^3]; windIO's turbine files carry none."""
 
 _CLASS_NUMBERS = {"1": "I", "2": "II", "3": "III", "4": "IV"}
 
@@ -139,7 +138,7 @@ def _build(
         rated_wind_speed=_rated_wind_speed(root, rated_power, 0.5 * diameter, drivetrain.rated_rotor_speed, notes),
         cut_in=float(_default(assembly, "cut_in_wind_speed", 3.0, notes)),
         cut_out=float(_default(assembly, "cut_out_wind_speed", 25.0, notes)),
-        air_density=AIR_DENSITY,
+        air_density=AIR_DENSITY,  # windIO's turbine files carry none
         blade=blade,
         tower=tower,
         hub=hub,
