@@ -473,12 +473,14 @@ static double outside_band(const struct parameters *p, struct state *s, double r
 }
 #endif
 
-/* Readings of the rotor as it turns, whatever the set point. */
-static struct readings of_rotor(const struct state *s) {
+/* Readings for the wind estimate: speeds as they are, whatever the set point; that of rotor and generator by inertia. */
+static struct readings of_rotor(const struct parameters *p, const struct state *s) {
     struct readings r = s->now;
 #if WITH_SUPERVISOR
     r.rotor_speed = s->true_speed;
+    r.generator_speed *= s->read_over;
 #endif
+    r.rotor_speed += p->generator_share * (r.generator_speed / p->gear_ratio - r.rotor_speed);
     return r;
 }
 
@@ -497,7 +499,7 @@ static void speed_errors(const struct parameters *p, struct state *s, double dt,
 static void base_start(const struct parameters *p, struct state *s, const struct demand *present) {
     double of_torque, of_pitch, rated = p->rated_power / p->reference_speed, speed = s->now.generator_speed;
     double ratio = clip(speed / p->reference_speed, 0.0, 1.0);
-    struct readings rotor = of_rotor(s);
+    struct readings rotor = of_rotor(p, s);
     speed_reset(s, speed);
     s->smoothed_wind = s->wind = estimator_start(p, &BASE_TABLE, &rotor, &s->wind_rotor_speed);
 #if WITH_EXCLUSION
@@ -515,7 +517,7 @@ static void base_start(const struct parameters *p, struct state *s, const struct
 static void base_step(const struct parameters *p, struct state *s, double dt) {
     double rated = p->rated_power / p->reference_speed, speed = speed_update(p, s, dt), most = rated, least, highest;
     double of_torque, of_pitch, torque, pitch, torque_step = p->max_torque_rate * dt, pitch_step = p->max_pitch_rate * dt;
-    struct readings rotor = of_rotor(s);
+    struct readings rotor = of_rotor(p, s);
     s->wind = estimator_update(p, &BASE_TABLE, &rotor, p->estimator_bandwidth, dt, s->wind, &s->wind_rotor_speed);
     s->smoothed_wind = low_pass(s->smoothed_wind, s->wind, dt, p->wind_time_constant);
     least = least_pitch(p, s);
@@ -525,7 +527,8 @@ static void base_step(const struct parameters *p, struct state *s, double dt) {
         double pitched = p->constant_power_pitch == 0.0 ? 1.0 : (s->pitch[0] - least) / p->constant_power_pitch;
         most = (1.0 + 0.1 * clip(pitched, 0.0, 1.0)) * rated;
     }
-    highest = fmin(fmin(p->rated_power / fmax(speed, 1e-3), most), p->max_torque);
+    highest = fmin(most, p->max_torque);
+    if (p->limits_power != 0.0) highest = fmin(p->rated_power / fmax(speed, 1e-3), highest);
     s->torque_integral = clip(s->torque_integral + p->torque_integral_gain * of_torque * dt, 0.0, highest);
     torque = clip(p->torque_gain * of_torque + s->torque_integral, 0.0, highest);
     s->torque += clip(torque - s->torque, -torque_step, torque_step);

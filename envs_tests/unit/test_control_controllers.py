@@ -698,6 +698,24 @@ def test_an_estimate_is_held_while_the_rotor_hardly_turns_and_keeps_its_range():
             WindEstimator(table, 4e7, bandwidth=bandwidth)
 
 
+def test_an_estimator_that_reads_the_generator_takes_no_torsion_for_wind():
+    """Rotor and generator swing against each other, the momentum of both rests."""
+    table, inertia, share = made_up_table(), 4e7, 0.8
+    speed = 8.0 * 9.0 / 63.0
+    steady = readings(generator_torque=table.torque(9.0, speed, 0.0), pitch_1=0.0, pitch_2=0.0, pitch_3=0.0)
+    largest = {}
+    for reads in (0.0, share):
+        estimator = WindEstimator(table, inertia, generator_share=reads)
+        error = []
+        for k in range(400):
+            swing = 0.01 * math.sin(6.0 * 0.1 * k)
+            now = steady | {"rotor_speed": speed + swing, "generator_speed": speed - swing * (1.0 - share) / share}
+            error.append(abs((estimator.start(now) if k == 0 else estimator.update(now, 0.1)) - 9.0))
+        largest[reads] = max(error[320:])
+    assert largest[share] < 1e-6 < 0.2 < largest[0.0]
+    assert "generator_speed" in WindEstimator(table, inertia, generator_share=share).channels
+
+
 def test_a_table_that_is_given_serves_the_estimator_too(turbine):
     table = replace(rotor_table(turbine), power=0.9 * rotor_table(turbine).power)
     controller = make_controller("tsr_tracking", turbine, table=table)
@@ -756,6 +774,15 @@ def test_torque_stays_below_rated_power_and_a_tenth_above_rated(turbine, speed, 
     for _ in range(100):
         made = controller.step(now | {"generator_speed": speed * 122.9096}, 0.02)
     assert made.generator_torque <= highest * 43_093.6 + 1.0
+
+
+def test_a_constant_torque_without_a_limit_of_the_power_is_held_at_any_speed(turbine):
+    made = make_controller("tsr_tracking", turbine).parameters
+    p = replace(made, limits_power=False, baseline=replace(made.baseline, constant_power=False))
+    for speed in (0.97, 1.05):
+        controller, now = TsrTrackingController(p, KnownWind(15.0)), readings(generator_speed=speed * 122.9096)
+        controller.start(now, demand(0.3, 43_093.55))
+        assert controller.step(now, 0.02).generator_torque == pytest.approx(43_093.55, rel=1e-6)
 
 
 def test_a_baseline_shifts_no_further_than_its_range():

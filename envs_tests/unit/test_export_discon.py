@@ -1,5 +1,6 @@
 """Controllers exported as libraries with the Bladed interface, against Python's on the same readings."""
 
+import json
 import math
 import os
 import re
@@ -24,6 +25,7 @@ from wt_gym.control.controllers import Combined, make_controller
 from wt_gym.control.controllers.controller import lidar_of
 from wt_gym.control.optimal.design_file import LinearDesign, save_design
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.catalogue import turbine_file
 
 pytestmark = pytest.mark.usefixtures("compiler")
 DT = INTERVAL
@@ -89,6 +91,21 @@ def test_random_readings_give_the_demands_of_the_controller(choice, name, seed, 
         assert found.yaw_rate == pytest.approx(expected.yaw_rate, abs=1e-8)
         moved = max(moved, float(np.ptp(expected.pitch)) if "ipc" in choice else abs(expected.pitch[0]))
     assert moved > 0.01  # it did act
+
+
+def test_a_published_set_point_smoother_and_an_unlimited_torque(exported, tmp_path):
+    path = tmp_path / "mine.yaml"
+    shutil.copy(turbine_file("iea_15mw"), path)
+    shifts = {"speed_shift_per_pitch": 1.9, "speed_shift_per_power": 0.001, "speed_shift_frequency": 0.63}
+    path.with_name("mine.control.json").write_text(json.dumps(shifts | {"limits_power": False}), encoding="utf-8")
+    turbine, (_, library, parameters, _) = load_turbine(path), exported("discon", str(path))
+    controller, most = make_controller("discon", turbine), 0.0
+    for expected, found in side_by_side(
+        controller, library, parameters, turbine, random_readings(turbine, 1000, 0, DT)
+    ):
+        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-6, abs=1e-3)
+        most = max(most, expected.generator_torque)
+    assert most == pytest.approx(controller.parameters.rated_torque)
 
 
 @pytest.mark.parametrize(

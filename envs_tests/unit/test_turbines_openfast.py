@@ -11,6 +11,7 @@ import pytest
 from openfast_model import DEGREE, Model, principal
 
 from wt_gym.commands.import_ import main
+from wt_gym.control.controllers import make_controller
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.simulation.state import fingerprint
 from wt_gym.structure.beam import Beam, BeamSections
@@ -121,8 +122,27 @@ class TestTheSameTurbine:
         assert (control.fine_pitch, control.region_3_min_pitch, control.constant_power) == (0.01, 0.03, True)
         assert control.rated_mechanical_power == pytest.approx(5.0e6 / 0.944)
         assert control.pitch_actuator_frequency is None
+        assert (control.limits_power, control.speed_shift_per_pitch) == (True, None)
         # published for this gain: the largest power coefficient 0.482 at 7.55
         assert control.peak_power_coefficient == pytest.approx(0.482 * (7.5 / 7.55) ** 3, rel=0.01)
+
+    @pytest.mark.filterwarnings("ignore:the speed loop of model")
+    @pytest.mark.parametrize(
+        ("mode", "shifts"), [(1, (0.8 / 0.524, 0.001, 0.6283)), (0, (0.0, 0.0, None))], ids=("on", "off")
+    )
+    def test_the_set_point_smoother_and_a_constant_torque(self, model, tmp_path, mode, shifts):
+        """ROSCO shifts by rated speed over 0.524 rad of pitch, and its constant torque lets the power pass rated."""
+        model.discon |= {"VS_ConstPower": 0, "SS_Mode": mode, "SS_VSGain": 0.8, "SS_PCGain": 0.001}
+        model.discon["F_SSCornerFreq"] = 0.6283
+        turbine = load_turbine(model.write(tmp_path))
+        own = turbine.control
+        assert (own.speed_shift_per_pitch, own.speed_shift_per_power, own.speed_shift_frequency) == shifts
+        assert own.limits_power is False
+        made = make_controller("discon", turbine).parameters
+        assert made.pitch_to_speed / (made.baseline.max_pitch - made.baseline.min_pitch) == pytest.approx(shifts[0])
+        assert made.torque_to_speed == shifts[1]
+        assert made.limits_power is False
+        assert made.smoothing_time_constant == pytest.approx(1.0 / shifts[2] if shifts[2] else 5.0)
 
 
 def clamped(sections, **kinds):

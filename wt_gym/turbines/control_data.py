@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wt_gym.fields import later_field
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_ascending, check_number, fail
 
 __all__ = ["ControlData"]
@@ -46,6 +47,16 @@ class ControlData(ArrayRecord):
         From generator speed error to generator torque [N m s/rad], [N m/rad].
     constant_power : bool or None
         Whether region 3 holds power (True) or torque (False).
+    limits_power : bool or None
+        Whether the torque of region 3 falls where the power would pass rated power; None and True: it does. Without
+        this limit a constant torque makes more than rated power while the rotor is faster than rated.
+    speed_shift_per_pitch : float or None
+        Fall of the speed that the torque law tracks, over rated speed, per pitch above the least pitch [1/rad]: the
+        set-point smoother (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.4).
+    speed_shift_per_power : float or None
+        Rise of the speed that the pitch law holds, over rated speed, per power missing to rated, over rated power [-].
+    speed_shift_frequency : float or None
+        Corner frequency of the low-pass filter on both shifts [rad/s].
     gain_pitch : ndarray (n,) or None
         Pitch of the gain schedule, ascending [rad].
     pitch_proportional_gain, pitch_integral_gain : ndarray (n,) or None
@@ -113,6 +124,10 @@ class ControlData(ArrayRecord):
     max_pitch_rate: float | None = None
     trim_wind: NDArray[np.float64] | None = None
     trim_pitch: NDArray[np.float64] | None = None
+    limits_power: bool | None = later_field(None)
+    speed_shift_per_pitch: float | None = later_field(None)
+    speed_shift_per_power: float | None = later_field(None)
+    speed_shift_frequency: float | None = later_field(None)
 
     def __post_init__(self) -> None:
         """Check the fields and make the arrays read-only."""
@@ -129,6 +144,9 @@ class ControlData(ArrayRecord):
             "rated_mechanical_power": (0.0, 1e9),
             "torque_proportional_gain": (0.0, _BIG),
             "torque_integral_gain": (0.0, _BIG),
+            "speed_shift_per_pitch": (0.0, 1e3),
+            "speed_shift_per_power": (0.0, 1e3),
+            "speed_shift_frequency": (1e-4, 1e3),
             "reference_generator_speed": (0.0, 1e4),
             "speed_filter_frequency": (1e-3, 1e3),
             "speed_filter_damping": (0.0, 10.0),
@@ -146,8 +164,9 @@ class ControlData(ArrayRecord):
             value = getattr(self, name)
             if value is not None:
                 self._set(**{name: check_number(f"ControlData.{name}", value, low, high)})
-        if self.constant_power is not None and not isinstance(self.constant_power, bool):
-            raise fail("ControlData.constant_power", self.constant_power, "True, False or None")
+        for name in ("constant_power", "limits_power"):
+            if (value := getattr(self, name)) is not None and not isinstance(value, bool):
+                raise fail(f"ControlData.{name}", value, "True, False or None")
         self._check_table("gain_pitch", _ANGLE, {"pitch_proportional_gain": -_BIG, "pitch_integral_gain": 0.0})
         self._check_table("trim_wind", 200.0, {"trim_pitch": -_ANGLE})
         self._check_table("min_pitch_wind", 200.0, {"min_pitch": -_ANGLE})

@@ -23,6 +23,8 @@ _TIP_SPEEDS = 10.0, 250.0
 _BLADED = 5
 _SIMPLE = 1
 """Values of PCMode and VSContrl: a library as Bladed takes it, ServoDyn's own torque law."""
+_SMOOTHER_PITCH = 0.524
+"""Pitch over which the gain SS_VSGain of ROSCO's set-point smoother shifts the speed by rated speed [rad]."""
 
 
 @dataclass(frozen=True)
@@ -259,7 +261,9 @@ def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, 
             values[name] = float(_positive(file, key)[0])
             if file.array(key).size > 1:
                 notes.append(f"{file.path.name}: {key} has several gains, the first is taken")
-    values["constant_power"] = _constant_power(file)
+    values["constant_power"] = values["limits_power"] = _constant_power(file)  # ROSCO's constant torque has no limit
+    if "SS_Mode" in file:
+        values |= _set_point_smoother(file)
     if "PC_GS_angles" in file:
         values |= _schedule(file, notes)
         if "PC_GS_KD" in file and np.any(file.array("PC_GS_KD")):
@@ -273,6 +277,23 @@ def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, 
         if file.integer("PA_Mode") == 2:
             values["pitch_actuator_damping"] = file.number("PA_Damping")
     _name_modes(file, notes)
+    return values
+
+
+def _set_point_smoother(file: TextFile) -> dict[str, float]:
+    """Return the gains and the filter of the set-point smoother; without it the shifts are zero.
+
+    ROSCO shifts by ``SS_VSGain (theta - theta_min)/0.524 - SS_PCGain (P_rated - P)/P_rated`` in rated speeds (Abbas et
+    al., Wind Energ. Sci. 7 (2022) 53, section 3.4, and ROSCO's ControllerBlocks.f90).
+    """
+    if file.integer("SS_Mode") == 0:
+        return {"speed_shift_per_pitch": 0.0, "speed_shift_per_power": 0.0}
+    values = {
+        "speed_shift_per_pitch": file.number("SS_VSGain") / _SMOOTHER_PITCH,
+        "speed_shift_per_power": file.number("SS_PCGain"),
+    }
+    if "F_SSCornerFreq" in file:
+        values["speed_shift_frequency"] = file.number("F_SSCornerFreq")
     return values
 
 

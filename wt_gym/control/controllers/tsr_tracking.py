@@ -160,6 +160,8 @@ class TsrTrackingParameters:
         Least pitch over the wind [m/s], [rad].
     table : RotorTable
         Behind the estimated wind.
+    limits_power : bool
+        Whether the torque falls where the power would pass rated power.
     constant_power_pitch : float
         Pitch above the least one from which on the torque may pass rated torque by a tenth, so that power is held while
         the speed is below rated [rad]; 0: always.
@@ -180,6 +182,7 @@ class TsrTrackingParameters:
     schedule_pitch: NDArray[np.float64]
     table: RotorTable
     constant_power_pitch: float = 0.0
+    limits_power: bool = True
 
     @classmethod
     def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters: Any) -> TsrTrackingParameters:
@@ -200,6 +203,13 @@ class TsrTrackingParameters:
         made = cls.from_turbine(turbine, baseline=baseline, table=blade_element_table(turbine), **parameters)
         # below region 3 the published torque ends at rated torque, and the speed rises to rated
         given: dict[str, object] = {"constant_power_pitch": PITCH_OF_REGION_3}
+        shifts = {
+            "pitch_to_speed": _times(own.speed_shift_per_pitch, baseline.max_pitch - baseline.min_pitch),
+            "torque_to_speed": own.speed_shift_per_power,
+            "smoothing_time_constant": own.speed_shift_frequency and 1.0 / own.speed_shift_frequency,
+            "limits_power": own.limits_power,
+        }
+        given |= {name: value for name, value in shifts.items() if value is not None and name not in parameters}
         if own.torque_proportional_gain and own.torque_integral_gain:
             given["torque_gain"] = own.torque_proportional_gain
             given["torque_integral_gain"] = own.torque_integral_gain
@@ -290,8 +300,8 @@ class TsrTrackingController:
        ``d = k_p (theta - theta_min)/(theta_max - theta_min) - k_t (M_rated - M)/M_rated``, low-pass filtered, lowers
        ``w_torque`` where positive (pitched: the torque stays at its upper end) and raises ``w_pitch`` where negative;
     2. torque ``M = K_P (w - w_torque) + I``, I its integral with K_I; both within 0 and the torque of rated power,
-       ``P/w``, at most a tenth above rated torque (rated torque where region 3 holds the torque, and with published
-       numbers while the pitch is the least one); limited in rate;
+       ``P/w`` (unless the published law has no such limit), at most a tenth above rated torque (rated torque where
+       region 3 holds the torque, and with published numbers while the pitch is the least one); limited in rate;
     3. pitch: the baseline's gain-scheduled law on ``w - w_pitch``, within theta_min(v) and the upper limit, limited in
        rate.
 
@@ -344,7 +354,8 @@ class TsrTrackingController:
     ) -> TsrTrackingController:
         """With the turbine's own numbers, see `TsrTrackingParameters.published`."""
         made = TsrTrackingParameters.published(turbine, baseline, **parameters)
-        return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth, made.table))
+        estimator = WindEstimator.of_turbine(turbine, estimator_bandwidth, made.table, reads_generator=True)
+        return cls(made, estimator)
 
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start bumplessly from the mean of the pitch demands and the torque demand."""
@@ -369,7 +380,9 @@ class TsrTrackingController:
         self._shift.update(self._wanted_shift(least), dt)
         torque_error, pitch_error = self._errors(dt)
 
-        highest = min(b.torque.rated_power / max(speed, 1e-3), self._most_torque(least), b.max_torque)
+        highest = min(self._most_torque(least), b.max_torque)
+        if p.limits_power:
+            highest = min(b.torque.rated_power / max(speed, 1e-3), highest)
         integral = self._torque_integral + p.torque_integral_gain * torque_error * dt
         self._torque_integral = min(max(integral, 0.0), highest)
         torque = min(max(p.torque_gain * torque_error + self._torque_integral, 0.0), highest)
@@ -424,6 +437,10 @@ class TsrTrackingController:
     def _least_pitch(self) -> float:
         """Lower limit of the pitch [rad]."""
         return float(np.interp(self.wind, self.parameters.schedule_wind, self.parameters.schedule_pitch))
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
 
 
 if not TYPE_CHECKING:  # which would take every name for one of this module

@@ -11,6 +11,11 @@ Mancilla-David and Jaramillo, Int. J. Robust Nonlinear Control 23 (2013) 1346):
 
 Its error decays at the rate ``(gamma/J) dQ/dv`` wherever Q grows with v. Here gamma follows that slope so that the rate
 is one chosen bandwidth in every wind (beta is set again with it, so that the estimate does not jump).
+
+A shaft that twists lets rotor and generator swing against each other: to the rotor's speed alone, with the inertia of
+both, this is wind. Their momentum ``J_r Omega_r + J_g Omega_g`` does not know it. A generator with most of the inertia
+(a rotor of 8.6e6 kg m^2 before one of 122e6 kg m^2 in a public model) otherwise feeds its torsion back through the
+estimate, with a mode that grows; Omega then is the mean of both speeds by inertia.
 """
 
 from __future__ import annotations
@@ -56,6 +61,8 @@ class WindEstimator:
         Rate at which an error of the estimate decays [rad/s].
     lowest_speed : float
         Rotor speed below which the estimate is held [rad/s]: a rotor at rest tells nothing.
+    generator_share : float
+        Share of the generator in the inertia, by which its speed counts [-]; 0: the rotor's speed is read alone.
 
     Attributes
     ----------
@@ -77,34 +84,46 @@ class WindEstimator:
         n_blades: int = 3,
         bandwidth: float = 0.5,
         lowest_speed: float = 0.1,
+        generator_share: float = 0.0,
     ):
         if not 0.0 < bandwidth < math.inf:
             raise ValueError(f"the bandwidth of the wind estimator must be positive, got {bandwidth!r} rad/s")
         self.table, self.inertia, self.bandwidth, self.lowest_speed = table, inertia, bandwidth, lowest_speed
-        self._to_moment = gear_ratio / gearbox_efficiency
+        self._gear_ratio, self._to_moment = gear_ratio, gear_ratio / gearbox_efficiency
+        self.generator_share = generator_share
         self._pitch_names = tuple(f"pitch_{b + 1}" for b in range(n_blades))
-        self.channels = ("rotor_speed", "generator_torque", *self._pitch_names)
+        shaft = ("generator_speed",) if generator_share > 0.0 else ()
+        self.channels = ("rotor_speed", *shaft, "generator_torque", *self._pitch_names)
         self.wind, self._speed = math.nan, math.nan
 
     @classmethod
     def of_turbine(
-        cls, turbine: Turbine, bandwidth: float | None = None, table: RotorTable | None = None
+        cls,
+        turbine: Turbine,
+        bandwidth: float | None = None,
+        table: RotorTable | None = None,
+        reads_generator: bool = False,
     ) -> WindEstimator:
-        """Of a turbine, by default with its table (`rotor_table.rotor_table`) and the bandwidth of `bandwidth_of`."""
-        drivetrain = turbine.drivetrain
+        """Of a turbine, by default with its table (`rotor_table.rotor_table`) and the bandwidth of `bandwidth_of`.
+
+        With ``reads_generator`` it reads the speed of the generator too, by its share in the inertia.
+        """
+        drivetrain, inertia = turbine.drivetrain, rotor_inertia(turbine)
+        generator = drivetrain.gear_ratio**2 * drivetrain.generator_inertia
         return cls(
             rotor_table(turbine) if table is None else table,
-            rotor_inertia(turbine),
+            inertia,
             drivetrain.gear_ratio,
             drivetrain.gearbox_efficiency,
             turbine.n_blades,
             bandwidth_of(turbine) if bandwidth is None else bandwidth,
             0.1 * drivetrain.rated_rotor_speed,
+            generator / inertia if reads_generator else 0.0,
         )
 
     def start(self, signals: Readings) -> float:
         """Start from the wind in which the present torque holds the present speed; return it [m/s]."""
-        speed, pitch = signals["rotor_speed"], self._pitch(signals)
+        speed, pitch = self._speed_of(signals), self._pitch(signals)
         self._speed = speed
         if speed < self.lowest_speed:
             self.wind = LOWEST
@@ -117,7 +136,7 @@ class WindEstimator:
 
     def update(self, signals: Readings, dt: float) -> float:
         """Take the measurements after a step of ``dt`` [s] and return the estimate [m/s]."""
-        speed, pitch = signals["rotor_speed"], self._pitch(signals)
+        speed, pitch = self._speed_of(signals), self._pitch(signals)
         before, self._speed = self._speed, speed
         if min(speed, before) < self.lowest_speed:
             return self.wind
@@ -130,6 +149,13 @@ class WindEstimator:
         self.wind = v + (acceleration + surplus) / slope * -math.expm1(-self.bandwidth * dt)
         self.wind = min(max(self.wind, LOWEST), HIGHEST)
         return self.wind
+
+    def _speed_of(self, signals: Readings) -> float:
+        """Speed of the drive train [rad/s]: that of the rotor, or the mean of rotor and generator by inertia."""
+        speed = signals["rotor_speed"]
+        if self.generator_share == 0.0:
+            return speed
+        return speed + self.generator_share * (signals["generator_speed"] / self._gear_ratio - speed)
 
     def _pitch(self, signals: Readings) -> float:
         return sum(signals[name] for name in self._pitch_names) / len(self._pitch_names)
