@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from wt_gym.constants import AIR_DENSITY
 from wt_gym.files import whole_file
 from wt_gym.turbines.airfoil import Airfoil
 from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
 from wt_gym.turbines.blade import Blade
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, Tower, Turbine
-from wt_gym.turbines.windio import AIR_DENSITY
 from wt_gym.turbines.windio_control import OWN_FIELDS
 from wt_gym.turbines.windio_nacelle import rpm
 
