@@ -79,31 +79,34 @@ def digest(*values: Any) -> str:
 
 
 def environments() -> Iterator[tuple[str, Callable[[], str]]]:
-    """Every registered id from a steady start, the default task from its own start, and a snapshot in between."""
+    """Every registered id from a steady start, the newest of each task from its own; infos apart, where keys come."""
     ids = sorted(name for name in gym.registry if name.startswith("wt_gym/"))
-    for name in ids:
-        yield f"env/{name}", lambda name=name: _episode(name, start="steady")
-    for task in TASKS.values():
-        yield f"start/{task.ids[-1]}", lambda task=task: _episode(task.ids[-1])
+    episodes = [(f"env/{name}", name, {"start": "steady"}) for name in ids]
+    episodes += [(f"start/{task.ids[-1]}", task.ids[-1], {}) for task in TASKS.values()]
+    for title, name, arguments in episodes:
+        infos: list[Any] = []
+        yield title, lambda name=name, arguments=arguments, infos=infos: _episode(name, infos, **arguments)
+        yield f"info/{title}", lambda infos=infos: digest(infos)
 
 
-def _episode(env_id: str, **arguments: Any) -> str:
+def _episode(env_id: str, infos: list[Any], **arguments: Any) -> str:
+    """Run an episode with a snapshot in between; puts its infos into a list."""
     env = gym.make(env_id, disable_env_checker=True, **arguments)
-    parts = []
     observation, info = env.reset(seed=1)
-    parts += [observation, info]
-    rng, space, kept = np.random.default_rng(2), env.action_space, None
+    infos.append(info)
+    parts: list[Any] = [observation]
+    rng, space, snapshot = np.random.default_rng(2), env.action_space, None
     for step in range(STEPS):
         action = (0.5 * rng.uniform(-1.0, 1.0, space.shape)).astype(np.float32)
         observation, reward, terminated, truncated, info = env.step(action)
-        signals = np.asarray(env.unwrapped.signals.values)
-        parts += [observation, reward, terminated, truncated, info, signals]
+        infos.append(info)
+        parts += [observation, reward, terminated, truncated, np.asarray(env.unwrapped.signals.values)]
         if step == STEPS // 2:
-            kept = env.unwrapped.snapshot()
+            snapshot = env.unwrapped.snapshot()
         if terminated or truncated:
             break
-    if kept is not None:
-        env.unwrapped.restore(kept)
+    if snapshot is not None:
+        env.unwrapped.restore(snapshot)
         parts.append(env.step(np.zeros(space.shape, np.float32))[0])
     env.close()
     return digest(parts)
