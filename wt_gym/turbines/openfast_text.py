@@ -345,11 +345,12 @@ def _is_value(token: str) -> bool:
 def as_number(token: str) -> float | None:
     """Return a number as Fortran reads it, None for another word."""
     word = token.strip("\"'").strip().lower()
-    if word in ("nan", "inf", "+inf", "-inf", "infinity"):
-        return float(word)
     if _NUMBER.fullmatch(word) is None:
-        return None
-    return float(re.sub(r"(?<=[\d.])(?:[dq]|(?=[+-]))", "e", word, count=1))
+        return float(word) if word in ("nan", "inf", "+inf", "-inf", "infinity") else None
+    try:
+        return float(word)
+    except ValueError:  # an exponent of Fortran
+        return float(re.sub(r"(?<=[\d.])(?:[dq]|(?=[+-]))", "e", word, count=1))
 
 
 def _normal(key: str) -> str:
