@@ -19,7 +19,7 @@ FIRST_SEED = 2**40
 decide (gusts, directions, own inflows, noise) is never what a training has drawn."""
 LEAST_MEASURED = 2.0
 """A metric of a few samples says nothing: runs that end earlier than this after the skipped start have none [s]."""
-_SEEDS_A_WIND, _MOST_SEED = 1000, 2**32
+_SEEDS_A_WIND, _MOST_WINDS, _MOST_SEED = 1000, 2**20, 2**32
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,9 @@ class EvaluationConfig:
         check_duration("the length of the replay", self.replay)
         if not 0 <= self.seed <= _MOST_SEED:
             raise ValueError(f"the seed must be from 0 to {_MOST_SEED}, got {self.seed!r}")
-        if not self.winds or len(set(self.winds)) < len(self.winds):
-            raise ValueError(f"winds must be given, each once, got {', '.join(wind.label for wind in self.winds)}")
+        if not self.winds or len(set(self.winds)) < len(self.winds) or len(self.winds) > _MOST_WINDS:
+            labels = ", ".join(wind.label for wind in self.winds[:100])
+            raise ValueError(f"winds must be given, each once, at most {_MOST_WINDS}, got {labels}")
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
         for seed in (wind.seed for wind in self.winds if wind.seed is not None):
             if not 0 <= seed <= LARGEST_WIND_SEED:
@@ -89,8 +90,13 @@ class EvaluationConfig:
                 raise ValueError(f"{name} follows from the duration of the evaluation; leave it out of env_kwargs")
 
     def seed_in(self, wind: Wind) -> int:
-        """Seed of the environment in a wind: what the wind leaves open is drawn for each, once for all agents."""
-        return FIRST_SEED + self.seed + _SEEDS_A_WIND * self.winds.index(wind)
+        """Seed of the environment in a wind: what the wind leaves open is drawn for each, once for all agents.
+
+        Each seed and place of a wind has its own number: its last three digits are those of the seed, then come the
+        place and the rest of the seed.
+        """
+        rest, first = divmod(self.seed, _SEEDS_A_WIND)
+        return FIRST_SEED + first + _SEEDS_A_WIND * (self.winds.index(wind) + _MOST_WINDS * rest)
 
     def replay_in(self, wind: Wind) -> float:
         """Length of the replay of a run in a wind [s]."""

@@ -102,7 +102,9 @@ def train(
             run.clear()  # nothing can be refused any more
             if config.pretraining is not None:
                 session.pretrain(progress, stop)
-            return session.learn(progress, stop)
+            record = session.learn(progress, stop)
+            run.remove_recordings()
+            return record
 
 
 def _refuse_budgets_of_a_pretraining(config: TrainingConfig) -> None:
@@ -231,7 +233,7 @@ class _Session:
         Raises
         ------
         KeyboardInterrupt
-            Where somebody asks to stop: nothing of a pretraining is kept before it is done.
+            Where somebody asks to stop; the same training, begun again, resumes with what has been recorded.
         """
         from wt_gym.agents.pretraining.pretrain import pretrain  # for those who ask for it
 
@@ -242,7 +244,10 @@ class _Session:
 
         def check() -> None:
             if request.signal_number is not None:
-                raise KeyboardInterrupt(f"the pretraining was stopped by {request.name}; nothing of it is kept")
+                raise KeyboardInterrupt(
+                    f"the pretraining was stopped by {request.name}; its recordings are in {self._run.recordings}, and "
+                    "the same command resumes with them"
+                )
 
         with (
             stop_on_signals() if stop is None else nullcontext(stop) as request,
@@ -250,7 +255,7 @@ class _Session:
         ):
             self._pretraining = pretrain(
                 self._model, config.env_id, config.env_kwargs, options, executor, config.seed, say, check,
-                (config.budgets or {}).get(PITCH_TRAVEL),
+                (config.budgets or {}).get(PITCH_TRAVEL), self._run.recordings,
             )  # fmt: skip
         self._pretraining["seconds"] = round(time.monotonic() - began, 1)
 

@@ -18,7 +18,10 @@ An index into an array must not be negative in a kernel: the linked way takes it
 
 import hashlib
 import inspect
+import io
+import logging
 import os
+import pickle
 import warnings
 from collections.abc import Callable, Iterable
 from functools import cache, partial
@@ -40,6 +43,8 @@ FASTMATH = {"contract", "arcp", "nsz", "reassoc"}
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": FASTMATH, "_nrt": False, "no_cfunc_wrapper": True}
 """Of ``numba.njit``, common to all kernels. No kernel is called through a pointer in C."""
 _WAYS = ("linked", "plain")
+_log = logging.getLogger(__name__)
+_damaged: set[Path] = set()
 _PACKAGE = Path(__file__).parent
 
 
@@ -171,10 +176,13 @@ def set_stamp(dispatcher: Any, way: str) -> bool:
     have moved since. The contents of the kernel's own file take the place of its time and size.
     """
     file: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if not all(hasattr(file, name) for name in ("_version", "_source_stamp", "_load_index")):
+    needed = ("_version", "_source_stamp", "_load_index", "_load_data", "_dump", "_index_path", "_data_path")
+    if not all(hasattr(file, name) for name in needed):
         _warn_of_cache()
         return False
-    file._load_index = partial(_readable_index, file._load_index)
+    file._load_index = partial(_readable_index, file, file._load_index)
+    file._load_data = partial(_readable_data, file)
+    file._dump = partial(_with_checksum, file._dump)
     file._version = f"{numba.__version__} {llvmlite.__version__} {way} {_stamp()}"
     source = Path(inspect.getfile(dispatcher.py_func))
     if source.is_file():  # and is not typed into an interpreter
@@ -182,15 +190,57 @@ def set_stamp(dispatcher: Any, way: str) -> bool:
     return True
 
 
-def _readable_index(load: Callable[[], dict[Any, str]]) -> dict[Any, str]:
-    """What of a kernel is on disk, by types of arguments; nothing where a type is of a module that is not here.
+def _readable_index(file: Any, load: Callable[[], dict[Any, str]]) -> dict[Any, str]:
+    """What of a kernel is on disk, by types of arguments; nothing where it is damaged or has unknown types.
 
     Types are kept by their names. A program may call a kernel with types of its own, which no other can read.
     """
+    path = Path(file._index_path)
+    try:
+        content = io.BytesIO(path.read_bytes())
+    except FileNotFoundError:
+        return {}
+    try:
+        version = pickle.load(content)
+    except (pickle.UnpicklingError, ArithmeticError, AttributeError, EOFError, ImportError, LookupError, TypeError,
+            ValueError):  # fmt: skip
+        version = None  # those that its documentation names of damaged content
+    if type(version) is not str or (version == file._version and _checked(content.read()) is None):
+        _tell_of_damage(path)
+        return {}
     try:
         return load()
     except (AttributeError, ImportError):
         return {}
+
+
+def _readable_data(file: Any, name: str) -> Any:
+    """Machine code from a file; None, which has it compiled again, where the file is damaged."""
+    path = Path(file._data_path(name))
+    content = _checked(path.read_bytes())
+    if content is None:
+        _tell_of_damage(path)
+        return None
+    return pickle.loads(content)
+
+
+def _with_checksum(dump: Callable[[Any], bytes], value: Any) -> bytes:
+    """Content of a file with its digest behind it: a loss of power leaves files short, or zeros in them."""
+    content = dump(value)
+    return content + hashlib.sha256(content).digest()
+
+
+def _checked(content: bytes) -> bytes | None:
+    """Content of a file without its digest; None where that is another one."""
+    size = hashlib.sha256().digest_size
+    return content[:-size] if hashlib.sha256(content[:-size]).digest() == content[-size:] else None
+
+
+def _tell_of_damage(path: Path) -> None:
+    """Once for each folder."""
+    if path.parent not in _damaged:
+        _damaged.add(path.parent)
+        _log.warning("%s is damaged: such kernels are compiled again", path)
 
 
 @cache

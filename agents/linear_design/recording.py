@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zipfile
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LOADS", "DrawnOffsets", "Excitation", "Recording", "RecordingStore", "record"]
 
+_R = TypeVar("_R")
 LOADS = ("tower_fore_aft", "tower_side_side", "power")
 """Loads that a controller does not read [N m], and the power of the generator [W]."""
 
@@ -187,22 +188,24 @@ class Recording:
         return int(self.offsets.shape[1])
 
 
-class RecordingStore:
+class RecordingStore(Generic[_R]):
     """Folder of recordings, one file each, found by the digest of what defines it.
 
     Parameters
     ----------
     folder : path
+    kind : type
+        Dataclass of the recordings, of numbers and arrays; by default `Recording`.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, kind: type[_R] = Recording) -> None:  # type: ignore[assignment]
+        self.folder, self._kind = folder, kind
 
     def file(self, definition: dict[str, Any]) -> Path:
         """Where a recording stands, or would."""
         return self.folder / f"{digest(definition)}.npz"
 
-    def find(self, definition: dict[str, Any]) -> Recording | None:
+    def find(self, definition: dict[str, Any]) -> _R | None:
         """A recording, None if it has not been made yet.
 
         Raises
@@ -215,15 +218,16 @@ class RecordingStore:
             return None
         try:
             with np.load(file, allow_pickle=False) as found:
-                arrays = {part.name: found[part.name] for part in fields(Recording)}
+                arrays = {part.name: found[part.name] for part in fields(self._kind)}  # type: ignore[arg-type]
         except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
             raise ValueError(f"{file} is damaged: {error}; remove it to have the run made again") from error
-        return Recording(**arrays | {"dt": float(arrays["dt"])})
+        return self._kind(**{name: array if array.ndim else array.item() for name, array in arrays.items()})
 
-    def keep(self, definition: dict[str, Any], recording: Recording) -> None:
+    def keep(self, definition: dict[str, Any], recording: _R) -> None:
         """Write a recording: there is all of it or nothing."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        arrays: dict[str, Any] = {part.name: np.asarray(getattr(recording, part.name)) for part in fields(recording)}
+        names = [part.name for part in fields(self._kind)]  # type: ignore[arg-type]
+        arrays: dict[str, Any] = {name: np.asarray(getattr(recording, name)) for name in names}
         with whole_file(self.file(definition)) as partial, partial.open("wb") as file:
             np.savez(file, **arrays)
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import gymnasium as gym
@@ -21,7 +22,7 @@ import torch
 from wt_gym.agents.dial_front import TURNED
 from wt_gym.agents.export.network import network_of
 from wt_gym.agents.linear_design.identification import explained_share, identify
-from wt_gym.agents.linear_design.recording import Excitation
+from wt_gym.agents.linear_design.recording import Excitation, RecordingStore
 from wt_gym.agents.pretraining.episodes import (
     EpisodeJob,
     PlayedActions,
@@ -40,13 +41,18 @@ from wt_gym.agents.pretraining.objective import (
 )
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
+from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.constants import DAY
 from wt_gym.envs.dial import scaled
 from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.envs.wind_files import wind_files_of
+from wt_gym.runs.definition import described
+from wt_gym.runs.progress import clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -195,6 +201,7 @@ def pretrain(
     progress: Callable[[str], None] | None = None,
     check: Callable[[], None] | None = None,
     travel_limit: float | None = None,
+    recordings: Path | None = None,
 ) -> dict[str, Any]:
     """Change the actor of a model until it costs least.
 
@@ -218,6 +225,8 @@ def pretrain(
         Pitch travel that the policy may have, mean of the blades and of all episodes, whatever their condition or dial
         [rad/day]. A Lagrangian multiplier holds it. The cheapest of ten points of the optimization within the limit is
         kept, or without one that nearest to it.
+    recordings : path, optional
+        Folder that keeps each recorded episode as soon as it is done: what is there is not recorded again.
 
     Returns
     -------
@@ -247,7 +256,7 @@ def pretrain(
         return actions
 
     check = check or (lambda: None)
-    work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say, check)
+    work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say, check, recordings)
     names, dials = plain.layout.observation.names, plain.dials
     dial_at = [] if dials is None else [names.index(f"dial_{name}") for name in DIAL_NAMES]
     with torch.no_grad():
@@ -376,21 +385,43 @@ class _Work:
         speeds: tuple[float, float],
         say: Callable[[str], None],
         check: Callable[[], None],
+        recordings: Path | None = None,
     ) -> None:
         self._check = check
+        self._store = None if recordings is None else RecordingStore(recordings, RecordedEpisode)
         self._id, self._arguments, self._env = env_id, json.dumps(env_kwargs), plain
         self._options, self._executor, self._speeds, self._say = options, executor, speeds, say
 
     def _record(self, jobs: Sequence[EpisodeJob], what: str) -> list[RecordedEpisode]:
         """Episodes of jobs, in their order; those of a condition run one after the other, with one environment."""
+        store = self._store
+        definitions = [self._definition(job) for job in jobs] if store is not None else []
         found: dict[int, RecordedEpisode] = {}
-        queue = sorted(enumerate(jobs), key=lambda job: job[1].condition)
+        if store is not None:
+            there = {k: store.find(definition) for k, definition in enumerate(definitions)}
+            found = {k: episode for k, episode in there.items() if episode is not None}
+        recorded, total, began = len(found), len(jobs), time.monotonic()
+        self._say(f"{what}: {recorded}/{total} recorded, {self._options.duration:g} s each")
+        queue = sorted(((k, job) for k, job in enumerate(jobs) if k not in found), key=lambda job: job[1].condition)
         for (k, _), episode in self._executor.results(_numbered, queue):
             found[k] = episode
+            if store is not None:
+                store.keep(definitions[k], episode)
             self._check()
-            if len(found) % max(len(jobs) // 8, 1) == 0 or len(found) == len(jobs):
-                self._say(f"{what}: {len(found)} of {len(jobs)}")
-        return [found[k] for k in range(len(jobs))]
+            if len(found) % max(total // 8, 1) == 0 or len(found) == total:
+                left = (time.monotonic() - began) / (len(found) - recorded) * (total - len(found))
+                self._say(f"{what}: {len(found)}/{total}" + (f", about {clock(left)} min left" if left else ""))
+        return [found[k] for k in range(total)]
+
+    def _definition(self, job: EpisodeJob) -> dict[str, Any]:
+        """Everything on which the numbers of an episode depend."""
+        values = {part.name: getattr(job, part.name) for part in fields(job)}
+        return {"code": self._code, "wind_files": wind_files_of(json.loads(job.arguments)), **described(values)}
+
+    @cached_property
+    def _code(self) -> dict[str, str]:
+        """Digests of turbine, fidelity and code."""
+        return benchmark_fingerprint(self._env.turbine, self._env.fidelity, EpisodeJob.__module__)
 
     def _job(self, speed: float, seed: int, condition: Mapping[str, Any], **more: Any) -> EpisodeJob:
         told = json.dumps(condition)
@@ -407,7 +438,7 @@ class _Work:
         at = tuple(float(v) for v in np.linspace(low, high, count)) if count > 1 else (0.5 * (low + high),)
         first = options.first_wind_seed + options.episodes
         winds = [(v, first + i * options.excited + k) for i, v in enumerate(at) for k in range(options.excited)]
-        published = self._record([self._job(v, s, {}, baseline=True) for v, s in winds], "runs of the published one")
+        published = self._record([self._job(v, s, {}, baseline=True) for v, s in winds], "baseline runs")
         baselines = {}
         for i, v in enumerate(at):
             metrics = [self._published(run) for run in published[i * options.excited : (i + 1) * options.excited]]
@@ -432,7 +463,7 @@ class _Work:
         jobs = [self._job(v, s, condition) for v, s in winds]
         jobs += [self._job(v, s, condition, agent=agent) for (v, s), agent in zip(winds, drawn, strict=True)]
         which = f" in {json.dumps(condition)}" if condition else ""
-        runs = self._record(jobs, f"runs to identify the plant{which}")
+        runs = self._record(jobs, f"identification runs{which}")
         still, moved = runs[: len(winds)], runs[len(winds) :]
         taps = round(options.memory / env.control_dt)
 

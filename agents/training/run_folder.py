@@ -32,6 +32,7 @@ _FILES = (
     MODEL_FILE, NORMALIZATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, _BUFFER_FILE, SEEDS_FILE,
 )  # fmt: skip
 _CHECKPOINT_FILES = ("*_steps.zip", "*_steps.pkl")
+_RECORDINGS = "recordings"
 _RLLIB = "rllib-"  # and the steps
 
 
@@ -115,6 +116,16 @@ class RunFolder(FolderLock):
         """Folders of RLlib's checkpoints but that after so many steps, by their age, the oldest first."""
         others = [folder for folder in self.path.glob(f"{_RLLIB}*") if folder != self.rllib(steps)]
         return sorted(others, key=lambda folder: int(folder.name.removeprefix(_RLLIB)))
+
+    @property
+    def recordings(self) -> Path:
+        """Folder of the recorded episodes of a pretraining; all seeds of a training have one."""
+        with_seeds = (self.path.parent / SEEDS_FILE).is_file()
+        return (self.path.parent if with_seeds else self.path) / _RECORDINGS
+
+    def remove_recordings(self) -> None:
+        """Remove the recorded episodes in this folder, which nothing needs after the training."""
+        shutil.rmtree(self.path / _RECORDINGS, ignore_errors=True)
 
     @property
     def tensorboard(self) -> Path:

@@ -169,6 +169,8 @@ def _collect(
         if stop.signal_number is not None:
             break
     interrupted = len(runs) < len(seeds) or runs[-1]["status"] == "interrupted"
+    if not interrupted:
+        RunFolder(folder).remove_recordings()
     summary = {
         "status": "interrupted" if interrupted else "finished",
         "stopped_by": stop.name if interrupted else None,

@@ -12,6 +12,7 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.agents import evaluation as module
+from wt_gym.agents import evaluation_run
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
@@ -421,7 +422,7 @@ def drawn_inflow(rng):
 def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch):
     """Asked for two seeds at 15 m/s, whatever the wind of the environment is."""
     use(monkeypatch, RecordedSimulator)
-    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(evaluation_run, "_metrics", lambda *_: {"mean_power": 1.0})
     winds = (Wind(15.0, 1001), Wind(15.0, 1002))
     config = EvaluationConfig(STEADY, kwargs, winds, duration=3.0, skip=1.0, replay=0.0)
     agents = {"a": "constant", "b": "constant"}
@@ -436,7 +437,7 @@ def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch)
 
 def test_labels_of_winds_are_kept(monkeypatch, tmp_path):
     use(monkeypatch, RecordedSimulator)
-    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(evaluation_run, "_metrics", lambda *_: {"mean_power": 1.0})
     config = EvaluationConfig(STEADY, {"inflow": drawn_inflow}, (Wind(15.0, 1001),), duration=3.0, skip=1.0, replay=0.0)
     result = evaluate({"a": "constant"}, config, folder=tmp_path, progress=False)
     assert Evaluation.load(tmp_path).winds == result.winds
@@ -445,7 +446,7 @@ def test_labels_of_winds_are_kept(monkeypatch, tmp_path):
 
 def test_agents_that_did_not_meet_one_wind_are_not_compared(monkeypatch):
     use(monkeypatch, RecordedSimulator)
-    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(evaluation_run, "_metrics", lambda *_: {"mean_power": 1.0})
     count = iter(range(100))
     kwargs = {"inflow": lambda rng: SteadyInflow(9.0 + 0.1 * next(count), 90.0)}
     config = EvaluationConfig(STEADY, kwargs, (Wind(9.0),), duration=3.0, skip=1.0, replay=0.0)

@@ -24,6 +24,36 @@ def ended(call, *arguments):
     return end.value.code
 
 
+OUT_OF_OTHER_KIND = {
+    "simulate": ["--out", "run.xlsx"],
+    "tune": ["ipc", "--out", "tuned.yaml"],
+    "design": ["linear_optimal", "--out", "mine.txt"],
+    "import": ["model.fst", "--out", "turbine.json"],
+    "campbell": ["--out", "figure.doc"],
+    "compare-controllers": ["--report", "page.pdf"],
+    "benchmark": ["archive", "runs", "--out", "entry.zip"],
+    "evaluate": ["--out", "report.html"],
+    "loadcases": ["--out", "report.html"],
+    "crosscheck": ["baseline", "--out", "report.html"],
+    "robustness": ["zero", "--out", "report.html"],
+    "train": ["--out", "model.zip"],
+    "search": ["--out", "found.json"],
+    "dataset": ["zero", "--out", "data.nc"],
+    "export": ["model.zip", "--to", "discon", "--out", "library.zip"],
+    "fly": ["zero", "--out", "run.outb"],
+}
+
+
+@pytest.mark.parametrize(("command", "words"), OUT_OF_OTHER_KIND.items())
+def test_the_ending_of_a_place_is_checked_before_anything_runs(command, words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert ended(main, [command, *words]) == 2
+    error = capsys.readouterr().err
+    assert words[-1] in error
+    assert any(text in error for text in ("must be a file that ends in", "must be a folder", "endings of figures"))
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_explains_itself(command, capsys):
     assert ended(main, [command, "--help"]) == 0
@@ -164,7 +194,6 @@ def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
 
 def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
     (tmp_path / "file").write_text("")
-    assert "is a folder" in ended(simulate.main, ["--out", str(tmp_path)])
     assert "File exists" in ended(simulate.main, ["--out", str(tmp_path / "file" / "run.nc")])
     assert "one file" in ended(simulate.main, ["--wind-speed", "8", "8", "--out", str(tmp_path / "run.nc")])
     assert not (tmp_path / "run.nc").exists()
@@ -262,7 +291,7 @@ def test_a_stopped_search_keeps_its_trials(monkeypatch, tmp_path, capsys):
 
     monkeypatch.setattr(tuning, "run_cases", runs)
     record = tmp_path / "new" / "tuned.json"
-    stopped_in_one_line(["tune", "ipc", "--trials", "9", "--winds", "12", "--output", str(record)], capsys)
+    stopped_in_one_line(["tune", "ipc", "--trials", "9", "--winds", "12", "--out", str(record)], capsys)
     assert len(json.loads(record.read_text())["trials"]) == 2
     assert [file.name for file in record.parent.iterdir()] == ["tuned.json"]
     weighs = ["tune", "ipc", "--winds", "12", "--weights", "beauty=1"]

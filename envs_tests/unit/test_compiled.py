@@ -327,6 +327,34 @@ def test_a_type_that_another_program_called_a_kernel_with_is_no_obstacle(modules
         (modules / "pair_module.py").unlink(missing_ok=True)
 
 
+def halved(content):
+    return content[: len(content) // 2]
+
+
+def zeroed(content):
+    return content[:100] + bytes(len(content) - 200) + content[-100:]
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", [
+    halved, pytest.param(zeroed, marks=pytest.mark.slow), pytest.param(lambda content: b"", marks=pytest.mark.slow),
+])  # fmt: skip
+def test_a_damaged_cache_file_is_compiled_again_with_one_line(modules, ending, damage):
+    """As a loss of power leaves it."""
+    first = run(modules)
+    files = [path for path in modules.rglob(f"*.{ending}") if path.name.startswith(("leaf", "caller"))]
+    assert len(files) >= 2
+    for path in files:
+        path.write_bytes(damage(path.read_bytes()))
+    done = process(RUN, [ROOT, modules])
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.split()[0]) == first[0]
+    assert done.stderr.count("\n") == 1
+    assert re.search(rf"\.{ending} is damaged: such kernels are compiled again", done.stderr)
+    again = process(RUN, [ROOT, modules])
+    assert (float(again.stdout.split()[0]), again.stderr) == (first[0], "")
+
+
 @linked_only
 def test_a_change_of_equal_size_and_time_is_noticed(modules):
     assert run(modules) == [18.0, -1, -1, -1]

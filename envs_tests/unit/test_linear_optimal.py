@@ -762,7 +762,7 @@ def test_winds_of_the_same_pitch_are_refused(turbine, toy_runs, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--out", "mine.txt"], "must be a file *.npz, got mine.txt"),
+        (["--out", "mine.txt"], "must be a file that ends in .npz, got mine.txt"),
         (["--out", "mine.npz", "--seeds", "1", "1001"], "training winds, 1 to 24; got 1001"),
         (["--out", "mine.npz", "--speeds", "18", "12"], "rising wind speeds"),
         (["--out", "mine.npz", "--base", "ipd"], "a controller must be among"),

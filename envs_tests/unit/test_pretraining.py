@@ -376,13 +376,13 @@ class Here:
         return ((job, work(job)) for job in jobs)
 
 
-def work_of(**options):
+def work_of(recordings=None, **options):
     """Recordings and identification of a pretraining at one wind speed."""
     few = {"episodes": 6, "held_out": 3, "duration": 60.0, "memory": 5.0, "plant_speeds": 1, "excited": 2}
     env = gym.make("wt_gym/LoadReduction-v2", **ARGUMENTS).unwrapped
     return pretraining._Work(
         "wt_gym/LoadReduction-v2", ARGUMENTS, env, PretrainingOptions.of(few | options), Here(), (15.0, 17.0),
-        lambda _: None, lambda: None,
+        lambda _: None, lambda: None, recordings,
     )  # fmt: skip
 
 
@@ -444,18 +444,46 @@ def test_a_recording_has_no_faults_and_its_own_length():
     assert found.steps == 40
 
 
-def test_a_pretraining_that_is_stopped_ends_and_keeps_nothing(tmp_path, monkeypatch):
+def test_a_pretraining_that_is_stopped_keeps_its_recordings(tmp_path, monkeypatch):
     """After the episode that is under way, with the request that Ctrl-C and SIGTERM make."""
     recorded = []
-    monkeypatch.setattr(pretraining, "record_episode", lambda job: recorded.append(job))
+    monkeypatch.setattr(pretraining, "record_episode", lambda job: recorded.append(job) or drawn(job, len(recorded)))
     few = {"episodes": 3, "held_out": 1, "duration": 60.0, "memory": 5.0, "plant_speeds": 1, "excited": 2}
     config = TrainingConfig(env_kwargs=ARGUMENTS, pretraining=few, total_steps=0, n_envs=1, tensorboard=False)
     request = StopRequest()
     request.signal_number = signal.SIGTERM
-    with pytest.raises(KeyboardInterrupt, match="stopped by SIGTERM; nothing of it is kept"):
-        train(config, tmp_path / "run", progress=False, stop=request)
-    assert len(recorded) == 1
+    for count in (1, 2):  # the second resumes with the recording of the first
+        with pytest.raises(KeyboardInterrupt, match=r"stopped by SIGTERM; its recordings are in .* resumes with them"):
+            train(config, tmp_path / "run", progress=False, stop=request)
+        assert len(recorded) == len({job.seed for job in recorded}) == count
+        assert len(list((tmp_path / "run" / "recordings").glob("*.npz"))) == count
     assert not (tmp_path / "run" / "model.zip").exists()
+
+
+def test_episodes_that_are_recorded_are_not_recorded_again(tmp_path, monkeypatch):
+    """Whatever the policy; another policy has other episodes."""
+    recorded, lines = [], []
+    monkeypatch.setattr(pretraining, "record_episode", lambda job: recorded.append(job) or drawn(job, len(recorded)))
+
+    def work():
+        made = work_of(recordings=tmp_path)
+        made._say = lines.append
+        return made
+
+    first = work().identified()
+    assert len(recorded) == 6
+    assert lines[0] == "baseline runs: 0/2 recorded, 60 s each"
+    agent = pretraining.PlayedActions(np.zeros((3, 3)))
+    work().recorded(agent, 1)
+    assert len(recorded) == 12
+    lines.clear()
+    again = work().identified()
+    work().recorded(pretraining.PlayedActions(np.zeros((3, 3))), 1)
+    assert len(recorded) == 12
+    assert lines[0] == "baseline runs: 2/2 recorded, 60 s each"
+    np.testing.assert_array_equal(again[0][0].plants.responses, first[0][0].plants.responses)
+    work().recorded(pretraining.PlayedActions(np.ones((3, 3))), 1)
+    assert len(recorded) == 18
 
 
 def test_a_pretraining_alone_begins_no_episode(tmp_path, monkeypatch):
@@ -479,7 +507,7 @@ def test_a_training_hands_its_budget_of_travel_to_the_pretraining_and_refuses_wh
     limits = []
 
     def pretrained(*arguments):
-        limits.append(arguments[-1])
+        limits.append(arguments[-2])
         return {"rounds": []}
 
     monkeypatch.setattr(pretraining, "pretrain", pretrained)

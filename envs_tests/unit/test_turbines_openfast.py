@@ -452,7 +452,7 @@ class TestCommand:
         ("words", "message"),
         [
             (["model.yaml"], "must be the primary file of an OpenFAST model"),
-            (["model.fst", "--out", "turbine.json"], "must end with .yaml"),
+            (["model.fst", "--out", "turbine.json"], "must be a file that ends in .yaml"),
             (["model.fst", "--rated-power", "-1"], "must be a positive number"),
         ],
     )

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
-from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, stoppable, user_errors
+from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, file_ending_in, stoppable, user_errors
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -46,13 +46,15 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     run.add_argument("agents", nargs="+", metavar="AGENT")
     table = commands.add_parser("table", description="Scores of a folder of results: leaderboard.md and .json in it.")
     table.add_argument("folder", type=Path, metavar="DIR")
-    table.add_argument("--page", type=Path, metavar="FILE", help="put the table into this page too")
+    table.add_argument("--page", type=file_ending_in(".md"), metavar="FILE", help="put the table into this page too")
     archive = commands.add_parser("archive", description="Put results and the models that made them into one file.")
     archive.add_argument("folder", type=Path, metavar="DIR")
     archive.add_argument(
         "--models", nargs="+", type=Path, default=[], metavar="PATH", help="trained models that made runs of the folder"
     )
-    archive.add_argument("--out", type=Path, default=Path("benchmark.tar.xz"), metavar="FILE", help="%(default)s")
+    archive.add_argument(
+        "--out", type=file_ending_in(".tar.xz"), default=Path("benchmark.tar.xz"), metavar="FILE", help="%(default)s"
+    )
     verify = commands.add_parser(
         "verify",
         description="Repeat some runs of an archive or a folder of results and compare every metric with the recorded "
@@ -81,7 +83,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     ceiling.add_argument("--duration", type=float, metavar="S", help="of a run (default: the task's)")
     ceiling.add_argument("--passes", type=int, default=3, metavar="N", help="runs with offsets (default: %(default)s)")
     ceiling.add_argument("--no-ladder", dest="ladder", action="store_false", help="without the ladder of information")
-    ceiling.add_argument("--page", type=Path, metavar="FILE", help="put the tables of all ceilings into this page")
+    ceiling.add_argument(
+        "--page", type=file_ending_in(".md"), metavar="FILE", help="put the tables of all ceilings into this page"
+    )
     ceiling.add_argument("--data", type=Path, metavar="DIR", help="folder of the files (default: in the package)")
     front = commands.add_parser(
         "front",

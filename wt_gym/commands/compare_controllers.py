@@ -15,8 +15,9 @@ import time
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
-from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option
+from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
     import argparse
@@ -39,7 +40,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--control-dt", type=float, help="s")
     add_model_options(parser)
     add_engine_options(parser, "runs")
-    parser.add_argument("--report", metavar="FILE", help="HTML page to write")
+    parser.add_argument("--report", type=file_ending_in(".html"), metavar="FILE", help="HTML page to write")
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     return parser.parse_args(words)
 
@@ -98,6 +99,8 @@ def main(words: list[str] | None = None) -> None:
         names = {label: read_name(text) for label, text in given.items()}
         controllers = {label: (name.target, name.parameters) for label, name in names.items()}
         cases = [Case(wind, seed) for wind in arguments.winds for seed in (arguments.seeds or [None])]
+        if arguments.report:
+            require_writable(arguments.report.parent)
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         try:
             with executor_of(arguments) as executor:

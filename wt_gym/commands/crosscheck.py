@@ -20,7 +20,15 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.evaluation_options import add_other_environment_option
-from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.program import (
+    FIDELITIES_HELP,
+    UNSAFE,
+    OneLineParser,
+    folder_path,
+    json_value,
+    stoppable,
+    user_errors,
+)
 from wt_gym.commands.site_options import OWN_SIMULATOR, add_simulator_option, add_site_option, with_options
 from wt_gym.tasks import DEFAULT_ENV
 
@@ -35,7 +43,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser = OneLineParser("crosscheck", description=__doc__, epilog=UNSAFE)
     parser.add_argument("agents", nargs="+", help="agents; the first is the baseline")
     parser.add_argument("--env", default=DEFAULT_ENV, help="environment id (default: %(default)s)")
-    parser.add_argument("--out", default="runs/crosscheck", help="folder for the results (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=folder_path, default="runs/crosscheck", help="folder for the results (default: %(default)s)"
+    )
     parser.add_argument("--overwrite", action="store_true", help="remove the crosscheck that is in the folder")
     parser.add_argument(
         "--wind-speed", type=float, nargs="+", default=[15.0], metavar="M_S", help="mean speeds [m/s] (default: 15)"

@@ -11,7 +11,7 @@ act on the rates of every blade and of the torque, a trained model as it was tra
 import argparse
 import json
 
-from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, json_value, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option, add_wind_option, with_options
 
 
@@ -31,7 +31,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--episodes", type=int, default=20, help="number of episodes (default: %(default)s)")
     parser.add_argument("--noise", type=float, default=0.0, help="standard deviation on actions (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the first episode (default: %(default)s)")
-    parser.add_argument("--out", default="runs/datasets", help="root of Minari's data sets (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=folder_path, default="runs/datasets", help="root of Minari's data sets (default: %(default)s)"
+    )
     parser.add_argument("--json", action="store_true", help="print what was recorded as JSON at the end")
     return parser.parse_args(words)
 

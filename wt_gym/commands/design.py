@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from wt_gym.commands.engine_options import add_engine_options, executor_of
-from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
+from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
 
 DESIGNS = ("linear_optimal",)
@@ -31,7 +31,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("controller", choices=DESIGNS)
     parser.add_argument("--turbine", default="nrel_5mw")
     add_site_option(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="file of the design")
+    parser.add_argument(
+        "--out", type=file_ending_in(".npz"), required=True, metavar="FILE.npz", help="file of the design"
+    )
     parser.add_argument("--base", help="base controller (default: side_side_damper)")
     parser.add_argument("--speeds", nargs="+", type=float, help="winds of the designs, m/s (default: 1.05, 1.32, 1.58 "
                         "rated wind speeds)")  # fmt: skip
@@ -72,8 +74,6 @@ def main(words: list[str] | None = None) -> None:
     arguments = parse_arguments(words)
     out: Path = arguments.out
     with user_errors(), stoppable(f"runs that are done are in {out}.runs and are not made again"):
-        if out.suffix != ".npz":
-            raise ValueError(f"--out must be a file *.npz, got {out}")
         from wt_gym.agents.linear_design.design import LinearDesignTask, default_speeds, design
         from wt_gym.agents.linear_design.feedback import FeedbackOptions
         from wt_gym.agents.linear_design.recording import Excitation, RecordingStore

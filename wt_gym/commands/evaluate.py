@@ -30,7 +30,15 @@ from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.evaluation_options import add_climate_options, add_other_environment_option
-from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.program import (
+    FIDELITIES_HELP,
+    UNSAFE,
+    OneLineParser,
+    folder_path,
+    json_value,
+    stoppable,
+    user_errors,
+)
 from wt_gym.commands.site_options import add_simulator_option, add_site_option, add_wind_option, with_options
 from wt_gym.tasks import DEFAULT_ENV
 
@@ -43,7 +51,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser = OneLineParser("evaluate", description=__doc__, epilog=UNSAFE)
     parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the reference")
     parser.add_argument("--env", default=DEFAULT_ENV, help="environment id (default: %(default)s)")
-    parser.add_argument("--out", default="runs/evaluation", help="folder for the results (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=folder_path, default="runs/evaluation", help="folder for the results (default: %(default)s)"
+    )
     parser.add_argument("--overwrite", action="store_true", help="remove the evaluation that is in the folder")
     parser.add_argument(
         "--wind-speed", type=float, nargs="+", metavar="M_S",

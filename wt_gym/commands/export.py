@@ -21,7 +21,7 @@ import argparse
 import json
 from typing import Any
 
-from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
+from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, user_errors
 from wt_gym.commands.scene_options import add_scene_options, chosen_scene
 
 FORMS = ("onnx", "discon", "openfast")
@@ -32,7 +32,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser = OneLineParser("export", description=__doc__, epilog=UNSAFE)
     parser.add_argument("agent", help="path of a trained model, its folder or its file; for discon a controller too")
     parser.add_argument("--to", choices=FORMS, default="onnx", help="form (default: %(default)s)")
-    parser.add_argument("--out", required=True, help="folder for the files")
+    parser.add_argument("--out", type=folder_path, required=True, help="folder for the files")
     discon = parser.add_argument_group("discon and openfast")
     discon.add_argument("--turbine", help="of a controller (default: that of --model, else nrel_5mw)")
     discon.add_argument("--interval", type=float, help="step of a controller in s (default: that of the simulator)")

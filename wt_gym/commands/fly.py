@@ -19,7 +19,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
+from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, user_errors
 from wt_gym.commands.scene_options import add_scene_options, chosen_scene
 
 if TYPE_CHECKING:
@@ -30,7 +30,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("fly", description=__doc__, epilog=UNSAFE)
     parser.add_argument("agent", help="path of a trained model, its folder or its file, or a controller")
-    parser.add_argument("--out", default="runs/flight", help="folder for the files (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=folder_path, default="runs/flight", help="folder for the files (default: %(default)s)"
+    )
     parser.add_argument("--turbine", help="of a controller (default: nrel_5mw)")
     add_scene_options(parser, 120.0)
     parser.add_argument(

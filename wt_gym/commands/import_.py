@@ -16,7 +16,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.program import OneLineParser, user_errors
+from wt_gym.commands.program import OneLineParser, file_ending_in, user_errors
 from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
@@ -30,7 +30,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("import", description=__doc__)
     parser.add_argument("model", type=Path, help="primary file of the model (.fst)")
-    parser.add_argument("--out", type=Path, metavar="YAML", help="windIO file to write (.yaml or .yml)")
+    parser.add_argument(
+        "--out", type=file_ending_in(".yaml", ".yml"), metavar="YAML", help="windIO file to write (.yaml or .yml)"
+    )
     parser.add_argument("--blade", choices=("elastodyn", "beamdyn"), help="its structure (default: as CompElast says)")
     parser.add_argument("--rated-power", type=float, metavar="KW", help="electrical, for a model that does not say it")
     parser.add_argument("--rated-rotor-speed", type=float, metavar="RPM", help="for a model that does not say it")
@@ -39,8 +41,6 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON at the end")
     arguments = parser.parse_args(words)
-    if arguments.out and arguments.out.suffix.lower() not in (".yaml", ".yml"):
-        parser.error(f"--out {arguments.out}: must end with .yaml or .yml")
     if arguments.model.suffix.lower() != ".fst":
         parser.error(f"{arguments.model}: must be the primary file of an OpenFAST model, .fst")
     rating = {"--rated-power": arguments.rated_power, "--rated-rotor-speed": arguments.rated_rotor_speed}

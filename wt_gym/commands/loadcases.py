@@ -21,7 +21,15 @@ from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.evaluation_options import add_climate_options, add_other_environment_option
-from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.program import (
+    FIDELITIES_HELP,
+    UNSAFE,
+    OneLineParser,
+    folder_path,
+    json_value,
+    stoppable,
+    user_errors,
+)
 from wt_gym.commands.site_options import add_simulator_option, add_site_option, with_options
 from wt_gym.tasks import DEFAULT_ENV
 
@@ -42,7 +50,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--turbulence", choices=("kaimal", "mann"), default="kaimal", help="spectra of the winds (default: %(default)s)"
     )
     parser.add_argument("--env", default=DEFAULT_ENV, help="environment id (default: %(default)s)")
-    parser.add_argument("--out", default="runs/loadcases", help="folder for the results (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=folder_path, default="runs/loadcases", help="folder for the results (default: %(default)s)"
+    )
     parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     kwargs_help = "more arguments of the environment, e.g. '{\"overspeed_limit\": 1.5}'; winds are the cases'"
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)

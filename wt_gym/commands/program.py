@@ -20,7 +20,7 @@ import wt_gym
 from wt_gym.errors import WtGymError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 __all__ = [
     "CLONE",
@@ -28,6 +28,8 @@ __all__ = [
     "IN_CLONE",
     "UNSAFE",
     "OneLineParser",
+    "file_ending_in",
+    "folder_path",
     "json_value",
     "stoppable",
     "user_errors",
@@ -97,6 +99,27 @@ def json_value(text: str) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as error:  # the latter where brackets are nested a thousand deep
         raise argparse.ArgumentTypeError(f"{text:.60} is not valid JSON: {error}") from error
+
+
+_OF_FILES = (".csv", ".html", ".json", ".md", ".nc", ".npz", ".outb", ".png", ".yaml", ".yml", ".zip")
+
+
+def file_ending_in(*endings: str) -> Callable[[str], Path]:
+    """Type of an option that names a file to write, for the parser: refuses another ending before anything runs."""
+
+    def path_of(text: str) -> Path:
+        if not text.lower().endswith(endings) or Path(text).is_dir():
+            raise argparse.ArgumentTypeError(f"must be a file that ends in {', '.join(endings)}, got {text}")
+        return Path(text)
+
+    return path_of
+
+
+def folder_path(text: str) -> str:
+    """Type of an option that names a folder to write to, for the parser: refuses a file, and the name of one."""
+    if Path(text).is_file() or text.lower().endswith(_OF_FILES):
+        raise argparse.ArgumentTypeError(f"must be a folder, got {text}")
+    return text
 
 
 @contextmanager

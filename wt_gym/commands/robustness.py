@@ -19,7 +19,15 @@ from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.evaluation_options import add_other_environment_option
-from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.program import (
+    FIDELITIES_HELP,
+    UNSAFE,
+    OneLineParser,
+    folder_path,
+    json_value,
+    stoppable,
+    user_errors,
+)
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
@@ -48,7 +56,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--skip", type=float, default=30.0, help="start left out of the metrics [s] (default: %(default)s)"
     )
-    parser.add_argument("--out", default="runs/robustness", help="folder for the results (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=folder_path, default="runs/robustness", help="folder for the results (default: %(default)s)"
+    )
     parser.add_argument("--overwrite", action="store_true", help="remove the evaluations that are in the folder")
     add_other_environment_option(parser)
     add_model_options(parser)

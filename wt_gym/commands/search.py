@@ -17,7 +17,7 @@ import sys
 from functools import partial
 
 from wt_gym.commands.engine_options import add_address_options
-from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
+from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, user_errors
 from wt_gym.commands.training_options import add_training_options, config_from
 
 
@@ -27,7 +27,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--trials", type=int, default=30, help="altogether (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=60_000, help="of each trial (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of search and trainings (default: %(default)s)")
-    parser.add_argument("--out", default="runs/search", help="folder for the results (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=folder_path, default="runs/search", help="folder for the results (default: %(default)s)"
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON at the end")
     add_training_options(parser)
     add_address_options(parser)

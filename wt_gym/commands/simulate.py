@@ -6,8 +6,8 @@
     wt-gym simulate --wind gust.csv site.bts --site air_density=1.1 --duration 120
 
 The means are taken over the last part of each run; for a turbine with a shaft tilt they are means over whole turns only
-approximately. A NetCDF file holds every signal of the run (one file a wind speed). Each is written when its run ends,
-and when it is ended by Ctrl-C or SIGTERM, with what there is.
+approximately. A file (.nc, .csv) holds every signal of the run, .outb those that OpenFAST has; one file a wind speed.
+Each is written when its run ends, and when it is ended by Ctrl-C or SIGTERM, with what there is.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
+from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option, add_wind_option
 from wt_gym.files import require_writable
 
@@ -60,7 +60,13 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         choices=("low_frequency", "uniform", "none"),
         help="of the turbulence (default: %(default)s)",
     )
-    parser.add_argument("--out", type=Path, help="NetCDF file; the wind speed is added to its name for several speeds")
+    parser.add_argument(
+        "--out",
+        type=file_ending_in(".nc", ".outb", ".csv"),
+        metavar="FILE",
+        help="signals as NetCDF (.nc), OpenFAST's binary outputs (.outb) or text (.csv); the wind speed is added to "
+        "its name for several speeds",
+    )
     parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
     arguments = parser.parse_args(words)
     if arguments.average is None:
@@ -113,10 +119,6 @@ def check(arguments: argparse.Namespace) -> None:
     if arguments.out and len(names) < names.total():
         raise ValueError(f"the wind {names.most_common(1)[0][0]} comes twice, and would be written to one file")
     if arguments.out:
-        if arguments.out.is_dir():
-            raise IsADirectoryError(
-                f"--out {arguments.out} is a folder; must be a NetCDF file, for example run.nc in that folder"
-            )
         require_writable(arguments.out.parent)
 
 

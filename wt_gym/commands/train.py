@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.engine_options import add_address_options
-from wt_gym.commands.program import UNSAFE, OneLineParser, stoppable, user_errors
+from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, stoppable, user_errors
 from wt_gym.commands.training_file import present_option, words_of
 from wt_gym.commands.training_options import add_training_options, config_from
 from wt_gym.tasks import DEFAULT_ENV
@@ -40,8 +40,12 @@ if TYPE_CHECKING:
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("train", description=__doc__, epilog=UNSAFE)
-    parser.add_argument("--out", default=argparse.SUPPRESS, help="folder for the results (default: runs/ppo, or the "
-        "algorithm)")  # fmt: skip
+    parser.add_argument(
+        "--out",
+        type=folder_path,
+        default=argparse.SUPPRESS,
+        help="folder for the results (default: runs/ppo, or the algorithm)",
+    )
     parser.add_argument("--overwrite", action="store_true", help="remove the training that is in the folder")
     parser.add_argument("--resume", metavar="FOLDER", help="resume a training, as it is configured; --steps and "
         "--max-seconds can change")  # fmt: skip

@@ -1,6 +1,6 @@
 """Tune the parameters of a controller on training winds.
 
-    wt-gym tune constrained_ipc --trials 40 --output tuned.json
+    wt-gym tune constrained_ipc --trials 40 --out tuned.json
     wt-gym tune mine/controller.py:Mine --space gain=0.1:2:log --trials 20
     wt-gym tune retuned --winds 8 --seeds 1 2 3 --weights mean_power=-1 --trials 15
 
@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     )  # fmt: skip
     parser.add_argument("--trials", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0, help="of the search")
-    parser.add_argument("--output", type=Path, help="JSON file for the record")
+    parser.add_argument("--out", type=file_ending_in(".json"), metavar="FILE", help="JSON file for the record")
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     return parser.parse_args(words)
 
@@ -69,7 +68,7 @@ def main(words: list[str] | None = None) -> None:
         shown = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
         print(f"trial {number}: cost {cost:+.4f} with {shown}", file=sys.stderr, flush=True)
 
-    kept = f"the trials so far are in {arguments.output}" if arguments.output else "--output would keep the trials"
+    kept = f"the trials so far are in {arguments.out}" if arguments.out else "--out would keep the trials"
     with user_errors(), stoppable(kept):
         from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
         from wt_gym.turbines import load_turbine
@@ -82,7 +81,7 @@ def main(words: list[str] | None = None) -> None:
             {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
         )  # fmt: skip
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
-        record = tune(turbine, task, arguments.trials, arguments.seed, arguments.output, progress)
+        record = tune(turbine, task, arguments.trials, arguments.seed, arguments.out, progress)
     print(f"best: cost {record['best']['cost']:+.4f} with {record['best']['parameters']}")
     if arguments.json:
         print(json.dumps(record))

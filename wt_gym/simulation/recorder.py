@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Protocol, cast
 import numpy as np
 
 from wt_gym.errors import SimulationError
-from wt_gym.files import write_netcdf_whole
 from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation.recording_files import write_recording
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -143,8 +143,14 @@ class Recorder:
         return xr.Dataset(variables, coordinates, self.attributes)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the data set as NetCDF 4; the file is there when it is whole."""
-        write_netcdf_whole(Path(path), self.to_dataset())
+        """Write the signals; the ending of the file names the format, see `write_recording`.
+
+        Raises
+        ------
+        ValueError
+            If the file ends in none of ``.nc``, ``.outb`` and ``.csv``.
+        """
+        write_recording(Path(path), self.to_dataset())
 
 
 def _multipliers_at(simulator: _ConstrainedSimulator, signals: Signals) -> NDArray[np.float64]:

@@ -1,0 +1,118 @@
+"""Files of recorded signals: NetCDF, OpenFAST's binary outputs, and text with commas."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.files import write_netcdf_whole, write_text_whole, write_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = ["ENDINGS", "write_recording"]
+
+ENDINGS = (".nc", ".outb", ".csv")
+"""Endings of file names, each with its format."""
+_OPENFAST_UNITS = {
+    "s": (1.0, "s"), "m": (1.0, "m"), "m/s": (1.0, "m/s"), "rad": (180.0 / math.pi, "deg"),
+    "rad/s": (30.0 / math.pi, "rpm"), "N": (1e-3, "kN"), "N m": (1e-3, "kN-m"), "W": (1e-3, "kW"),
+}  # fmt: skip
+"""Factor and unit of ElastoDyn's and ServoDyn's outputs by the SI unit."""
+_OTHER_UNITS = {
+    "YawVzn": (180.0 / math.pi, "deg/s"), "RtAeroPwr": (1.0, "W"), "RtAeroMxh": (1.0, "N-m"), "RtAeroFxh": (1.0, "N"),
+}  # fmt: skip
+"""Of outputs in other units: a rate of an angle, and those of AeroDyn."""
+_FORMAT, _NAME_LENGTH = 4, 20
+"""OpenFAST's ``FileFmtID_ChanLen_In``: 16-bit numbers at even times, with the length of names before all else."""
+_COUNTS, _DIGITS = 65_000.0, 2.0**23
+
+
+def write_recording(path: Path, data: xr.Dataset) -> None:
+    """Write signals in the format of the file's ending; the file is there when it is whole.
+
+    ``.nc`` is NetCDF 4 with everything. ``.csv`` has a column a signal in SI units, with name and unit in its first
+    line. ``.outb`` has the signals that OpenFAST has, under its names and in its units, as its post-processing reads
+    them; the numbers have 16 bits, so that a signal is resolved to 1/65000 of its range.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    data : xarray.Dataset
+        Of `wt_gym.simulation.Recorder.to_dataset`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such format.
+    """
+    match path.suffix.lower():
+        case ".nc":
+            write_netcdf_whole(path, data)
+        case ".csv":
+            write_text_whole(path, _csv(data))
+        case ".outb":
+            content = _outb(data)
+            write_whole(path, lambda file: file.write(content))
+        case _:
+            raise ValueError(f"a file of signals must end in {', '.join(ENDINGS)}, got {path.name}")
+
+
+def _columns(data: xr.Dataset) -> Iterator[tuple[str, str, NDArray[np.float64]]]:
+    """Name, unit and values of each signal; those with further axes have a column for each place on them."""
+    yield "time", "s", data["time"].values
+    for name, variable in data.data_vars.items():
+        if variable.ndim == 1:
+            yield str(name), variable.attrs["units"], variable.values
+            continue
+        for place in np.ndindex(variable.shape[1:]):
+            labels = [str(data[axis].values[k]) for axis, k in zip(variable.dims[1:], place, strict=True)]
+            yield "_".join([str(name), *labels]), variable.attrs["units"], variable.values[(slice(None), *place)]
+
+
+def _csv(data: xr.Dataset) -> str:
+    columns = list(_columns(data))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([f"{name} [{unit}]" for name, unit, _ in columns])
+    writer.writerows(np.column_stack([values for *_, values in columns]).tolist())
+    return text.getvalue()
+
+
+def _outb(data: xr.Dataset) -> bytes:
+    """Binary outputs as `WrBinFAST` of OpenFAST's `FAST_Subs.f90` writes them.
+
+    Values are packed as integers ``scale x + offset`` with ``scale`` and ``offset`` in single precision. The scale is
+    bounded so that the offset of a nearly constant signal is rounded by less than a count.
+    """
+    names, units, table = ["Time"], ["(s)"], []
+    for variable in data.data_vars.values():
+        if name := variable.attrs.get("openfast_name"):
+            factor, unit = _OTHER_UNITS.get(name) or _OPENFAST_UNITS[variable.attrs["units"]]
+            names.append(name)
+            units.append(f"({unit})")
+            table.append(factor * variable.values)
+    values = np.array(table)
+    low, high = values.min(axis=1), values.max(axis=1)
+    span, size = high - low, np.maximum(np.abs(low), np.abs(high))
+    least = np.maximum(span / _COUNTS, size / _DIGITS)
+    scale = np.divide(1.0, least, out=np.ones_like(least), where=least > 0.0).astype(np.float32)
+    offset = (-scale * 0.5 * (low + high)).astype(np.float32)
+    packed = np.rint(scale[:, None].astype(float) * values + offset[:, None].astype(float)).astype(np.int16)
+    time = data["time"].values
+    step = float((time[-1] - time[0]) / (time.size - 1)) if time.size > 1 else 0.0
+    described = f"wt_gym: {data.attrs.get('turbine', '')}, {data.attrs.get('inflow', '')}".encode("ascii", "replace")
+    head = struct.pack("<hhiidd", _FORMAT, _NAME_LENGTH, len(table), time.size, float(time[0]), step)
+    texts = "".join(text.ljust(_NAME_LENGTH) for text in (*names, *units)).encode("ascii")
+    scales = scale.astype("<f4").tobytes() + offset.astype("<f4").tobytes()
+    length = struct.pack("<i", len(described))
+    return head + scales + length + described + texts + packed.T.astype("<i2").tobytes()
