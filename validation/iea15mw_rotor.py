@@ -13,7 +13,7 @@ import numpy as np
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.nrel5mw_rotor import POWER_TOLERANCE, THRUST_TOLERANCE, wake_options
 from validation.rigid_rotor import RigidRotor
-from wt_gym.control.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
 

@@ -14,7 +14,7 @@ import numpy as np
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.rigid_rotor import RigidRotor
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
-from wt_gym.control.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:

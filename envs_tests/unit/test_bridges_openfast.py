@@ -40,7 +40,7 @@ from wt_gym.bridges.openfast.wind_file import sampled, write_wind
 from wt_gym.commands import loadcases
 from wt_gym.commands.loads import main as loads_command
 from wt_gym.control import Lidar
-from wt_gym.control.blade_element import BladeElementRotor, BladeElements
+from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.simulators import simulator_maker
 from wt_gym.errors import ActionError, SimulationError, TurbineDefinitionError
