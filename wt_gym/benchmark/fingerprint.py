@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import wt_gym
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.tip_twist import choose_fidelity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -40,13 +41,14 @@ _ENVIRONMENT = (
 _STATEMENT_BEGINS = {tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
 
 
-def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, str]:
+def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None) -> dict[str, str]:
     """Digests by part.
 
     Parameters
     ----------
     turbine : Turbine
-    fidelity : str or Fidelity
+    fidelity : str or Fidelity or None
+        None: what suits the turbine.
 
     Returns
     -------
@@ -56,9 +58,10 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
         actions, ``environment``: a step and its end, ``metrics``: what is measured of a run. Of sources neither
         comments nor docstrings count.
     """
+    chosen = fidelity_of(choose_fidelity(turbine, None) if fidelity is None else fidelity)
     return {
         "turbine": fingerprint(turbine)[:16],
-        "fidelity": fingerprint(fidelity_of(fidelity))[:16],
+        "fidelity": fingerprint(chosen)[:16],
         **_sources(),
     }
 

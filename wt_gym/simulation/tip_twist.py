@@ -96,9 +96,7 @@ def rated_tip_twist(turbine: Turbine) -> float:
     return _tip_twist(turbine.blade, elements.span - turbine.blade.root_radius, force, moment)
 
 
-def _rated_loads(
-    turbine: Turbine, elements: BladeElements
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _rated_loads(turbine: Turbine, elements: BladeElements) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Force (n, 3) in the axes of the pitched blade [N] and moment about the quarter chord (n,) [N m] of sections."""
     drivetrain = turbine.drivetrain
     power = drivetrain.rated_power / drivetrain.generator_efficiency / drivetrain.gearbox_efficiency
@@ -121,9 +119,7 @@ def _least_pitch(turbine: Turbine) -> float:
     return max(_LEAST_PITCH if own is None or own.fine_pitch is None else own.fine_pitch, lowest)
 
 
-def _tip_twist(
-    blade: Blade, z: NDArray[np.float64], force: NDArray[np.float64], moment: NDArray[np.float64]
-) -> float:
+def _tip_twist(blade: Blade, z: NDArray[np.float64], force: NDArray[np.float64], moment: NDArray[np.float64]) -> float:
     """Rotation of the tip under forces (n, 3) at the quarter chords and moments about z (n,) of equal sections [rad].
 
     Parameters
