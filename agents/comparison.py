@@ -25,6 +25,7 @@ from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.playing import play, run_controller
 from wt_gym.runs.table import make_runs
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ def run_cases(
     cases: Iterable[Case],
     duration: float,
     skip: float = 30.0,
-    fidelity: str | Fidelity = "training",
+    fidelity: str | Fidelity | None = None,
     control_dt: float | None = None,
     progress: Callable[[str, Case], None] | None = None,
     runs: list[ControllerRuns] | None = None,
@@ -169,7 +170,8 @@ def run_cases(
     cases : iterable of Case
     duration, skip : float
         Measured time and time before it [s].
-    fidelity : str or Fidelity
+    fidelity : str or Fidelity, optional
+        As of the simulator.
     control_dt : float, optional
         [s]; by default the step of the simulator.
     progress : callable, optional
@@ -206,6 +208,7 @@ def run_cases(
         if progress is not None:
             progress(label, case)
 
+    fidelity = choose_fidelity(turbine, None) if fidelity is None else fidelity
     in_environments = not all(is_base_controller(choice) for choice, _ in controllers.values())
     run = _Runner(turbine, dict(controllers), in_environments, duration, skip, fidelity, control_dt, simulator)
     make_runs(
@@ -271,7 +274,7 @@ def run_agent(
     name: Name,
     inflow: Inflow,
     duration: float,
-    fidelity: str | Fidelity = "training",
+    fidelity: str | Fidelity | None = None,
     control_dt: float | None = None,
     simulator: Any = OWN,
 ) -> xr.Dataset:
@@ -287,7 +290,8 @@ def run_agent(
     inflow : Inflow
     duration : float
         [s].
-    fidelity : str or Fidelity
+    fidelity : str or Fidelity, optional
+        As of the simulator.
     control_dt : float, optional
         [s]; by default the step of the simulator, at which controllers are recorded too: what is sampled less often
         has smaller loads. An agent that was trained with a longer step holds its actions.
@@ -313,6 +317,7 @@ def run_agent(
         interface |= RESIDUAL_INTERFACE
     if is_base_controller(name.text):
         interface["controller"] = partial(make_controller, name.text)
+    fidelity = choose_fidelity(turbine, None) if fidelity is None else fidelity
     step = fidelity_of(fidelity).step_for(turbine.drivetrain.rated_rotor_speed)
     interface["control_dt"] = control_dt or interface.get("control_dt") or step
     interface |= {"inflow": inflow, "wind_speed": None, "start": "steady", "simulator": simulator}

@@ -132,7 +132,8 @@ class TuningTask:
         Turbulence seeds, of `TRAINING_WIND_SEEDS`.
     duration, skip : float
         Measured time and time before it [s].
-    fidelity : str
+    fidelity : str, optional
+        As of the simulator.
     cost : Cost
     space : dict of Range, optional
         By default those of the parts of the name in `SPACES`; of a class of yours its attribute ``SPACE``: low
@@ -150,7 +151,7 @@ class TuningTask:
     seeds: tuple[int, ...] = (1, 2)
     duration: float = 150.0
     skip: float = 30.0
-    fidelity: str = "training"
+    fidelity: str | None = None
     cost: Cost = field(default_factory=Cost)
     space: dict[str, Range] | None = None
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from wt_gym.commands.program import FIDELITIES_HELP
 from wt_gym.control.rotor_measurement import measure_rotor
 from wt_gym.turbine_records import FOLDER, RECORDS
 from wt_gym.turbines import load_turbine
@@ -21,7 +22,7 @@ def main() -> None:
     places = parser.add_mutually_exclusive_group(required=True)
     places.add_argument("output", type=Path, nargs="?", help="JSON file to write")
     places.add_argument("--record", action="store_true", help="write into the record of a turbine of the catalogue")
-    parser.add_argument("--fidelity", default="training")
+    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     arguments = parser.parse_args()
     if arguments.record and arguments.turbine not in RECORDS:
         parser.error(f"--record needs a name of the catalogue ({', '.join(RECORDS)}), got {arguments.turbine!r}")

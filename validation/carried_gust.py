@@ -33,8 +33,8 @@ from validation.dynamic_inflow import DynamicRotor
 from validation.rotor_transients import WHOLE_FIELD, Ramp, five_megawatt_step, long_wake
 from validation.wind_step import ROTOR_SPEED, WIND
 from wt_gym.aerodynamics import ENGINEERING, TRAINING
-from wt_gym.control.blade_element import BladeElementRotor
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 __all__ = ["WINDOWS", "carried_part", "mean_in_windows", "ring_wake_step"]
 

@@ -13,9 +13,9 @@ import numpy as np
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.nrel5mw_rotor import POWER_TOLERANCE, THRUST_TOLERANCE, wake_options
 from validation.rigid_rotor import RigidRotor
-from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 
 TIP_SPEED_RATIOS, WIND, TURNS = (8.0, 9.0, 11.0, 13.0, 16.0), 5.0, 12.0
 CHEAP, HIGHEST_RATIO, CHEAP_TOLERANCE = ("training", "engineering"), 11.0, 0.02

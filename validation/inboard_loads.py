@@ -14,8 +14,8 @@ import numpy as np
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.rigid_rotor import RigidRotor
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
-from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

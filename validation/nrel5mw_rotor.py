@@ -16,8 +16,8 @@ from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.rigid_rotor import RigidRotor
 from validation.tree_tools import read_table
 from wt_gym.aerodynamics import AeroOptions
-from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 
 if TYPE_CHECKING:
     from validation.rigid_rotor import RotorRun

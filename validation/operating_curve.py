@@ -9,9 +9,9 @@ import numpy as np
 from validation.case import CaseResult, Curve, Figure, absolute, case, worst
 from validation.tree_tools import read_table
 from wt_gym.constants import GRAVITY
-from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 from wt_gym.wind import SteadyInflow
 
 FIG_9_1 = "Jonkman et al. 2009, NREL/TP-500-38060, Figure 9-1 (FAST, blade-element momentum theory)"

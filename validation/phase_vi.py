@@ -14,10 +14,10 @@ import numpy as np
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.rigid_rotor import RigidRotor
 from wt_gym.aerodynamics import AeroOptions, build_planform, span_distribution
-from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.simulation.model.blade_lattice import N_ALPHA
 from wt_gym.turbines import RotationalAugmentation
 from wt_gym.turbines.airfoil import Polar, blend_polars
+from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 
 SOURCE = "Hand et al. 2001, NREL/TP-500-29955; sequences H and S, 72 rpm, tip pitch 3 deg"
 AIR_DENSITY = 1.225

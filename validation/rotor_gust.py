@@ -14,8 +14,8 @@ from validation.dynamic_inflow import DynamicRotor
 from validation.rigid_rotor import RigidRotor
 from validation.rotor_transients import respond
 from wt_gym.aerodynamics import ENGINEERING, TRAINING, AeroOptions
-from wt_gym.control.blade_element import BladeElementRotor
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.blade_element import BladeElementRotor
 from wt_gym.wind.iec import turbulence_sigma
 from wt_gym.wind.kaimal import kaimal_spectrum
 

@@ -13,9 +13,9 @@ from validation.dynamic_inflow import DynamicRotor
 from validation.rigid_rotor import RigidRotor
 from validation.rotor_transients import Ramp, Response, long_wake, respond
 from wt_gym.aerodynamics import ENGINEERING, TRAINING, AeroOptions, build_planform, span_distribution
-from wt_gym.control.blade_element import BladeElementRotor
 from wt_gym.simulation.model.blade_lattice import N_ALPHA
 from wt_gym.turbines.airfoil import Polar
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 SOURCE = "Øye 1991; Snel & Schepers 1995, ECN-C--94-107 (Tjæreborg, test II.4)"
 __all__ = ["PITCH_TEST", "TIP", "WIND", "blade_elements", "pitch_steps", "rotor"]

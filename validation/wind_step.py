@@ -12,8 +12,8 @@ from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.dynamic_inflow import DynamicRotor
 from validation.rotor_transients import INERTIA, Ramp, five_megawatt_step, long_wake
 from wt_gym.aerodynamics import ENGINEERING, TRAINING
-from wt_gym.control.blade_element import BladeElementRotor
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 SOURCE = "unthinned wake of 16 turns with an open end; blade elements with Øye's filter, own calculation"
 WIND = Ramp(8.0, 9.0)

@@ -74,7 +74,8 @@ class LinearDesignTask:
         Length of the impulse responses [s].
     ridge, decay : float
         Of the identification, see `identify`.
-    fidelity : str
+    fidelity : str or None
+        None: what suits the turbine.
     excitation : Excitation
     feedback : FeedbackOptions
     least_power : float
@@ -99,7 +100,7 @@ class LinearDesignTask:
     memory: float = 25.0
     ridge: float = 1e-3
     decay: float = 4.0
-    fidelity: str = "training"
+    fidelity: str | None = None
     excitation: Excitation = field(default_factory=Excitation)
     feedback: FeedbackOptions = field(default_factory=FeedbackOptions)
     least_power: float = -0.003

@@ -240,7 +240,7 @@ def record(
     duration: float,
     offsets: PitchOffsets,
     drawn: tuple[Excitation, int] | None = None,
-    fidelity: str = "training",
+    fidelity: str | None = None,
 ) -> Recording:
     """Run a base controller in a wind, with offsets or without.
 
@@ -259,7 +259,8 @@ def record(
         Is started.
     drawn : (Excitation, int), optional
         What offsets are drawn from, and with which seed; by default there are none.
-    fidelity : str
+    fidelity : str, optional
+        As of the simulator.
 
     Raises
     ------

@@ -40,7 +40,6 @@ from wt_gym.bridges.openfast.wind_file import sampled, write_wind
 from wt_gym.commands import loadcases
 from wt_gym.commands.loads import main as loads_command
 from wt_gym.control import Lidar
-from wt_gym.control.blade_element import BladeElementRotor, BladeElements
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.simulators import simulator_maker
 from wt_gym.errors import ActionError, SimulationError, TurbineDefinitionError
@@ -49,6 +48,7 @@ from wt_gym.simulation.drivetrain.faults import StuckPitch
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import PitchSystem, catalogue, load_turbine
+from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.clearance import unloaded_clearance
 from wt_gym.turbines.mirror import mirrored
 from wt_gym.turbines.openfast import read_openfast

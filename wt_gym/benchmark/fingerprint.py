@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.sources import sources_digest
 
 if TYPE_CHECKING:
@@ -22,13 +23,14 @@ _EPISODE = ("wt_gym.agents.pool", "wt_gym.benchmark.run", "wt_gym.runs.playing",
 first is named, not imported: the agents stand above the benchmark."""
 
 
-def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity, *modules: str) -> dict[str, str]:
+def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None, *modules: str) -> dict[str, str]:
     """Digests of turbine, fidelity and code.
 
     Parameters
     ----------
     turbine : Turbine
-    fidelity : str or Fidelity
+    fidelity : str or Fidelity or None
+        None: that of the blades (`wt_gym.simulation.tip_twist.choose_fidelity`).
     *modules : str
         Dotted names of further modules on which the numbers depend.
 
@@ -38,9 +40,10 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity, *modules: 
         ``turbine``, ``fidelity``, and ``code``: all sources and data that an episode with an agent loads
         (`wt_gym.sources.sources_digest`).
     """
+    chosen = fidelity_of(choose_fidelity(turbine, None) if fidelity is None else fidelity)
     return {
         "turbine": fingerprint(turbine)[:16],
-        "fidelity": fingerprint(fidelity_of(fidelity))[:16],
+        "fidelity": fingerprint(chosen)[:16],
         "code": sources_digest(*_EPISODE, *modules),
     }
 

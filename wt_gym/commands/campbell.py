@@ -37,7 +37,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     add_site_option(parser)
     parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
     parser.add_argument(
-        "--fidelity", default="training",
+        "--fidelity",
         help=f"{FIDELITIES_HELP}; not gebhardt, whose constrained form has no linear model",
     )  # fmt: skip
     parser.add_argument("--rotor-speed", type=float, nargs="+", metavar="RPM", help="rotor speeds [rpm]")
@@ -75,12 +75,12 @@ def check(parser: ArgumentParser, arguments: Namespace) -> None:
         parser.error(f"--azimuths {arguments.azimuths}: at least one is needed")
     from wt_gym.simulation import FIDELITIES
 
-    if arguments.fidelity not in FIDELITIES:
+    if arguments.fidelity not in (None, *FIDELITIES):
         parser.error(
             f"--fidelity must be one of {', '.join(FIDELITIES)}, got {arguments.fidelity}"
             + did_you_mean(arguments.fidelity, FIDELITIES)
         )
-    if FIDELITIES[arguments.fidelity].formulation != "embedded":
+    if arguments.fidelity and FIDELITIES[arguments.fidelity].formulation != "embedded":
         parser.error(
             f"--fidelity {arguments.fidelity}: linear models need the embedded formulation, not the constrained"
         )

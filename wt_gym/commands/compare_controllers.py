@@ -15,7 +15,7 @@ import time
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
-from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
+from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option
 from wt_gym.files import require_writable
 
@@ -36,7 +36,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seeds", nargs="*", type=int, default=[1001, 1002], help="none: steady wind")
     parser.add_argument("--duration", type=float, default=150.0, help="measured, s")
     parser.add_argument("--skip", type=float, default=30.0, help="before it, s")
-    parser.add_argument("--fidelity", default="training")
+    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     parser.add_argument("--control-dt", type=float, help="s")
     add_model_options(parser)
     add_engine_options(parser, "runs")
@@ -91,6 +91,7 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
         from wt_gym.agents.comparison import Case, run_cases
         from wt_gym.agents.names import COMPARED, available, named_choices, read_name, with_model_options
+        from wt_gym.simulation.tip_twist import choose_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
@@ -102,6 +103,7 @@ def main(words: list[str] | None = None) -> None:
         if arguments.report:
             require_writable(arguments.report.parent)
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
+        arguments.fidelity = arguments.fidelity or choose_fidelity(turbine, None)
         try:
             with executor_of(arguments) as executor:
                 run_cases(

@@ -63,7 +63,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--power-weight", type=float, help="factor on the cost of power (default: 1)")
     parser.add_argument("--least-power", type=float, metavar="PERCENT", help="change of power that the forecast must "
                         "keep at every wind speed, %% (default: -0.3)")  # fmt: skip
-    parser.add_argument("--fidelity", default="training", help=FIDELITIES_HELP)
+    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     add_engine_options(parser, "runs")
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     return parser.parse_args(words)
@@ -80,10 +80,12 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.control.optimal.design_file import save_design
         from wt_gym.control.optimal.offsets import default_limits
         from wt_gym.files import require_writable
+        from wt_gym.simulation.tip_twist import choose_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
+        arguments.fidelity = arguments.fidelity or choose_fidelity(turbine, None)
         speeds = arguments.speeds or default_speeds(turbine)
         limit, rate_limit = default_limits(turbine)
         given = {

@@ -39,7 +39,10 @@ __all__ = [
 UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
 they are loaded, and so can files of your own (file.py:Class): take none from strangers."""
 
-FIDELITIES_HELP = "training, engineering (with -torsion: blades that twist) or reference"
+FIDELITIES_HELP = (
+    "training, engineering (with -torsion: blades that twist) or reference (default: training, with -torsion where the "
+    "tips twist by more than 0.5 deg at rated thrust)"
+)
 """What options called ``--fidelity`` take."""
 
 CLONE = Path(wt_gym.__file__).resolve().parents[1]

@@ -49,7 +49,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         type=float,
         help="last part averaged [s], at most the duration (default: 60, or a shorter duration)",
     )
-    parser.add_argument("--fidelity", default="training", help=FIDELITIES_HELP)
+    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     parser.add_argument("--shear", type=float, default=0.0, help="power-law exponent (default: %(default)s)")
     parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
     parser.add_argument("--turbulent", action="store_true", help="Kaimal turbulence of the turbine's class")
@@ -113,7 +113,8 @@ def check(arguments: argparse.Namespace) -> None:
         raise ValueError("--wind has its own turbulence, shear and direction: leave those options out")
     if not 0 <= arguments.seed <= LARGEST_WIND_SEED:
         raise ValueError(f"--seed must be from 0 to {LARGEST_WIND_SEED}, got {arguments.seed}")
-    fidelity(arguments.fidelity)
+    if arguments.fidelity is not None:
+        fidelity(arguments.fidelity)
     simulator_maker(arguments.simulator, arguments.turbine, pictured=False)
     names = Counter(_label(wind) for wind in _winds(arguments))
     if arguments.out and len(names) < names.total():
@@ -231,10 +232,12 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(hint):
         check(arguments)
         from wt_gym.analysis.metrics import idle_sentence, idle_time
+        from wt_gym.simulation.tip_twist import choose_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
+        arguments.fidelity = arguments.fidelity or choose_fidelity(turbine, None)
         means_of = {}
         for number, wind in enumerate(_winds(arguments)):  # all before the first is simulated
             if isinstance(wind, float):

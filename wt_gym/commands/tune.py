@@ -13,7 +13,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
+from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2], help="of the training winds, 1 to 24")
     parser.add_argument("--duration", type=float, default=150.0, help="measured, s")
     parser.add_argument("--skip", type=float, default=30.0, help="before it, s")
-    parser.add_argument("--fidelity", default="training")
+    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     parser.add_argument("--weights", nargs="+", type=weight, help="of the cost, as mean_power=-5 blade_flap_del=1")
     parser.add_argument(
         "--space", nargs="+", type=interval, metavar="NAME=LOW:HIGH[:log]", help="what is searched (default: "
@@ -71,16 +71,17 @@ def main(words: list[str] | None = None) -> None:
     kept = f"the trials so far are in {arguments.out}" if arguments.out else "--out would keep the trials"
     with user_errors(), stoppable(kept):
         from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
+        from wt_gym.simulation.tip_twist import choose_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
+        turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         task = TuningTask(
             arguments.controller, arguments.reference, tuple(arguments.winds), tuple(arguments.seeds),
-            arguments.duration, arguments.skip, arguments.fidelity,
+            arguments.duration, arguments.skip, arguments.fidelity or choose_fidelity(turbine, None),
             Cost(dict(arguments.weights)) if arguments.weights else Cost(),
             {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
         )  # fmt: skip
-        turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         record = tune(turbine, task, arguments.trials, arguments.seed, arguments.out, progress)
     print(f"best: cost {record['best']['cost']:+.4f} with {record['best']['parameters']}")
     if arguments.json:

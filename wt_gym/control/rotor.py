@@ -1,6 +1,6 @@
 """The quasi-steady rotor of a turbine by blade elements: coefficients, optimum, pitch schedule and sensitivities.
 
-All numbers follow from the turbine's own blade and polars (`wt_gym.control.blade_element`), in a fraction of a second.
+All numbers follow from the turbine's own blade and polars (`wt_gym.turbines.blade_element`), in a fraction of a second.
 The blade is rigid and straight, the wind uniform along the shaft; tower, tilt and deflection are left out. The
 lattice of the simulator makes up to a tenth more power than blade-element theory below rated wind.
 """
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
-from wt_gym.control.blade_element import BladeElementRotor, BladeElements
+from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -14,7 +14,6 @@ from wt_gym.control.rotor_table import RotorTable
 from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import TorqueCommand
-from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind import SteadyInflow
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ class _Machine(TorqueCommand):
 
 
 def measure_rotor(
-    turbine: Turbine, fidelity: str | Fidelity = "training", progress: Callable[[int, int], None] | None = None
+    turbine: Turbine, fidelity: str | Fidelity | None = None, progress: Callable[[int, int], None] | None = None
 ) -> RotorTable:
     """Measure the coefficients of a turbine in the simulator.
 
@@ -74,7 +73,8 @@ def measure_rotor(
     Parameters
     ----------
     turbine : Turbine
-    fidelity : str or Fidelity
+    fidelity : str or Fidelity, optional
+        As of the simulator.
     progress : callable, optional
         Called with the number of rows done and of all rows.
 
@@ -118,7 +118,7 @@ def measure_rotor(
         pitch=pitches,
         power=power,
         thrust=thrust,
-        made_by=f"wt_gym {wt_gym.__version__}, fidelity {fidelity_of(fidelity).name!r}",
+        made_by=f"wt_gym {wt_gym.__version__}, fidelity {simulator.fidelity.name!r}",
     )
 
 

@@ -16,6 +16,7 @@ from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import DriveFault, PitchMisalignment, SensorBias, VoltageDip
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
 
 if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Lidar
@@ -46,7 +47,7 @@ _MEMORY = (
 
 def make_simulator(turbine: Turbine, inflow: Inflow, fidelity: str | Fidelity) -> TurbineSimulator:
     """Make what environments simulate a turbine with."""
-    return cast("TurbineSimulator", Simulator(turbine, inflow=inflow, fidelity=fidelity))
+    return cast("TurbineSimulator", Simulator(turbine, inflow=inflow, fidelity=fidelity_of(fidelity)))
 
 
 class Operation:

@@ -32,6 +32,7 @@ from wt_gym.envs.start import ControllerHistory, Start, Trail
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind.protocol import fill_velocity, read_only
 
 if TYPE_CHECKING:
@@ -183,7 +184,7 @@ class StartRecorder:
     def run(self, inflow: Inflow, stop: Event | None = None) -> Run | None:
         """Run the turbine in a wind; None where the simulation fails, and soon after ``stop`` is set."""
         turbine, controller = self.turbine, copy.deepcopy(self.controller)
-        simulator = Simulator(turbine, inflow, self.fidelity)
+        simulator = Simulator(turbine, inflow, fidelity_of(self.fidelity))
         point = starting_point(turbine, inflow)
         signals = simulator.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
         demand = Demand(np.array(signals.pitch), 0.0, signals.generator_torque)

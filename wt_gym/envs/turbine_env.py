@@ -56,6 +56,7 @@ from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
 from wt_gym.turbines.electrical import LossShares, with_electrical
@@ -116,7 +117,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         rated = self.turbine.drivetrain.rated_rotor_speed
         self.limits = Limits(rated, limits.overspeed, standstill, options.rewards.termination_penalty)
         self.reward_terms = rewards.compose(options.rewards.terms)
-        self.control_dt, self.fidelity = options.control_dt, options.fidelity
+        self.control_dt, self.fidelity = options.control_dt, choose_fidelity(self.turbine, options.fidelity)
         step, count = self._inner_steps()
         self.length = EpisodeLength(limits.episode_length, self.control_dt)
         self.outer_steps: int | None = None  # after which an episode ends from outside, where that is told

@@ -26,6 +26,7 @@ from wt_gym.simulation.start import Starter
 from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.measurement import Measurement
+from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
 from wt_gym.turbines.mirror import clockwise_image
@@ -65,8 +66,9 @@ class Simulator:
         Name in the catalogue, path of a windIO file or OpenFAST model (.fst), or a turbine.
     inflow : Inflow, path or mapping
         Undisturbed wind, or what describes it (`wt_gym.wind.described`). A turbulence box must reach around the rotor.
-    fidelity : str or Fidelity
-        "training", "engineering", "reference" or another of `FIDELITIES`, or one of your own.
+    fidelity : str or Fidelity, optional
+        "training", "engineering", "reference" or another of `FIDELITIES`, or one of your own; by default
+        "training-torsion" where the blades twist, else "training" (`wt_gym.simulation.tip_twist`).
     threads : int
         Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
     generator : "torque", "damper" or GeneratorLaw, optional
@@ -105,17 +107,18 @@ class Simulator:
         self,
         turbine: str | Path | Turbine = "nrel_5mw",
         inflow: WindChoice | None = None,
-        fidelity: str | Fidelity = "training",
+        fidelity: str | Fidelity | None = None,
         threads: int = 1,
         generator: str | GeneratorLaw | None = None,
     ) -> None:
         if inflow is None:
             raise SimulationError("Simulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
         turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        choice = choose_fidelity(turbine, fidelity)
         self.turbine, law = with_generator(turbine, generator)
         image = clockwise_image(self.turbine)
         self.mirrored = image is not self.turbine
-        self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
+        self.inflow, self.fidelity, self._threads = inflow, fidelity_of(choice), threads
         self.drives = Drives(image, law)
         compile_once(Coupling, image, self.fidelity, partial(compile_ahead, Simulator))
         models = assemble(image, self.fidelity, threads, self.drives.generator.damping)

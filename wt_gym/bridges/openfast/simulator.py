@@ -25,6 +25,7 @@ from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation.channels import Signals, parities
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
 from wt_gym.turbines.mirror import clockwise_image
@@ -123,7 +124,7 @@ class OpenFASTSimulator:
         self,
         turbine: str | Path | Turbine = "nrel_5mw",
         inflow: Inflow | None = None,
-        fidelity: str | Fidelity = "training",
+        fidelity: str | Fidelity | None = None,
         generator: str | None = None,
         *,
         openfast_library: str | PathLike[str] | None = None,
@@ -153,7 +154,7 @@ class OpenFASTSimulator:
             raise SimulationError("with OpenFAST the generator must be one that takes a torque; got a damper")
         self._image = clockwise_image(self.turbine)
         self.mirrored = self._image is not self.turbine
-        self.fidelity = fidelity_of(fidelity)
+        self.fidelity = fidelity_of(choose_fidelity(turbine, fidelity))
         self.time_step = self.fidelity.step_for(self.turbine.drivetrain.rated_rotor_speed)
         check_damper_step(self._image.drivetrain, self.time_step)
         self.inflow = inflow

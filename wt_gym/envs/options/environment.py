@@ -102,11 +102,12 @@ class EnvOptions(OptionGroup):
         "is designed for, by default that of the turbine (`wt_gym.turbines.site.with_site`)",
         default=None,
     )
-    fidelity: str | Fidelity = option(
-        "str or Fidelity",
+    fidelity: str | Fidelity | None = option(
+        "str or Fidelity, optional",
         'Of the simulator: ``"training"``, ``"engineering"``, either with ``"-torsion"`` behind it for blades that '
-        'twist, ``"reference"``, another of `wt_gym.simulation.FIDELITIES` or your own',
-        default="training",
+        'twist, ``"reference"``, another of `wt_gym.simulation.FIDELITIES` or your own; default: '
+        '``"training-torsion"`` where the tips twist by more than 0.5 deg at rated thrust, else ``"training"``',
+        default=None,
     )
     control_dt: float = option(
         "float", "Control step", default=0.2, unit="s", allowed="a multiple of the aerodynamic step of the simulator"
@@ -171,7 +172,8 @@ class EnvOptions(OptionGroup):
                 f"generator must be one of {GENERATORS} or None, got {self.generator!r}"
                 f"{did_you_mean(self.generator, GENERATORS)}"
             )
-        fidelity_of(self.fidelity)
+        if self.fidelity is not None:
+            fidelity_of(self.fidelity)
         if self.grid.reference is None and (alone := [name for name in self.grid.given if name != "reference"]):
             names = ", ".join(f"power_reference_{name}" for name in alone)
             raise ValueError(f"{names} must be left out, or given with a power_reference: nothing is asked for")

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -152,7 +152,8 @@ class BladeElements:
         return np.array([float(self.rotor.twist_at(z)) for z in self._middle])
 
     @cached_property
-    def _polars(self) -> list[Any]:
+    def polars(self) -> list[Polar]:
+        """`Polar` of every section."""
         return [self.rotor.polar_at(z) for z in self._middle]
 
     @cached_property
@@ -166,7 +167,7 @@ class BladeElements:
         """Lift and drag coefficient of every section at angles of attack (points, n_span) [rad]."""
         wrapped = np.where(np.abs(alpha) <= np.pi, alpha, np.mod(alpha + np.pi, 2.0 * np.pi) - np.pi)
         cl, cd = np.empty_like(wrapped), np.empty_like(wrapped)
-        for k, polar in enumerate(self._polars):
+        for k, polar in enumerate(self.polars):
             cl[:, k] = np.interp(wrapped[:, k], polar.alpha, polar.cl)
             cd[:, k] = np.interp(wrapped[:, k], polar.alpha, polar.cd)
         return cl, cd
