@@ -71,14 +71,13 @@ def main(words: list[str] | None = None) -> None:
     kept = f"the trials so far are in {arguments.out}" if arguments.out else "--out would keep the trials"
     with user_errors(), stoppable(kept):
         from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
-        from wt_gym.simulation.tip_twist import choose_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         task = TuningTask(
             arguments.controller, arguments.reference, tuple(arguments.winds), tuple(arguments.seeds),
-            arguments.duration, arguments.skip, arguments.fidelity or choose_fidelity(turbine, None),
+            arguments.duration, arguments.skip, arguments.fidelity,
             Cost(dict(arguments.weights)) if arguments.weights else Cost(),
             {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
         )  # fmt: skip
