@@ -268,7 +268,9 @@ class TestWhatTheFilesSay:
     def test_a_torque_law_without_rating(self, model, speed, tmp_path):
         """Models for linearization: constant torque, at a rated speed of nothing."""
         model.servodyn |= {"PCMode": 0, "VSContrl": 1, "VS_RtGnSp": speed, "VS_RtTq": 43093.55}
-        with pytest.raises(TurbineDefinitionError, match=rf"VS_RtGnSp {speed:g} rpm is no rated speed.*--rated-power"):
+        with pytest.raises(
+            TurbineDefinitionError, match=rf"VS_RtGnSp {speed:g} rpm is not a rated speed.*--rated-power"
+        ):
             load_turbine(model.write(tmp_path))
 
     def test_a_controller_of_the_pitch_alone(self, model, tmp_path):

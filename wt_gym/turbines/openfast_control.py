@@ -136,7 +136,7 @@ def read_rating(
             power, speed = servodyn.number("VS_RtTq") * rated * efficiency, rated / ratio
         else:
             reason = (
-                f"{servodyn.path.name}: VS_RtGnSp {servodyn.number('VS_RtGnSp'):g} rpm is no rated speed (tips at "
+                f"{servodyn.path.name}: VS_RtGnSp {servodyn.number('VS_RtGnSp'):g} rpm is not a rated speed (tips at "
                 f"{tip_speed:.3g} m/s), as in models for linearization, whose torque is constant"
             )
     power = power if rated_power is None else rated_power

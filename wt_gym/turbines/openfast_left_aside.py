@@ -34,7 +34,7 @@ _SUPPORT = {
 
 # file, what the keywords are, keywords with the value that changes nothing
 _GROUPS: tuple[tuple[str, str, Mapping[str, float | bool]], ...] = (
-    ("elastodyn", "initial conditions; runs start in equilibrium unless told otherwise", dict.fromkeys(_INITIAL, 0.0)),
+    ("elastodyn", "initial conditions; runs start from a steady state", dict.fromkeys(_INITIAL, 0.0)),
     (
         "elastodyn",
         "motions that the model fixes and that are free here",
