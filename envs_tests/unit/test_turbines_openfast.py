@@ -367,9 +367,9 @@ LEFT_ASIDE = [
     ("elastodyn", "BlPIner(3)", 10.0, "inertias of pitch bearing"),
     ("elastodyn", "NcIMUxn", -3.0, "sensors"),
     ("primary", "Gravity", 3.7, r"Gravity 3\.7"),
-    ("aerodyn", "TwrPotent", 0, "the tower disturbs the wind here"),
-    ("aerodyn", "Wake_Mod", 0, "the rotor induces here"),
-    ("aerodyn", "TipLoss", "F", "blade-element method"),
+    ("aerodyn", "TwrPotent", 0, "AeroDyn's models"),
+    ("aerodyn", "Wake_Mod", 0, "AeroDyn's models"),
+    ("aerodyn", "TipLoss", "F", "AeroDyn's models"),
     ("aerodyn", "Buoyancy", "T", "buoyancy"),
 ]
 

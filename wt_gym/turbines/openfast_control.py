@@ -371,7 +371,7 @@ def _tabulated_power_coefficient(file: TextFile, pitch: float, tip_speed_ratio: 
         n, m = file.array("PerfTableSize")[:2].astype(int).tolist()
     numbers = np.concatenate([np.array(row) for row in rows])
     rest = numbers.size - n - m
-    if min(n, m) < 2 or rest < n * m or not np.all(np.isfinite(numbers)):
+    if min(n, m) < 2 or rest < n * m or len(rows[0]) > n or len(rows[1]) > m or not np.all(np.isfinite(numbers)):
         raise file.fail("PerfFileName", f"{numbers.size} numbers", f"a table of Cp {m} x {n} ({path.name})")
     pitches, ratios = numbers[:n], numbers[n : n + m]
     first = n + m + rest % (n * m)
