@@ -3,11 +3,14 @@
 import importlib.util
 import json
 import re
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
 from openfast_model import DEGREE, Model, principal
 
 from wt_gym.commands.import_ import main
@@ -270,6 +273,74 @@ class TestWhatTheFilesSay:
         assert (read.drivetrain.rated_power, read.drivetrain.rated_rotor_speed, read.control) == (4.0e6, 1.2, None)
         assert notes_with(read, "limits of the pitch from Ptch_Min")
 
+    def test_the_rating_of_a_law_that_is_not_in_force_is_not_read(self, model, tmp_path):
+        """ServoDyn's numbers say nothing where a library of another kind gives the torque."""
+        model.servodyn |= {"VS_RtGnSp": 1161.963, "VS_RtTq": 43093.55, "VS_Rgn2K": 0.0255764, "VS_SlPc": 10.0}
+        path = model.write(tmp_path)
+        (tmp_path / "DISCON.IN").write_text("! parameters of another library\n1.0 ! gain\n")
+        with pytest.raises(TurbineDefinitionError, match=r"VSContrl is 5.*not a DISCON\.IN of ROSCO.*--rated-power"):
+            load_turbine(path)
+        read = read_openfast(path, rated_power=5.0e6)
+        assert (read.drivetrain.rated_power, read.control) == (5.0e6, None)
+        assert notes_with(read, "the initial 12.1 rpm (RotSpeed) is taken")
+
+    @pytest.mark.parametrize("speed", [0.001, 9999.9])
+    def test_a_torque_law_without_rating(self, model, speed, tmp_path):
+        """Models for linearization: constant torque, at a rated speed of nothing."""
+        model.servodyn |= {"PCMode": 0, "VSContrl": 1, "VS_RtGnSp": speed, "VS_RtTq": 43093.55}
+        with pytest.raises(
+            TurbineDefinitionError, match=rf"VS_RtGnSp {speed:g} rpm is not a rated speed.*--rated-power"
+        ):
+            load_turbine(model.write(tmp_path))
+
+    def test_a_controller_of_the_pitch_alone(self, model, tmp_path):
+        """PCMode 5 with VSContrl 1: constant torque at the speed that ROSCO's pitch holds."""
+        model.servodyn |= {"VSContrl": 1, "VS_RtGnSp": 1161.963, "VS_RtTq": 43093.55, "VS_Rgn2K": 0.0255764}
+        read = load_turbine(model.write(tmp_path))
+        speed = model.discon["PC_RefSpd"]
+        assert read.drivetrain.rated_power == pytest.approx(43093.55 * speed * 0.944)
+        control = read.control
+        assert control.region_2_gain == pytest.approx(2.332287, rel=1e-5)
+        assert (control.torque_proportional_gain, control.reference_generator_speed) == (None, pytest.approx(speed))
+        assert notes_with(read, "left aside: control of the torque")
+
+    def test_the_gearbox_takes_its_part_of_rated_power(self, model, tmp_path):
+        without = load_turbine(model.write(tmp_path)).rated_wind_speed
+        model.elastodyn["GBoxEff"] = 90.0
+        assert load_turbine(model.write(tmp_path)).rated_wind_speed == pytest.approx(
+            without * 0.9 ** (-1 / 3), rel=1e-9
+        )
+
+    def test_a_rigid_shaft(self, model, tmp_path):
+        model.elastodyn |= {"DrTrDOF": "False", "DTTorSpr": 0.0}
+        drive = load_turbine(model.write(tmp_path)).drivetrain
+        stiffest = 2.0 * np.pi * 100.0  # of all that a simulation lets twist [rad/s]
+        assert drive.spring > stiffest**2 * drive.generator_inertia * drive.gear_ratio**2
+        model.elastodyn["DrTrDOF"] = "True"
+        with pytest.raises(TurbineDefinitionError, match=r"DTTorSpr: got 0\.0, must be a number above 0"):
+            load_turbine(model.write(tmp_path))
+
+    @pytest.mark.parametrize(("angle", "size"), [(-175.0, -0.0035), (-175.0, -0.5), (3.0, -0.0035)])
+    def test_negative_drag(self, model, nrel_5mw, angle, size, tmp_path):
+        """Small values in flow from behind come from measurements and run in OpenFAST; others would drive the rotor."""
+        polar = nrel_5mw.blade.airfoils[-1].polar
+        row = int(np.argmin(np.abs(polar.alpha - angle * DEGREE)))
+        path = model.write(tmp_path)
+        file = tmp_path / "aero" / "af7.dat"
+        lines = file.read_text().splitlines()
+        at = next(i for i, line in enumerate(lines) if "NumAlf" in line) + 2 + row
+        words = lines[at].split()
+        lines[at] = " ".join([*words[:2], str(size), *words[3:]])
+        file.write_text("\n".join(lines))
+        if size < -0.05 or angle > -90.0:
+            with pytest.raises(TurbineDefinitionError, match=rf"af7\.dat: table 1: Polar\.cd.* at .* deg: got {size}"):
+                load_turbine(path)
+            return
+        read = load_turbine(path)
+        assert read.blade.airfoils[-1].polar.cd.min() == size
+        assert notes_with(read, "af7.dat: table 1: the drag coefficient is -0.0035 at -175 deg")
+        require_same(read, load_turbine(write_windio(read, tmp_path / "turbine.yaml")[0]))
+
     def test_the_blade_that_is_asked_for(self, model, tmp_path):
         path = model.write(tmp_path)
         assert read_openfast(path, blade="beamdyn").blade.structure.shear_rigid is False
@@ -298,6 +369,39 @@ class TestWhatTheFilesSay:
             "IPC_ControlMode", "PC_GS_KD", "roll", "cut-in", "IEC class", "bends only",
         ):  # fmt: skip
             assert text in notes
+
+
+LEFT_ASIDE = [
+    ("servodyn", "YawNeut", 8, "neutral position of the yaw spring"),
+    ("servodyn", "TYawManS", 10.0, "events of the simulation"),
+    ("servodyn", "TPitManS(2)", 10.0, "events of the simulation"),
+    ("servodyn", "YCMode", 5, "yaw control"),
+    ("servodyn", "GenTiStr", "F", "start and stop of the generator"),
+    ("servodyn", "AfCmode", 1, "flow over the airfoils"),
+    ("servodyn", "PCMode", 0, "the model holds the pitch"),
+    ("elastodyn", "NacYaw", -8.0, "initial conditions"),
+    ("elastodyn", "BlPitch(1)", 3.0, "initial conditions"),
+    ("elastodyn", "TTDspFA", 0.3, "initial conditions"),
+    ("elastodyn", "FlapDOF1", "False", "modes that the model fixes"),
+    ("elastodyn", "TwSSDOF2", "False", "motions that the model fixes"),
+    ("elastodyn", "BlPIner(3)", 10.0, "inertias of pitch bearing"),
+    ("elastodyn", "NcIMUxn", -3.0, "sensors"),
+    ("primary", "Gravity", 3.7, r"Gravity 3\.7"),
+    ("aerodyn", "TwrPotent", 0, "AeroDyn's models"),
+    ("aerodyn", "Wake_Mod", 0, "AeroDyn's models"),
+    ("aerodyn", "TipLoss", "F", "AeroDyn's models"),
+    ("aerodyn", "Buoyancy", "T", "buoyancy"),
+]
+
+
+@pytest.mark.parametrize(("part", "key", "value", "words"), LEFT_ASIDE)
+def test_what_has_no_effect_here_is_named(model, part, key, value, words, tmp_path):
+    def notes():
+        return [note for note in load_turbine(model.write(tmp_path)).notes if re.search(words, note)]
+
+    before = notes()
+    getattr(model, part)[key] = value
+    assert [note for note in notes() if key in note and note not in before]
 
 
 REFUSED = [
@@ -384,6 +488,33 @@ def test_words_of_text_files(tmp_path):
     assert "NumBl" not in read
 
 
+DRAWN = {
+    ("elastodyn", "PreCone({})"): st.floats(-10.0, 0.0),
+    ("elastodyn", "ShftTilt"): st.floats(-10.0, 0.0),
+    ("elastodyn", "HubCM"): st.floats(-2.0, 2.0),
+    ("elastodyn", "NacCMyn"): st.floats(-1.0, 1.0),
+    ("elastodyn", "NacCMzn"): st.floats(0.0, 3.0),
+    ("elastodyn", "Twr2Shft"): st.floats(0.5, 5.0),
+    ("elastodyn", "GBoxEff"): st.floats(80.0, 100.0),
+    ("elastodyn", "DTTorSpr"): st.floats(1e3, 1e14),
+    ("elastodyn", "DTTorDmp"): st.floats(0.0, 1e9),
+    ("elastodyn", "YawBrMass"): st.floats(0.0, 1e5),
+    ("servodyn", "YawSpr"): st.just(0.0) | st.floats(1e3, 1e12),
+    ("servodyn", "YawManRat"): st.floats(0.0, 50.0),
+    ("discon", "PA_Mode"): st.sampled_from((0, 1, 2)),
+    ("discon", "PC_MinPit"): st.floats(-0.2, 0.1),
+    ("discon", "PC_MaxPit"): st.floats(0.5, 2.0),
+    ("discon", "PC_FinePit"): st.floats(-0.1, 0.1),
+    ("discon", "VS_MinOMSpd"): st.floats(0.0, 120.0),
+    ("discon", "VS_ConstPower"): st.sampled_from((0, 1)),
+    ("discon", "VS_KI"): st.floats(-1e4, 0.0),
+    ("discon", "F_LPFType"): st.sampled_from((1, 2)),
+    ("discon", "PS_Mode"): st.sampled_from((0, 1)),
+    ("primary", "AirDens"): st.floats(0.9, 1.4),
+}
+"""Numbers of a model and where they may lie."""
+
+
 class TestWindIO:
     """A windIO file of the turbine is that turbine."""
 
@@ -400,6 +531,36 @@ class TestWindIO:
         written[1].unlink()  # without it the windIO file alone says less of the controller
         with pytest.raises(TurbineDefinitionError, match=r"Turbine\.control\.\w+: got None"):
             require_same(turbine, load_turbine(written[0]))
+
+    def test_what_windio_has_no_key_for_stands_beside_it(self, model, nrel_5mw, tmp_path):
+        model.servodyn["VSContrl"] = 4
+        model.discon |= {"PA_Mode": 2, "PC_MaxPit": 1.6}
+        model.primary |= {"AirDens": 1.1, "MirrorRotor": "T"}
+        turbine = read_openfast(model.write(tmp_path), rated_power=5e6)
+        written = write_windio(turbine, tmp_path / "turbine.yaml")
+        require_same(turbine, load_turbine(written[0]))
+        assert json.loads(written[1].read_text())["turbine"] == {
+            "air_density": 1.1, "rotation": "counter-clockwise", "pitch.max_pitch": 1.6,
+            "pitch.servo_frequency": 3.14, "pitch.servo_damping": 0.707, "drivetrain.min_rotor_speed": 0.0,
+        }  # fmt: skip
+        written[1].write_text(json.dumps({"turbine": {"hub.mass": 1.0}}))
+        with pytest.raises(
+            TurbineDefinitionError, match=r"turbine must be an object with keys among .* got .*hub\.mass"
+        ):
+            load_turbine(written[0])
+        write_windio(replace(nrel_5mw, control=None), tmp_path / "turbine.yaml")  # of which nothing stands beside it
+        assert load_turbine(written[0]).control is None or not written[1].exists()
+
+    @given(values=st.fixed_dictionaries({}, optional=DRAWN))
+    @settings(max_examples=4, deadline=None, phases=[Phase.generate])
+    def test_every_model_is_written(self, nrel_5mw, values):
+        model = Model(nrel_5mw)
+        for (part, key), value in values.items():
+            for name in [key.format(i) for i in (1, 2, 3)] if "{}" in key else [key]:
+                getattr(model, part)[name] = value
+        with tempfile.TemporaryDirectory() as folder:
+            turbine = load_turbine(model.write(Path(folder)))
+            require_same(turbine, load_turbine(write_windio(turbine, Path(folder) / "turbine.yaml")[0]))
 
     def test_a_difference_is_found(self, nrel_5mw):
         require_same(nrel_5mw, nrel_5mw)

@@ -156,10 +156,11 @@ def _polar(
     """Return a table of coefficients, its moment about the quarter chord."""
     where = f"{file.path.name}: table {table.number}"
     angle, cl, cd, cm = _coefficients(file, table.line, columns, notes)
-    if not np.any(np.ptp([cl, cd, cm], axis=1)):  # constant coefficients hold at all angles, also in OpenFAST
-        angle, cl, cd, cm = np.array([-180.0, 180.0]), *(np.repeat(column[:1], 2) for column in (cl, cd, cm))
     if angle[0] > -180.0 + 1e-6 or angle[-1] < 180.0 - 1e-6:
-        raise fail(f"{where}: Alpha", [float(angle[0]), float(angle[-1])], "angles from -180 to 180 deg")
+        if np.any(np.ptp([cl, cd, cm], axis=1)):
+            raise fail(f"{where}: Alpha", [float(angle[0]), float(angle[-1])], "angles from -180 to 180 deg")
+        # constant coefficients hold at all angles, also in OpenFAST
+        angle, cl, cd, cm = np.array([-180.0, 180.0]), *(np.repeat(column[:1], 2) for column in (cl, cd, cm))
     alpha = np.radians(angle)
     normal = cl * np.cos(alpha) + cd * np.sin(alpha)
     if cd.min() < 0.0:

@@ -138,7 +138,7 @@ def read_rating(
             power, speed = servodyn.number("VS_RtTq") * rated * efficiency, rated / ratio
         else:
             reason = (
-                f"{servodyn.path.name}: VS_RtGnSp {servodyn.number('VS_RtGnSp'):g} rpm is no rated speed (tips at "
+                f"{servodyn.path.name}: VS_RtGnSp {servodyn.number('VS_RtGnSp'):g} rpm is not a rated speed (tips at "
                 f"{tip_speed:.3g} m/s), as in models for linearization, whose torque is constant"
             )
     power = power if rated_power is None else rated_power
@@ -392,7 +392,7 @@ def _tabulated_power_coefficient(file: TextFile, pitch: float, tip_speed_ratio: 
         n, m = file.array("PerfTableSize")[:2].astype(int).tolist()
     numbers = np.concatenate([np.array(row) for row in rows])
     rest = numbers.size - n - m
-    if min(n, m) < 2 or rest < n * m or not np.all(np.isfinite(numbers)):
+    if min(n, m) < 2 or rest < n * m or len(rows[0]) > n or len(rows[1]) > m or not np.all(np.isfinite(numbers)):
         raise file.fail("PerfFileName", f"{numbers.size} numbers", f"a table of Cp {m} x {n} ({path.name})")
     pitches, ratios = numbers[:n], numbers[n : n + m]
     first = n + m + rest % (n * m)

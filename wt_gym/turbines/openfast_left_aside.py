@@ -34,13 +34,17 @@ _SUPPORT = {
 
 # file, what the keywords are, keywords with the value that changes nothing
 _GROUPS: tuple[tuple[str, str, Mapping[str, float | bool]], ...] = (
-    ("elastodyn", "initial conditions; runs start in equilibrium unless told otherwise", dict.fromkeys(_INITIAL, 0.0)),
+    ("elastodyn", "initial conditions; runs start from a steady state", dict.fromkeys(_INITIAL, 0.0)),
     (
         "elastodyn",
         "motions that the model fixes and that are free here",
         dict.fromkeys(("TwFADOF1", "TwFADOF2", "TwSSDOF1", "TwSSDOF2", "GenDOF", "YawDOF"), True),
     ),
-    ("elastodyn", "place of the nacelle's sensors", dict.fromkeys(("NcIMUxn", "NcIMUyn", "NcIMUzn"), 0.0)),
+    (
+        "elastodyn",
+        "places of sensors and reference of the azimuth",
+        dict.fromkeys(("NcIMUxn", "NcIMUyn", "NcIMUzn", "ShftGagL", "AzimB1Up"), 0.0),
+    ),
     (
         "elastodyn",
         "inertias of pitch bearing and blade about the pitch axis",
@@ -62,16 +66,25 @@ _GROUPS: tuple[tuple[str, str, Mapping[str, float | bool]], ...] = (
     ("aerodyn", "the tail fin", {"TFinAero": False}),
     ("aerodyn", "the drag of the nacelle", {"NacelleDrag": False}),
     ("aerodyn", "buoyancy", {"Buoyancy": False}),
-    (
-        "aerodyn",
-        "switches of the blade-element method; the aerodynamics are those of this package",
-        dict.fromkeys(("TipLoss", "HubLoss", "TanInd"), True),
-    ),
 )
 _DELAYS = ("TPCOn", "TimGenOn")
 """Times at which what runs here from the beginning starts."""
 _EVENTS = ("TPitManS(1)", "TPitManS(2)", "TPitManS(3)", "TimGenOf", "THSSBrDp", "TYawManS")
-_NO_WAKE = ("Wake_Mod", "WakeMod")
+_AERODYNAMICS = (
+    *(
+        "Wake_Mod",
+        "WakeMod",
+        "BEM_Mod",
+        "AFAeroMod",
+        "UA_Mod",
+        "UAMod",
+        "DBEMT_Mod",
+        "Skew_Mod",
+        "SkewMod",
+        "TwrPotent",
+    ),
+    *("TwrShadow", "TipLoss", "HubLoss", "TanInd", "AIDrag", "TIDrag"),
+)
 _CONTROL_MODES = {
     "PCMode": {0: "the model holds the pitch (BlPitch); here a controller moves the blades"},
     "VSContrl": {0: "the model's generator has no control of its speed; here a controller gives its torque"},
@@ -104,12 +117,9 @@ def name_the_rest(
     gravity = primary if "Gravity" in primary else elastodyn  # up to OpenFAST 2
     if abs(gravity.number("Gravity", _GRAVITY) - _GRAVITY) > _SAME_GRAVITY:
         notes.append(f"left aside: Gravity {gravity.number('Gravity'):g} m/s^2; here it is {_GRAVITY} m/s^2")
-    for key, still in (
-        ("TwrPotent", "the tower disturbs the wind here"),
-        *((key, "the rotor induces here") for key in _NO_WAKE),
-    ):
-        if key in aerodyn and aerodyn.integer(key) == 0:
-            notes.append(f"{aerodyn.path.name}: left aside: {key} 0; {still}")
+    models = ", ".join(f"{key} {aerodyn.text(key)}" for key in _AERODYNAMICS if key in aerodyn)
+    if models:
+        notes.append(f"{aerodyn.path.name}: left aside: AeroDyn's models; those of this package act here ({models})")
     if servodyn is not None:
         _name_control(servodyn, notes)
 

@@ -27,7 +27,7 @@ _CONTENT = re.compile(r"(?:[\s,;]*(?:\"[^\"]*\"|'[^']*'|[^\s,;!#%]+))*")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[edq][+-]?\d+|[+-]\d+)?", re.IGNORECASE)
 """A real number as Fortran reads it: 1, .5, 1.0D+03, 1.0+3."""
 _REPEAT = re.compile(r"(\d+)\*(.+)")
-_LOGICAL = re.compile(r"\.?([tf])(?:rue|alse)?\.?", re.IGNORECASE)
+_LOGICAL = re.compile(r"\.?(t|f|true|false)\.?", re.IGNORECASE)
 _NO_VALUE = re.compile(r"\s*,|.*,\s*,")
 _INCLUDED = re.compile(r"@\s*(?:(\d+)(?:-(\d+))?\s+in\s+)?(?:\"([^\"]*)\"|'([^']*)'|(\S+))", re.IGNORECASE)
 _MOST_BYTES = 20_000_000
@@ -111,7 +111,7 @@ class TextFile:
         return out
 
     def _index(self, i: int, tokens: list[str]) -> None:
-        """Note the keyword of a line, the first word behind the first that is no value; also the other way round."""
+        """Note the keyword of a line, the first word that is not a value; also the other way round."""
         if tokens[1:2] not in ([], ["-"]):
             self._reversed.setdefault(_normal(tokens[0]), []).append((i, tokens[1:2]))
         for k, token in enumerate(tokens):

@@ -30,7 +30,8 @@ __all__ = ["OWN_FIELDS", "own_control_file", "read_control", "with_own_constants
 OWN_FIELDS = {
     "": ("air_density", "design_air_density", "rotation"),
     "pitch": ("max_pitch", "servo_frequency", "servo_damping"),
-    "drivetrain": ("gearbox_reverses", "torque_lag"),
+    "drivetrain": ("gearbox_reverses", "torque_lag", "min_rotor_speed"),
+    "nacelle": ("max_yaw_rate",),
 }
 """Fields of a turbine and of its parts that a windIO file has no keys for, or keys with a smaller range."""
 

@@ -7,6 +7,7 @@ beside ``NAME.yaml``, under the names of `ControlData`, and of the turbine (`OWN
 import dataclasses
 import io
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -30,12 +31,20 @@ _DEGREE = np.pi / 180.0
 _VERSION = "2.1"
 _ROUNDING = 1e-9
 """Relative difference that angles in degrees and speeds in rpm leave."""
-_HELD: dict[str, object] = {
-    "air_density": AIR_DENSITY, "design_air_density": None, "rotation": "clockwise", "servo_frequency": None,
-    "servo_damping": 1.0, "gearbox_reverses": False, "torque_lag": 0.0,
-}  # fmt: skip
-"""Values of own fields that a windIO file means."""
-_LARGEST_PITCH = 0.5 * np.pi
+_LARGEST_PITCH, _LARGEST_YAW_RATE = 0.5 * np.pi, 10.0 * _DEGREE
+_HELD: dict[str, Callable[[Any], bool]] = {
+    "air_density": lambda value: value == AIR_DENSITY,
+    "design_air_density": lambda value: value is None,
+    "rotation": lambda value: value == "clockwise",
+    "servo_frequency": lambda value: value is None,
+    "servo_damping": lambda value: value == 1.0,
+    "max_pitch": lambda value: value <= _LARGEST_PITCH,
+    "gearbox_reverses": lambda value: not value,
+    "torque_lag": lambda value: value == 0.0,
+    "min_rotor_speed": lambda value: value > 0.0,  # 0 means unknown in windIO files
+    "max_yaw_rate": lambda value: value <= _LARGEST_YAW_RATE,
+}
+"""Whether a windIO file holds an own field of a turbine."""
 _NO_MU = [0.0] * 6
 """windIO's mu, which the schema requires; the ratio beside it is what is read."""
 
@@ -174,7 +183,7 @@ def _control(turbine: Turbine) -> dict[str, Any]:
         "min_pitch_limit": pitch.min_pitch / _DEGREE,
         "max_pitch_limit": min(pitch.max_pitch, _LARGEST_PITCH) / _DEGREE,
         "max_pitch_rate": pitch.max_rate / _DEGREE,
-        "yaw_rate": turbine.nacelle.max_yaw_rate / _DEGREE,
+        "yaw_rate": min(turbine.nacelle.max_yaw_rate, _LARGEST_YAW_RATE) / _DEGREE,
     }
     data = turbine.control
     if data is None:
@@ -219,10 +228,8 @@ def _control_json(turbine: Turbine, source: str) -> dict[str, Any]:
     for part, names in OWN_FIELDS.items():
         for name in names:
             value = getattr(getattr(turbine, part) if part else turbine, name)
-            if value != _HELD.get(name, value):
+            if not _HELD[name](value):
                 own[f"{part}.{name}" if part else name] = value
-    if turbine.pitch.max_pitch > _LARGEST_PITCH:
-        own["pitch.max_pitch"] = turbine.pitch.max_pitch
     values |= {"turbine": own} if own else {}
     return ({"source": source} if source and values else {}) | values
 
