@@ -130,8 +130,11 @@ def test_seeds_masks_and_numbers_are_checked():
     with pytest.raises(ClosedEnvironmentError):
         closed.reset(seed=0)
     env = make(AutoresetMode.DISABLED, n=2, limit=1)
-    with pytest.raises(ValueError, match="2 seeds are needed, got 3"):
-        env.reset(seed=[1, 2, 3])
+    for seed in ([1, 2, 3], 1.5, "ab"):
+        with pytest.raises(ValueError, match="seed must be an integer or a sequence of 2, got"):
+            env.reset(seed=seed)
+    with pytest.raises(ValueError, match=r"options of reset must be a dict, got \['yaw'\]"):
+        env.reset(options=["yaw"])
     with pytest.raises(ValueError, match="reset_mask must be 2 bools"):
         env.reset(options={"reset_mask": [False, False]})
     env.reset(seed=[1, None])
