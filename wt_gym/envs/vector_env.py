@@ -80,8 +80,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         **kwargs: Any,
     ):
         for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps), ("threads", threads)):
-            if number is not None and number < 1:
-                raise ValueError(f"{name} must be at least 1, got {number!r}")
+            if number is not None and not (isinstance(number, int | np.integer) and number >= 1):
+                raise ValueError(f"{name} must be a whole number of at least 1, got {shown(number)}")
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         options = options_of(kwargs)
         self.envs = [WindTurbineEnv.of(options)]
@@ -103,7 +103,19 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         self._over = np.ones(num_envs, dtype=np.bool_)  # episodes that have ended or not begun
         self._begun = False
         self._threads = min(threads or _processors(), num_envs)
-        self._pool = ThreadPoolExecutor(self._threads - 1, "turbine") if self._threads > 1 else None
+        self._pool = self._make_pool()
+
+    def _make_pool(self) -> ThreadPoolExecutor | None:
+        """Threads beside the one of the caller; None where there are none, and after `close`."""
+        return ThreadPoolExecutor(self._threads - 1, "turbine") if self._threads > 1 and not self.closed else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_pool": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take the state of another one, in threads of its own."""
+        self.__dict__.update(state)
+        self._pool = self._make_pool()
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.num_envs} of {self.envs[0]!r}>"
