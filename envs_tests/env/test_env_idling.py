@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, scripted_signals, use
 
+from wt_gym.agents.evaluation_config import EvaluationConfig
 from wt_gym.agents.loadcases.report import load_case_tables
 from wt_gym.agents.loadcases.results import CaseRun, LoadCaseResults
 from wt_gym.agents.robustness import Robustness, chosen
+from wt_gym.agents.training import selection
 from wt_gym.analysis.metrics import idle_sentence, idle_time
+from wt_gym.analysis.results import Wind
 from wt_gym.commands import benchmark, compare_controllers, evaluate, simulate
 from wt_gym.envs.idling import IDLE_POWER, LEAST_SPELL, IdleClock
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -168,6 +171,15 @@ def test_evaluate_says_so(make_env, tmp_path, capsys):
     assert capsys.readouterr().out.count(f"discon {SENTENCE}") == 1
     evaluate.main([*words, *kwargs, "--replay", "0", "--no-report", "--out", str(tmp_path)])  # of the recorded run
     assert capsys.readouterr().out.count(f"discon {SENTENCE}") == 1
+
+
+def test_the_evaluation_of_a_training_says_so(make_env, caplog):
+    config = EvaluationConfig(
+        "wt_gym/NREL5MW-Steady-v1", {"standstill_limit": -1.0}, (Wind(8.0),), duration=30.0, skip=2.0, replay=0.0
+    )
+    for agent, name in ((Zero(), "agent"), ("baseline", "baseline")):
+        selection._run(agent, config)
+        assert [record.message for record in caplog.records if SENTENCE in record.message][-1].startswith(name)
 
 
 def test_simulate_and_compare_controllers_say_so(monkeypatch, capsys):

@@ -1,5 +1,8 @@
 """Many turbines in one process: equal to single ones, in every mode of autoreset; stable-baselines3's interface."""
 
+import copy
+import pickle
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -130,8 +133,11 @@ def test_seeds_masks_and_numbers_are_checked():
     with pytest.raises(ClosedEnvironmentError):
         closed.reset(seed=0)
     env = make(AutoresetMode.DISABLED, n=2, limit=1)
-    with pytest.raises(ValueError, match="2 seeds are needed, got 3"):
-        env.reset(seed=[1, 2, 3])
+    for seed in ([1, 2, 3], 1.5, "ab"):
+        with pytest.raises(ValueError, match="seed must be an integer or a sequence of 2, got"):
+            env.reset(seed=seed)
+    with pytest.raises(ValueError, match=r"options of reset must be a dict, got \['yaw'\]"):
+        env.reset(options=["yaw"])
     with pytest.raises(ValueError, match="reset_mask must be 2 bools"):
         env.reset(options={"reset_mask": [False, False]})
     env.reset(seed=[1, None])
@@ -139,8 +145,9 @@ def test_seeds_masks_and_numbers_are_checked():
     with pytest.raises(ResetNeeded, match=r"turbines \[0, 1\] are over"):
         env.step(np.zeros((2, 3)))
     for name in ("num_envs", "threads", "max_episode_steps"):
-        with pytest.raises(ValueError, match=f"{name} must be at least 1, got 0"):
-            WindTurbineVectorEnv(**{"num_envs": 1, name: 0})
+        for wrong in (0, 1.5, "2"):
+            with pytest.raises(ValueError, match=f"{name} must be a whole number of at least 1, got {wrong!r}"):
+                WindTurbineVectorEnv(**{"num_envs": 1, name: wrong})
     for wrong in ("Sometimes", "same_step", None, 1):
         allowed = r"one of 'NextStep' \('NEXT_STEP'\), 'SameStep' \('SAME_STEP'\), 'Disabled' \('DISABLED'\), got "
         with pytest.raises(ValueError, match=f"autoreset_mode must be {allowed}{wrong!r}"):
@@ -240,3 +247,17 @@ def test_the_interface_of_stable_baselines3_gives_what_its_own_gives():
     assert [info["time"] for info in mine.reset_infos] == [0.0, 0.0]
     assert mine.get_attr("control_dt") == [0.2, 0.2]
     mine.close()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_copies_continue_as_the_original(copied):
+    env = make(n=2, threads=2)
+    env.reset(seed=0)
+    other, action = copied(env), np.full((2, 3), 0.5, np.float32)
+    for mine, theirs in zip(env.step(action)[:4], other.step(action)[:4], strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    env.close()
+    other.step(action)
+    with pytest.raises(ClosedEnvironmentError):
+        copied(env).step(action)
+    other.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -22,7 +23,7 @@ from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable
 
     from gymnasium.envs.registration import EnvSpec
 
@@ -79,8 +80,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         **kwargs: Any,
     ):
         for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps), ("threads", threads)):
-            if number is not None and number < 1:
-                raise ValueError(f"{name} must be at least 1, got {number!r}")
+            if number is not None and not (isinstance(number, int | np.integer) and number >= 1):
+                raise ValueError(f"{name} must be a whole number of at least 1, got {shown(number)}")
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         options = options_of(kwargs)
         self.envs = [WindTurbineEnv.of(options)]
@@ -102,7 +103,19 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         self._over = np.ones(num_envs, dtype=np.bool_)  # episodes that have ended or not begun
         self._begun = False
         self._threads = min(threads or _processors(), num_envs)
-        self._pool = ThreadPoolExecutor(self._threads - 1, "turbine") if self._threads > 1 else None
+        self._pool = self._make_pool()
+
+    def _make_pool(self) -> ThreadPoolExecutor | None:
+        """Threads beside the one of the caller; None where there are none, and after `close`."""
+        return ThreadPoolExecutor(self._threads - 1, "turbine") if self._threads > 1 and not self.closed else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_pool": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take the state of another one, in threads of its own."""
+        self.__dict__.update(state)
+        self._pool = self._make_pool()
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.num_envs} of {self.envs[0]!r}>"
@@ -285,8 +298,10 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         seeds = [None] * self.num_envs if seed is None else seed
         if isinstance(seeds, int | np.integer):
             seeds = [int(seeds) + k for k in range(self.num_envs)]
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"{self.num_envs} seeds are needed, got {len(seeds)}")
+        if isinstance(seeds, str) or not isinstance(seeds, Sequence | np.ndarray) or len(seeds) != self.num_envs:
+            raise ValueError(f"seed must be an integer or a sequence of {self.num_envs}, got {shown(seed)}")
+        if not isinstance(options, Mapping | None):
+            raise ValueError(f"the options of reset must be a dict, got {shown(options)}")
         options = dict(options or {})
         chosen = np.flatnonzero(self._mask(options.pop("reset_mask", None)))
         infos: dict[str, Any] = {}
