@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import operating_point
 from wt_gym.errors import SimulationError
 from wt_gym.runs.executors import executor_for
-from wt_gym.runs.playing import run_baseline
+from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow
 
@@ -100,8 +102,11 @@ def _run(turbine: Turbine, wind: float) -> SteadyPoint:
     """Run one wind."""
     simulator = Simulator(turbine, inflow=SteadyInflow(wind, hub_height=turbine.hub_height), fidelity=_FIDELITY)
     point = SteadyPoint(wind)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the caller has shown what is said of this controller
+        controller = make_controller("discon", turbine)
     try:
-        data = run_baseline(simulator, DURATION).to_dataset()
+        data = run_controller(simulator, controller, DURATION).to_dataset()
     except SimulationError as error:
         return replace(point, failure=str(error))
     end = data.sel(time=slice(DURATION - _AVERAGE, None))

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Controller
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "own_controller", "own_parameters"]
+__all__ = ["PARAMETERS", "own_controller", "own_law", "own_parameters"]
 
 
 def _field(name: str) -> Callable[[Turbine], float]:
@@ -290,6 +290,35 @@ def own_controller(
         made = replace(made, torque=replace(curve, region_2_gain=region_2_gain))
     check_torque_curve(turbine, made)
     return DisconController(made)
+
+
+_PARTS = {
+    "gains of the pitch": "gain_pitch",
+    "filter of the speed": "speed_filter_frequency",
+}
+_PARTS_OF_CURVE = _PARTS | {"gain of region 2": "region_2_gain"}
+_PARTS_OF_TRACKING = _PARTS | {
+    "torque gains": "torque_proportional_gain",
+    "least pitch over the wind": "min_pitch",
+    "set-point smoother": "speed_shift_per_pitch",
+}
+"""Parts of a controller, by the field of `wt_gym.turbines.ControlData` that holds a published one."""
+
+
+def own_law(turbine: Turbine) -> str:
+    """Return in words which law a turbine's own controller has, and which of its parts are published.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    """
+    tracks = tracks_tip_speed_ratio(turbine)
+    words = ["tracks the tip-speed ratio with an estimate of the wind" if tracks else "has a torque curve"]
+    parts = _PARTS_OF_TRACKING if tracks else _PARTS_OF_CURVE
+    published = [part for part, field in parts.items() if getattr(turbine.control, field, None) is not None]
+    by_rule = [part for part in parts if part not in published]
+    words += [f"{kind}: {', '.join(made)}" for kind, made in (("published", published), ("by rule", by_rule)) if made]
+    return "; ".join(words)
 
 
 _BY_RULE = {
