@@ -16,6 +16,7 @@ from openfast_model import DEGREE, Model, principal
 from wt_gym.commands.import_ import main
 from wt_gym.control.controllers import make_controller
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.runs.steady_check import SteadyPoint, steady_winds, verdict
 from wt_gym.simulation.state import fingerprint
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
@@ -24,6 +25,7 @@ from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.openfast import read_openfast
 from wt_gym.turbines.openfast_check import compare_with_openfast_io
 from wt_gym.turbines.openfast_text import TextFile
+from wt_gym.turbines.steady_table import find_steady_table, read_steady_table
 from wt_gym.turbines.windio_writer import require_same, windio_content, write_windio
 
 
@@ -597,7 +599,7 @@ def test_openfast_io_misreads_files_of_another_release(model, tmp_path):
 class TestCommand:
     def test_it_shows_and_writes(self, model, tmp_path, capsys):
         out = tmp_path / "turbine.yaml"
-        main([str(model.write(tmp_path)), "--out", str(out), "--json"])
+        main([str(model.write(tmp_path)), "--out", str(out), "--json", "--no-check"])
         text = capsys.readouterr().out
         assert "assumed and left aside" in text
         found = json.loads(text.splitlines()[-1])
@@ -631,3 +633,102 @@ class TestCommand:
         monkeypatch.setitem(__import__("sys").modules, "openfast_io", None)
         with pytest.raises(SystemExit, match=r"openfast_io is not installed; .*\[openfast\]"):
             main([str(model.write(tmp_path)), "--check", "openfast_io"])
+
+
+class TestCheckInSteadyWinds:
+    """`wt-gym import` runs a model in nine winds and compares with the table that comes with it."""
+
+    @pytest.fixture
+    def checked(self, nrel_5mw, tmp_path, monkeypatch):
+        """Model in a folder with a table above it, and a function that replaces the simulated points."""
+        (tmp_path / "OpenFAST").mkdir()
+        path = Model(nrel_5mw).write(tmp_path / "OpenFAST")
+        (tmp_path / "notes.csv").write_text("name,value\nx,1\n", encoding="utf-8")
+        (tmp_path / "steady.csv").write_text(
+            "wind speed [m/s],generator power [kW],rotor thrust [kN],rotor speed [RPM],blade pitch [deg],Cp [-]\n"
+            "3,40,100,6.9,0,0.2\n11.5,5000,700,12.1,0.5,0.4\n25,5000,300,12.1,23,0.04\n",
+            encoding="utf-8",
+        )
+
+        def give(**wrong):
+            def points(turbine, on_point=None):
+                table, made = find_steady_table(path, 5e6), []
+                for wind in steady_winds(turbine):
+                    values = {name: table.at(wind, name) for name in ("rotor_speed", "pitch", "power", "thrust")}
+                    made.append(SteadyPoint(wind, **values, deviation=0.001))
+                made[4] = replace(made[4], **wrong)
+                return made
+
+            monkeypatch.setattr("wt_gym.runs.steady_check.steady_check", points)
+            return path
+
+        return give
+
+    @pytest.mark.filterwarnings("ignore:the speed loop of model")
+    def test_a_right_one_passes_and_the_baseline_is_named(self, checked, capsys):
+        main([str(checked())])
+        out = capsys.readouterr().out
+        assert "discon: tracks the tip-speed ratio" in out
+        assert "published: gains of the pitch, filter of the speed, torque gains, least pitch over the wind" in out
+        assert "ROSCO's library runs with these numbers as the controller rosco" in out
+        assert "beside steady.csv" in out
+        assert "check passed" in out
+        assert re.search(
+            r"25\.00 +12\.10 / +12\.10 +23\.00 / +23\.00 +5000\.0 / +5000\.0 +300\.0 / +300\.0 +right", out
+        )
+
+    @pytest.mark.parametrize(
+        ("wrong", "words"),
+        [
+            ({"deviation": 0.03}, "the rotor speed moves by 3.0 % of rated"),
+            ({"power": 4.4e6}, "88% of the table's power; 88.0% of rated power"),
+            ({"power": 4.9e6}, "98.0% of rated power"),
+            ({"failure": "simulation failed at 14 s"}, "simulation failed at 14 s"),
+        ],
+    )
+    @pytest.mark.filterwarnings("ignore:the speed loop of model")
+    def test_a_wrong_one_is_said_and_ends_with_status_3(self, checked, capsys, wrong, words):
+        with pytest.raises(SystemExit) as end:
+            main([str(checked(**wrong)), "--json"])
+        out = capsys.readouterr().out
+        assert end.value.code == 3
+        assert words in out
+        assert "CHECK FAILED at 14 m/s" in out
+        rows = json.loads(out.splitlines()[-1])["check"]
+        assert [row["verdict"] for row in rows].count("right") == 8
+
+    def test_a_point_without_a_table_is_compared_with_blade_elements(self, nrel_5mw):
+        point = SteadyPoint(8.0, 0.9, 0.0, 1.7e6, 4e5, 0.0)
+        assert verdict(nrel_5mw, point) == ""
+        assert verdict(nrel_5mw, replace(point, power=0.0)) == "0% of blade elements' power"
+
+
+def test_tables_of_steady_states(tmp_path):
+    path = tmp_path / "performance.dat"
+    path.write_text(
+        "# Wind speed (m/s) \t Rotor rotational speed (rpm) \t Pitch angle (deg) \t Rotor electrical power (W) \t Rotor"
+        " thrust (N) \t Rotor thrust coefficient (-) \n"
+        "4.0\t6.0\t4.0\t1e5\t2e5\t0.7\n8.0\t8.0\t0.0\t8e5\t4e5\t0.8\n",
+        encoding="utf-8",
+    )
+    table = read_steady_table(path)
+    # power over the cube of the wind is constant: 100 kW (6/4)^3
+    assert table.at(6.0, "power") == pytest.approx(337.5e3)
+    assert table.at(6.0, "rotor_speed") == pytest.approx(7.0 * np.pi / 30)
+    assert (table.at(6.0, "pitch"), table.at(6.0, "thrust")) == (pytest.approx(np.radians(2.0)), pytest.approx(3e5))
+    assert table.at(9.0, "power") is None
+    (tmp_path / "model").mkdir()
+    assert find_steady_table(tmp_path / "model" / "model.fst", 0.79e6).path == path
+    assert find_steady_table(tmp_path / "model" / "model.fst", 1.0e6) is None
+    plain = tmp_path / "plain.csv"
+    plain.write_text(
+        "V,Cp,gen power [kW],rotor RPM,blade pitch [deg]\n4,0.4,100,6,4\n8,0.4,800,8,0\n", encoding="utf-8"
+    )
+    assert read_steady_table(plain).power.tolist() == [1e5, 8e5]
+    assert read_steady_table(plain).thrust is None
+    plain.write_text("V,gen power [kW]\n8,100\n4,x\n", encoding="utf-8")
+    with pytest.raises(TurbineDefinitionError, match="rows of numbers"):
+        read_steady_table(plain)
+    plain.write_text("V,gen power [kW]\n8,100\n4,20\n", encoding="utf-8")
+    with pytest.raises(TurbineDefinitionError, match="two winds that rise"):
+        read_steady_table(plain)

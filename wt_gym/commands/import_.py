@@ -6,6 +6,11 @@
 
 The windIO file stands alone, with the numbers of the controller beside it (NAME.control.json). It is read back and
 compared with the model before the command ends. Commands that take --turbine take model.fst itself as well.
+
+The turbine then runs for 100 s under its own controller in nine steady winds from cut-in to cut-out, beside the table
+of steady states that comes with the model, if any (--no-check leaves that out; it takes a minute or two). Where a run
+does not hold its operating point within 2 % of rated speed, makes less than 90 % of the table's power, or less than
+99 % of rated power above rated wind, the command says so and ends with status 3.
 """
 
 from __future__ import annotations
@@ -16,7 +21,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.program import OneLineParser, file_ending_in, user_errors
+from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
@@ -24,6 +29,8 @@ if TYPE_CHECKING:
 
 _RPM = math.pi / 30.0
 _READERS = ("openfast_io",)
+_FAILED_CHECK = 3
+"""Exit status."""
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -39,6 +46,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--check", choices=_READERS, help="read it with this package too, and compare what both read (extra openfast)"
     )
+    parser.add_argument("--no-check", action="store_true", help="leave out the runs in nine steady winds")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON at the end")
     arguments = parser.parse_args(words)
     if arguments.model.suffix.lower() != ".fst":
@@ -116,10 +124,79 @@ def show(turbine: Turbine) -> None:
         print(f"  - {note}")
 
 
+def show_controller(turbine: Turbine) -> None:
+    """Print which controller is the baseline and why, and what its check says."""
+    import importlib.util
+    import warnings
+
+    from wt_gym.control.controllers import make_controller
+    from wt_gym.control.controllers.own import own_law
+    from wt_gym.control.operating_point import tracks_tip_speed_ratio
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        make_controller("discon", turbine)
+    print("baseline")
+    print(f"  discon: {own_law(turbine)}")
+    if tracks_tip_speed_ratio(turbine):
+        there = "" if importlib.util.find_spec("rosco") else " (extra rosco, not installed)"
+        print(
+            f"  ROSCO's library runs with these numbers as the controller rosco{there}; the baseline is discon, which "
+            "needs no library and continues from snapshots"
+        )
+    for warning in caught:
+        print(f"  - {warning.message}")
+
+
+_COLUMNS = (
+    ("rotor_speed", "speed", "rpm", 1.0 / _RPM, 2),
+    ("pitch", "pitch", "deg", 180.0 / math.pi, 2),
+    ("power", "power", "kW", 1e-3, 1),
+    ("thrust", "thrust", "kN", 1e-3, 1),
+)
+
+
+def check_steady(turbine: Turbine, model: Path) -> list[dict[str, Any]]:
+    """Run the turbine in nine steady winds and print a row for each; return the rows."""
+    from wt_gym.runs.progress import ProgressLine, clock
+    from wt_gym.runs.steady_check import DURATION, steady_check, steady_winds, verdict
+    from wt_gym.turbines.steady_table import find_steady_table
+
+    table, winds, line = find_steady_table(model, turbine.drivetrain.rated_power), steady_winds(turbine), ProgressLine()
+
+    def progress(count: int, seconds: float) -> None:
+        line.show(f"steady winds: {count}/{len(winds)} after {clock(seconds)}", final=count == len(winds))
+
+    print(f"check: {DURATION:g} s in {len(winds)} steady winds under discon", end="")
+    print(f", beside {table.path.name}" if table else "; no table of steady states comes with the model", flush=True)
+    points = steady_check(turbine, progress)
+    print(f"{'wind':>6}" + "".join(f"{title:>{19 if table else 9}}" for _, title, *_ in _COLUMNS) + "   verdict")
+    print(f"{'m/s':>6}" + "".join(f"{unit:>{19 if table else 9}}" for _, _, unit, *_ in _COLUMNS))
+    rows = []
+    for point in points:
+        row: dict[str, Any] = {"wind_m_s": point.wind, "verdict": verdict(turbine, point, table) or "right"}
+        text = f"{point.wind:6.2f}"
+        for name, _, unit, scale, digits in _COLUMNS:
+            value, reference = scale * getattr(point, name), None if table is None else table.at(point.wind, name)
+            row[f"{name}_{unit}"] = None if math.isnan(value) else value
+            text += f"{value:9.{digits}f}"
+            if table is not None:
+                row[f"table_{name}_{unit}"] = None if reference is None else scale * reference
+                text += " /" + (f"{'-':>8}" if reference is None else f"{scale * reference:8.{digits}f}")
+        print(f"{text}   {row['verdict']}")
+        rows.append(row)
+    wrong = [row["wind_m_s"] for row in rows if row["verdict"] != "right"]
+    if wrong:
+        print(f"CHECK FAILED at {', '.join(f'{wind:g}' for wind in wrong)} m/s: no fair baseline in these winds")
+    else:
+        print("check passed")
+    return rows
+
+
 def main(words: list[str] | None = None) -> None:
-    """Read, show and write."""
+    """Read, show, write and check."""
     arguments = parse_arguments(words)
-    with user_errors():
+    with user_errors(), stoppable("what was read stands above"):
         from wt_gym.errors import TurbineDefinitionError
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.openfast import read_openfast
@@ -146,14 +223,19 @@ def main(words: list[str] | None = None) -> None:
                 require_same(turbine, load_turbine(arguments.out))
             except TurbineDefinitionError as error:
                 raise TurbineDefinitionError(f"{arguments.out}, read back, is another turbine: {error}") from error
-    for path in written:
-        print(f"written: {path}")
+        for path in written:
+            print(f"written: {path}")
+        show_controller(turbine)
+        rows = [] if arguments.no_check else check_steady(turbine, arguments.model)
     if arguments.json:
-        print(json.dumps(_as_json(turbine, written)))
+        print(json.dumps(_as_json(turbine, written, rows)))
+    if any(row["verdict"] != "right" for row in rows):
+        raise SystemExit(_FAILED_CHECK)
 
 
-def _as_json(turbine: Turbine, written: list[Path]) -> dict[str, Any]:
+def _as_json(turbine: Turbine, written: list[Path], rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {
+        "check": rows,
         "turbine": turbine.name,
         "summary": [{"name": name, "value": value, "unit": unit} for name, value, unit in summary(turbine)],
         "control": dict(control_summary(turbine.control)) if turbine.control is not None else None,

@@ -197,6 +197,31 @@ class Rotor:
         moved = self.elements.frozen_wake(wind, rotor_speed, pitch, (change, -change))["power"]
         return float((moved[0] - moved[1]) / (2.0 * change))
 
+    def frozen_torque_slopes(
+        self, wind: float, rotor_speed: float, pitch: float
+    ) -> tuple[tuple[float, float, float], float]:
+        """Derivatives of the moment about the shaft while the induced velocities are held, and the mean induction.
+
+        Parameters
+        ----------
+        wind, rotor_speed, pitch : float
+            [m/s], [rad/s], [rad].
+
+        Returns
+        -------
+        slopes : tuple of float
+            Over the wind [N m/(m/s)], the speed [N m/(rad/s)] and the pitch [N m/rad].
+        induction : float
+            Mean axial induction factor over the disc [-].
+        """
+        steps = np.array([0.02 * wind, 0.01 * rotor_speed, math.radians(0.25)])
+        winds, speeds, angles = np.vstack([np.diag(steps), -np.diag(steps)]).T
+        moved = self.elements.frozen_wake(wind, rotor_speed, pitch, angles, winds, speeds)
+        torque = moved["power"] / (rotor_speed + speeds)
+        slopes = (torque[:3] - torque[3:]) / (2.0 * steps)
+        induction = float(np.average(moved["axial"][2], weights=self.elements.radius))  # there the pitch moved alone
+        return (float(slopes[0]), float(slopes[1]), float(slopes[2])), induction
+
 
 @lru_cache(maxsize=32)
 def rotor_of(turbine: Turbine) -> Rotor:

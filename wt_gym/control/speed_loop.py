@@ -81,9 +81,10 @@ class LoopMode:
 
 
 def checked_winds(turbine: Turbine) -> tuple[float, ...]:
-    """Five winds above rated in which the loop is looked at [m/s], up to cut-out."""
+    """Winds above rated in which the loop is looked at [m/s], no farther apart than 1 m/s, up to cut-out."""
     first = 1.1 * turbine.rated_wind_speed
-    return tuple(np.linspace(first, max(turbine.cut_out, 1.05 * first), 5).tolist())
+    last = max(turbine.cut_out, 1.05 * first)
+    return tuple(np.linspace(first, last, 1 + max(math.ceil(last - first), 4)).tolist())
 
 
 def speed_loop_modes(turbine: Turbine, parameters: BaselineParameters, wind: float) -> list[LoopMode]:
@@ -242,11 +243,12 @@ class LoopReport:
 
 @lru_cache(maxsize=64)
 def _report(turbine: Turbine, parameters: BaselineParameters) -> LoopReport:
-    by_wind = [speed_loop_modes(turbine, parameters, wind) for wind in checked_winds(turbine)]
+    checked = checked_winds(turbine)
+    by_wind = [speed_loop_modes(turbine, parameters, wind) for wind in checked]
     every = [mode for modes in by_wind for mode in modes]
     speed = [mode for mode in every if mode.tower_share < 0.5 or mode.damping < 0.0]
     tower = [mode for mode in every if mode.tower_share >= 0.5]
-    winds = () if _grows(speed) else checked_winds(turbine)
+    winds = () if _grows(speed) else checked[:: len(checked) // 4]
     rates = [gust_pitch_rate(turbine, parameters, wind) for wind in winds]
     rises = [gust_speed_rise(turbine, parameters, wind) for wind in winds]
     return LoopReport(
@@ -263,7 +265,7 @@ def _grows(modes: list[LoopMode]) -> bool:
 
 
 def check_speed_loop(turbine: Turbine, parameters: BaselineParameters) -> LoopReport | None:
-    """Look at the closed loop in five winds above rated.
+    """Look at the closed loop in winds above rated (`checked_winds`).
 
     Parameters
     ----------

@@ -192,16 +192,22 @@ class BladeElements:
         return self._forces(phi, phi - angle, cl, cd, axial, tangential, along, across, speed_)
 
     def frozen_wake(
-        self, wind: float, rotor_speed: float, pitch: float, pitch_changes: ArrayLike
+        self,
+        wind: float,
+        rotor_speed: float,
+        pitch: float,
+        pitch_changes: ArrayLike,
+        wind_changes: ArrayLike = 0.0,
+        speed_changes: ArrayLike = 0.0,
     ) -> dict[str, NDArray[np.float64]]:
-        """Forces at changed pitch angles while the induced velocities stay those of a steady point.
+        """Forces at a changed pitch, wind and speed while the induced velocities stay those of a steady point.
 
         Parameters
         ----------
         wind, rotor_speed, pitch : float
             Steady point [m/s], [rad/s], [rad].
-        pitch_changes : array_like, shape (n,)
-            [rad].
+        pitch_changes, wind_changes, speed_changes : array_like, shape (n,)
+            [rad], [m/s], [rad/s].
 
         Returns
         -------
@@ -209,13 +215,15 @@ class BladeElements:
             As `solve`.
         """
         steady = self.solve(wind, rotor_speed, pitch)
-        along, across = wind * np.cos(self.rotor.cone), rotor_speed * self.radius[None, :]
-        phi = np.arctan2(along * (1.0 - steady["axial"]), across * (1.0 + steady["tangential"]))
-        changes = np.atleast_1d(np.asarray(pitch_changes, dtype=np.float64))[:, None]
-        alpha = phi - self.twist[None, :] - pitch - changes
-        phi = np.broadcast_to(phi, alpha.shape)
+        changes = (np.asarray(x, dtype=np.float64) for x in (pitch_changes, wind_changes, speed_changes))
+        turned, winds, speeds = (np.atleast_1d(x)[:, None] for x in np.broadcast_arrays(*changes))
+        winds, speeds = winds + wind, speeds + rotor_speed
+        axial, tangential = steady["axial"] * (wind / winds), steady["tangential"] * (rotor_speed / speeds)
+        along, across = winds * np.cos(self.rotor.cone), speeds * self.radius[None, :]
+        phi = np.arctan2(along * (1.0 - axial), across * (1.0 + tangential))
+        alpha = phi - self.twist[None, :] - pitch - turned
         cl, cd = self.coefficients(alpha)
-        return self._forces(phi, alpha, cl, cd, steady["axial"], steady["tangential"], along, across, rotor_speed)
+        return self._forces(phi, alpha, cl, cd, axial, tangential, along, across, speeds[:, 0])
 
     def _forces(
         self,

@@ -8,16 +8,21 @@ that tracks the tip-speed ratio, or a least pitch over the wind (peak shaving), 
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.pitch_law import GainTable
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
+from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
 from wt_gym.control.rotor_table import blade_element_table
 from wt_gym.control.speed_loop import check_speed_loop
+from wt_gym.control.torque_loop import check_torque_curve, growing_mode, growth
+from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +30,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Controller
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "own_controller", "own_parameters"]
+__all__ = ["PARAMETERS", "own_controller", "own_law", "own_parameters"]
 
 
 def _field(name: str) -> Callable[[Turbine], float]:
@@ -222,7 +227,11 @@ def own_controller(
     thrust_limit: float | None = None,
     **parameters: Any,
 ) -> Controller:
-    """Make the turbine's own controller and look at its speed loop (`wt_gym.control.speed_loop.check_speed_loop`).
+    """Make the turbine's own controller and look at its loop, above rated and below.
+
+    See `wt_gym.control.speed_loop.check_speed_loop` and `wt_gym.control.torque_loop`. Where the published numbers of a
+    controller that estimates the wind leave a growing mode below rated, its torque gains are those by rule, else its
+    least pitch, else both, with a warning.
 
     Parameters
     ----------
@@ -263,7 +272,10 @@ def own_controller(
             tracked["tip_speed_ratio"] = tip_speed_ratio
         if thrust_limit is not None:
             tracked["thrust_limit"] = thrust_limit
-        return TsrTrackingController.published(turbine, made, **tracked)
+        stable, note = _stable(turbine, made, tuple(tracked.items()))
+        if note:
+            warnings.warn(note, stacklevel=2)
+        return TsrTrackingController(stable, _estimator(turbine, stable))
     if thrust_limit is not None:
         raise ValueError(
             f"thrust_limit must be left out for {turbine.name}, whose controller estimates no wind: give it to "
@@ -276,4 +288,67 @@ def own_controller(
         region_2_gain = curve.region_2_gain * (design_point(turbine).tip_speed_ratio / tip_speed_ratio) ** 3
     if region_2_gain is not None:
         made = replace(made, torque=replace(curve, region_2_gain=region_2_gain))
+    check_torque_curve(turbine, made)
     return DisconController(made)
+
+
+_PARTS = {
+    "gains of the pitch": "gain_pitch",
+    "filter of the speed": "speed_filter_frequency",
+}
+_PARTS_OF_CURVE = _PARTS | {"gain of region 2": "region_2_gain"}
+_PARTS_OF_TRACKING = _PARTS | {
+    "torque gains": "torque_proportional_gain",
+    "least pitch over the wind": "min_pitch",
+    "set-point smoother": "speed_shift_per_pitch",
+}
+"""Parts of a controller, by the field of `wt_gym.turbines.ControlData` that holds a published one."""
+
+
+def own_law(turbine: Turbine) -> str:
+    """Return in words which law a turbine's own controller has, and which of its parts are published.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    """
+    tracks = tracks_tip_speed_ratio(turbine)
+    words = ["tracks the tip-speed ratio with an estimate of the wind" if tracks else "has a torque curve"]
+    parts = _PARTS_OF_TRACKING if tracks else _PARTS_OF_CURVE
+    published = [part for part, field in parts.items() if getattr(turbine.control, field, None) is not None]
+    by_rule = [part for part in parts if part not in published]
+    words += [f"{kind}: {', '.join(made)}" for kind, made in (("published", published), ("by rule", by_rule)) if made]
+    return "; ".join(words)
+
+
+_BY_RULE = {
+    "torque gains": ("torque_gain", "torque_integral_gain"),
+    "least pitch": ("schedule_wind", "schedule_pitch"),
+    "torque gains and least pitch": ("torque_gain", "torque_integral_gain", "schedule_wind", "schedule_pitch"),
+}
+"""What replaces published numbers of an unstable loop, in the order in which it is tried."""
+
+
+@lru_cache(maxsize=64)
+def _stable(
+    turbine: Turbine, baseline: BaselineParameters, parameters: tuple[tuple[str, float], ...]
+) -> tuple[TsrTrackingParameters, str]:
+    """Numbers of a stable loop, and in words what of them is not as published."""
+    published = TsrTrackingParameters.published(turbine, baseline, **dict(parameters))
+    mode = growing_mode(turbine, published, _estimator(turbine, published))
+    if mode is None:
+        return published, ""
+    ratio = published.speed_per_wind * published.table.radius / turbine.drivetrain.gear_ratio
+    rule = TsrTrackingParameters.from_turbine(
+        turbine, baseline=baseline, table=published.table, **{"tip_speed_ratio": ratio, **dict(parameters)}
+    )
+    trouble = f"the published controller of {turbine.name} is unstable below rated: {growth(mode)}"
+    for words, names in _BY_RULE.items():
+        made = replace(published, **{name: getattr(rule, name) for name in names})
+        if growing_mode(turbine, made, _estimator(turbine, made)) is None:
+            return made, f"{trouble}; its {words} are replaced by those of the rule"
+    raise ControllerError(f"{trouble}, and stays so with torque gains and least pitch by rule")
+
+
+def _estimator(turbine: Turbine, made: TsrTrackingParameters) -> WindEstimator:
+    return WindEstimator.of_turbine(turbine, None, made.table, reads_generator=True)

@@ -20,6 +20,7 @@ from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
 from wt_gym.control.rotor_table import RotorTable, rotor_table
 from wt_gym.control.speed_loop import check_speed_loop
+from wt_gym.control.torque_loop import check_torque_curve
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 
@@ -120,6 +121,7 @@ def retuned_controller(turbine: Turbine, gain_factor: float | None = None) -> Co
     if not tracks_tip_speed_ratio(turbine):
         parameters = retuned_parameters(turbine, gain_factor)
         check_speed_loop(turbine, parameters)
+        check_torque_curve(turbine, parameters)
         return DisconController(parameters)
     if gain_factor is None:
         return own_controller(turbine, tip_speed_ratio=rotor_table(turbine).optimum[0])

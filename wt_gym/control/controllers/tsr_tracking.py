@@ -348,15 +348,6 @@ class TsrTrackingController:
         made = TsrTrackingParameters.from_turbine(turbine, **parameters)
         return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth, made.table))
 
-    @classmethod
-    def published(
-        cls, turbine: Turbine, baseline: BaselineParameters, estimator_bandwidth: float | None = None, **parameters: Any
-    ) -> TsrTrackingController:
-        """With the turbine's own numbers, see `TsrTrackingParameters.published`."""
-        made = TsrTrackingParameters.published(turbine, baseline, **parameters)
-        estimator = WindEstimator.of_turbine(turbine, estimator_bandwidth, made.table, reads_generator=True)
-        return cls(made, estimator)
-
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start bumplessly from the mean of the pitch demands and the torque demand."""
         p = self.parameters
