@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import wt_gym
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
-from wt_gym.simulation.tip_twist import choose_fidelity
+from wt_gym.simulation.tip_twist import suited_fidelity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -58,7 +58,7 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None) -> 
         actions, ``environment``: a step and its end, ``metrics``: what is measured of a run. Of sources neither
         comments nor docstrings count.
     """
-    chosen = fidelity_of(choose_fidelity(turbine, None) if fidelity is None else fidelity)
+    chosen = fidelity_of(suited_fidelity(turbine) if fidelity is None else fidelity)
     return {
         "turbine": fingerprint(turbine)[:16],
         "fidelity": fingerprint(chosen)[:16],

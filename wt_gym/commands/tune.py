@@ -72,14 +72,14 @@ def main(words: list[str] | None = None) -> None:
     kept = f"the trials so far are in {arguments.output}" if arguments.output else "--output would keep the trials"
     with user_errors(), stoppable(kept):
         from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
-        from wt_gym.simulation.tip_twist import choose_fidelity
+        from wt_gym.simulation.tip_twist import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         task = TuningTask(
             arguments.controller, arguments.reference, tuple(arguments.winds), tuple(arguments.seeds),
-            arguments.duration, arguments.skip, arguments.fidelity or choose_fidelity(turbine, None),
+            arguments.duration, arguments.skip, arguments.fidelity or suited_fidelity(turbine),
             Cost(dict(arguments.weights)) if arguments.weights else Cost(),
             {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
         )  # fmt: skip
