@@ -25,7 +25,7 @@ from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.playing import play, run_controller
 from wt_gym.runs.table import make_runs
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.tip_twist import choose_fidelity
+from wt_gym.simulation.tip_twist import suited_fidelity
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
@@ -208,7 +208,7 @@ def run_cases(
         if progress is not None:
             progress(label, case)
 
-    fidelity = choose_fidelity(turbine, None) if fidelity is None else fidelity
+    fidelity = suited_fidelity(turbine) if fidelity is None else fidelity
     in_environments = not all(is_base_controller(choice) for choice, _ in controllers.values())
     run = _Runner(turbine, dict(controllers), in_environments, duration, skip, fidelity, control_dt, simulator)
     make_runs(
@@ -317,7 +317,7 @@ def run_agent(
         interface |= RESIDUAL_INTERFACE
     if is_base_controller(name.text):
         interface["controller"] = partial(make_controller, name.text)
-    fidelity = choose_fidelity(turbine, None) if fidelity is None else fidelity
+    fidelity = suited_fidelity(turbine) if fidelity is None else fidelity
     step = fidelity_of(fidelity).step_for(turbine.drivetrain.rated_rotor_speed)
     interface["control_dt"] = control_dt or interface.get("control_dt") or step
     interface |= {"inflow": inflow, "wind_speed": None, "start": "steady", "simulator": simulator}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
-from wt_gym.simulation.tip_twist import choose_fidelity
+from wt_gym.simulation.tip_twist import suited_fidelity
 from wt_gym.sources import sources_digest
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None, *mo
         ``turbine``, ``fidelity``, and ``code``: all sources and data that an episode with an agent loads
         (`wt_gym.sources.sources_digest`).
     """
-    chosen = fidelity_of(choose_fidelity(turbine, None) if fidelity is None else fidelity)
+    chosen = fidelity_of(suited_fidelity(turbine) if fidelity is None else fidelity)
     return {
         "turbine": fingerprint(turbine)[:16],
         "fidelity": fingerprint(chosen)[:16],

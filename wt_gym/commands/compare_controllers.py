@@ -91,7 +91,7 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
         from wt_gym.agents.comparison import Case, run_cases
         from wt_gym.agents.names import COMPARED, available, named_choices, read_name, with_model_options
-        from wt_gym.simulation.tip_twist import choose_fidelity
+        from wt_gym.simulation.tip_twist import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
@@ -103,7 +103,7 @@ def main(words: list[str] | None = None) -> None:
         if arguments.report:
             require_writable(arguments.report.parent)
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
-        arguments.fidelity = arguments.fidelity or choose_fidelity(turbine, None)
+        arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
         try:
             with executor_of(arguments) as executor:
                 run_cases(

@@ -80,12 +80,12 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.control.optimal.design_file import save_design
         from wt_gym.control.optimal.offsets import default_limits
         from wt_gym.files import require_writable
-        from wt_gym.simulation.tip_twist import choose_fidelity
+        from wt_gym.simulation.tip_twist import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
-        arguments.fidelity = arguments.fidelity or choose_fidelity(turbine, None)
+        arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
         speeds = arguments.speeds or default_speeds(turbine)
         limit, rate_limit = default_limits(turbine)
         given = {

@@ -232,12 +232,12 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(hint):
         check(arguments)
         from wt_gym.analysis.metrics import idle_sentence, idle_time
-        from wt_gym.simulation.tip_twist import choose_fidelity
+        from wt_gym.simulation.tip_twist import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
-        arguments.fidelity = arguments.fidelity or choose_fidelity(turbine, None)
+        arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
         means_of = {}
         for number, wind in enumerate(_winds(arguments)):  # all before the first is simulated
             if isinstance(wind, float):

@@ -25,9 +25,9 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wt_gym.simulation.fidelity import FIDELITIES, Fidelity, fidelity
+from wt_gym.structure.beam import skew
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 
 if TYPE_CHECKING:
@@ -35,25 +35,30 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Blade, Turbine
 
-__all__ = ["NOTABLE_TWIST", "choose_fidelity", "rated_tip_twist"]
+__all__ = ["NOTABLE_TWIST", "choose_fidelity", "rated_tip_twist", "suited_fidelity", "tip_twist"]
 
 NOTABLE_TWIST = math.radians(0.5)
 """Twist of the tip at rated thrust from which on blades are simulated with torsion [rad]."""
-_SECTIONS = 30
-"""Along the blade; the twist changes by less than 1 % with twice as many."""
-_PITCH_STEP = math.radians(0.25)
-_PITCH_RANGE = math.radians(20.0)
+_SECTIONS = 60
+"""Along the blade; the twist changes by less than 2 % with twice as many."""
+_PITCH_STEP = math.radians(0.5)
+_PITCH_RANGE = math.radians(12.0)
 """Of the pitch angles among which that of rated power is looked for."""
 _LEAST_PITCH = math.radians(-5.0)
 """Where the turbine's data have none."""
 _TORSION = "-torsion"
 
 
+def suited_fidelity(turbine: Turbine) -> str:
+    """Return "training-torsion" where the tip twists by more than `NOTABLE_TWIST` at rated thrust, else "training"."""
+    return f"training{_TORSION}" if abs(rated_tip_twist(turbine)) > NOTABLE_TWIST else "training"
+
+
 def choose_fidelity(turbine: Turbine, choice: str | Fidelity | None) -> str | Fidelity:
     """Return the fidelity of a simulation.
 
-    Without a choice it is "training-torsion" where the tip twists by more than `NOTABLE_TWIST` at rated thrust, else
-    "training". The name of the other one brings a warning with the twist; a `Fidelity` is taken as it is.
+    Without a choice it is the one that suits the turbine. A name with torsion for blades that hardly twist, or without
+    for others, brings a warning with the twist; a `Fidelity` is taken as it is.
 
     Parameters
     ----------
@@ -68,7 +73,7 @@ def choose_fidelity(turbine: Turbine, choice: str | Fidelity | None) -> str | Fi
     if isinstance(choice, Fidelity):
         return choice
     if choice is None:
-        return f"training{_TORSION}" if abs(rated_tip_twist(turbine)) > NOTABLE_TWIST else "training"
+        return suited_fidelity(turbine)
     chosen = fidelity(choice)
     twists, other = chosen.blade_modes[2] > 0, choice.removesuffix(_TORSION)
     other = f"{choice}{_TORSION}" if choice == other else other
@@ -93,7 +98,7 @@ def rated_tip_twist(turbine: Turbine) -> float:
     """
     elements = BladeElements(BladeElementRotor.of_turbine(turbine), _SECTIONS)
     force, moment = _rated_loads(turbine, elements)
-    return _tip_twist(turbine.blade, elements.span - turbine.blade.root_radius, force, moment)
+    return tip_twist(turbine.blade, elements.span - turbine.blade.root_radius, force, moment)
 
 
 def _rated_loads(turbine: Turbine, elements: BladeElements) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -119,7 +124,7 @@ def _least_pitch(turbine: Turbine) -> float:
     return max(_LEAST_PITCH if own is None or own.fine_pitch is None else own.fine_pitch, lowest)
 
 
-def _tip_twist(blade: Blade, z: NDArray[np.float64], force: NDArray[np.float64], moment: NDArray[np.float64]) -> float:
+def tip_twist(blade: Blade, z: NDArray[np.float64], force: NDArray[np.float64], moment: NDArray[np.float64]) -> float:
     """Rotation of the tip under forces (n, 3) at the quarter chords and moments about z (n,) of equal sections [rad].
 
     Parameters
@@ -140,11 +145,10 @@ def _tip_twist(blade: Blade, z: NDArray[np.float64], force: NDArray[np.float64],
     # of all that acts farther out, and half of the section itself
     outer_force = np.cumsum(force[::-1], axis=0)[::-1] - 0.5 * force
     outer_moment = np.cumsum(couple[::-1], axis=0)[::-1] - 0.5 * couple - np.cross(axis, outer_force)
-    turn = np.cross([0.0, 0.0, 1.0], tangent)  # z of the section matrices is the tangent, by the shortest way
-    size = np.linalg.norm(turn, axis=1, keepdims=True)
-    local = Rotation.from_rotvec(turn * np.where(size > 0.0, np.arcsin(size) / np.maximum(size, 1e-300), 1.0)).inv()
-    loads = np.hstack([local.apply(outer_force), local.apply(outer_moment)])
-    unit = np.hstack([np.zeros_like(axis), local.apply(np.tile(tangent[-1], (len(z), 1)))])
+    turn = skew(np.cross([0.0, 0.0, 1.0], tangent))  # z of the section matrices is the tangent, by the shortest way
+    to_local = np.swapaxes(np.eye(3) + turn + turn @ turn / (1.0 + tangent[:, 2, None, None]), 1, 2)
+    loads = np.einsum("sij,skj->ski", to_local, np.stack([outer_force, outer_moment], axis=1)).reshape(-1, 6)
+    unit = np.hstack([np.zeros_like(axis), to_local @ tangent[-1]])
     stiffness = blade.structure.stiffness_at(blade.station_at(z))
     first = 2 if blade.structure.shear_rigid else 0  # what is rigid has no compliance
     strain = np.linalg.solve(stiffness[:, first:, first:], loads[:, first:, None])[..., 0]
