@@ -13,9 +13,8 @@ from wt_gym.agents.export.flight import fly
 from wt_gym.agents.export.openfast_folder import Scene, export_openfast
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
 from wt_gym.bridges.openfast.input_text import InputFile
-from wt_gym.control.controllers.power_tracking import power_tracking_of
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.envs import rewards, running_start
+from wt_gym.envs import record_store, rewards, running_start
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.runs.playing import play
@@ -175,25 +174,19 @@ def test_seeds_repeat_the_reference_and_the_twin_has_it(monkeypatch):
     assert courses[0] == courses[2] != courses[1]
 
 
-@pytest.mark.parametrize(
-    "name", ["discon+derate_torque", "discon+derate_torque+lidar", "discon+derate_kinetic+supervisor"]
-)
-@pytest.mark.parametrize(("wind", "allowed"), [(8.0, rewards.available_power(TURBINE, 8.0)), (14.0, P)])
-def test_running_starts_are_recorded_at_what_is_asked_for_in_the_wind(name, wind, allowed, monkeypatch):
+@pytest.mark.parametrize(("level", "nearest"), [((0.8, 0.9), 0.85), (1.0, 1.0), ((0.5, 0.6), 0.85)])
+def test_running_starts_are_those_of_the_nearest_demanded_power(level, nearest, monkeypatch):
     monkeypatch.setattr(WindTurbineEnv, "make_simulator", staticmethod(ScriptedSimulator))
-    asked = []
+    levels = []
 
-    def recorded(recorder, identity, winds, speed):
-        asked.append((power_tracking_of(recorder.controller).level, identity))
+    def find(turbine, level):
+        levels.append(record_store.find_record(turbine, level)[0].level)
 
-    monkeypatch.setattr(running_start, "kept_record", recorded)
-    given = {"inflow": "turbulent", "wind_speed": wind, "controller": name, "power_reference_level": (0.6, 0.8)}
-    env = WindTurbineEnv(**TRACKED | given, power_reference="reserve")
-    env.reset(seed=0)
-    env.reset(seed=1, options={"wind_speed": wind + 2.0})
-    assert asked[0][0] == pytest.approx(0.7 * allowed / P)
-    assert (asked[0] == asked[1]) == (allowed == P)
-    assert power_tracking_of(env.operation.controller).level == 1.0  # that of episodes is what was chosen
+    monkeypatch.setattr(running_start, "find_record", find)
+    monkeypatch.setattr(running_start, "_report_missing", lambda _: None)
+    given = {"inflow": "turbulent", "wind_speed": 14.0, "power_reference_level": level, "power_reference_span": 0.0}
+    WindTurbineEnv(**TRACKED | given, power_reference="reserve").reset(seed=0)
+    assert levels == [nearest]
 
 
 def test_snapshots_and_vectors_go_on_alike():

@@ -1,22 +1,28 @@
 """Episodes that begin amid the operation of the turbine."""
 
 import logging
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers import DisconController, lidar_of, make_controller
-from wt_gym.control.controllers.memory import Memory, memory_of, remember
-from wt_gym.envs import record_store, running_record
-from wt_gym.envs.running_record import Record, RecordingPlan, StartRecorder
+from wt_gym.control.controllers import DisconController, make_controller
+from wt_gym.control.controllers.memory import memory_of
+from wt_gym.envs import record_store, running_start
+from wt_gym.envs.record_store import StartFile, dimensions, find_record, recorded_speeds
+from wt_gym.envs.recording import CATALOG
+from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, StartRecorder
 from wt_gym.envs.running_start import RunningStart
+from wt_gym.simulation import Signals
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 TASK = "wt_gym/LoadReduction-v1"
 LOADS = ("root_flap_moment", "tower_base_fore_aft_moment", "tower_base_side_side_moment")
+BRIEF = RecordingPlan(runs=1, settling=10.0, instants=2, spacing=0.1)
+PLAIN = next(recorded for recorded in CATALOG if recorded.name == "nrel_5mw")
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +30,20 @@ def env():
     made = gym.make(TASK, wind_speed=15.0).unwrapped
     yield made
     made.close()
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel_5mw")
+
+
+@pytest.fixture(scope="module")
+def brief(turbine):
+    """Two instants with a step of the controller between them, the form of its memory, and the rows of the record."""
+    controller = make_controller("discon", turbine)
+    result = StartRecorder(turbine, "training", controller).run(PLAIN.inflow(15.0, 0), BRIEF)
+    form = ControllerForm.of(controller, result.memories)
+    return result, form, np.concatenate([result.rows, form.numbers(result.memories)], axis=1)[None]
 
 
 def begun(env, seed=0, **options):
@@ -49,22 +69,19 @@ def test_tower_swings_at_the_start(env):
     assert (np.std(motion, axis=0) > 1e-4).all()
 
 
-def test_another_record_of_the_memory_is_the_same_as_that_of_the_disk(env, monkeypatch):
-    first = begun(env, seed=3)
-    monkeypatch.setattr(record_store, "_records", {})
-    assert begun(env, seed=3) == first
+def test_every_id_of_the_package_has_a_record():
+    ids = [name for name in gym.registry if name.startswith("wt_gym/")]
+    environments = [gym.make(name).unwrapped for name in ids]
+    without = [env.turbine.name for env in environments if find_record(env.turbine, 1.0) is None]
+    assert len(ids) > 20
+    assert without == []
 
 
-def test_a_turbine_that_cannot_run_is_asked_once_on_a_machine(env, monkeypatch, tmp_path):
-    """Another process finds on the disk that there is no record."""
-    asked = []
-    monkeypatch.setattr(StartRecorder, "record", lambda *_: asked.append(1))
-    monkeypatch.setattr(record_store, "_folder", lambda: tmp_path)
-    for _ in range(2):
-        monkeypatch.setattr(record_store, "_records", {})
-        begun(env, seed=3)
-        np.testing.assert_allclose(env.simulator.tower_top()[2:], 0.0, atol=1e-9)
-    assert len(asked) == 1
+def test_a_wind_speed_that_was_not_met_before_costs_no_simulation(env, monkeypatch):
+    begun(env)
+    monkeypatch.setattr("wt_gym.simulation.Simulator.__init__", lambda *_: pytest.fail("another simulation"))
+    for speed in (12.5, 19.0):
+        begun(env, wind_speed=speed)
 
 
 def test_azimuth_of_the_options_is_kept(env):
@@ -96,78 +113,76 @@ def test_steady_wind_starts_at_rest():
     np.testing.assert_allclose(env.simulator.tower_top()[2:], 0.0, atol=1e-9)
 
 
-def test_start_is_the_instant_of_the_record_after_the_same_wind():
-    """In the wind of the record itself the nearest instant is that of the record, with its motion."""
-    turbine = load_turbine("nrel_5mw")
-    controller = make_controller("discon", turbine)
-    box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
-    inflow = TurbulentInflow(box, SteadyInflow(15.0, turbine.hub_height, shear_exponent=0.2))
-    maker = StartRecorder(turbine, "training", controller)
-    run = maker.run(inflow)
-    record = Record.of_runs(maker, [run])
-    chosen = len(record.now) // 2
-    _, first, spacing = maker.times(run.step)
-    k = first + chosen * spacing
-    later = TurbulentInflow(box, inflow.steady, time_offset=k * run.step)
-    start, row = record.start(later, 0.0, 0.0, None, np.inf), run.rows[k].astype(float)
-    assert start.rotor_speed == pytest.approx(row[maker.columns.turning.start + 1], rel=1e-6)
-    np.testing.assert_allclose(start.tower_top, row[maker.columns.tower_top], rtol=1e-6)
+@pytest.mark.parametrize("run", [0, 7])
+def test_start_is_the_instant_of_the_record_after_the_same_wind(turbine, run):
+    """In the wind of a recorded run the nearest instant is that of the run, with its motion."""
+    _, record = find_record(turbine, 1.0)
+    plan, inflow = RecordingPlan(), PLAIN.inflow(14.0, run)
+    time = plan.settling + 3 * plan.spacing
+    later = replace(inflow, time_offset=inflow.time_offset + time)
+    start = record.start(turbine, later, 14.0, 0.0, 0.0, None, np.inf)
+    place = recorded_speeds(turbine).tolist().index(14.0) * plan.runs * plan.instants + run * plan.instants + 3
+    same = record.at(turbine, place)
+    assert start.rotor_speed == same.rotor_speed
+    np.testing.assert_array_equal(start.motion, same.motion)
     assert set(start.deviations) == set(LOADS)
 
 
-@pytest.mark.parametrize("name", ["tuned", "tuned_lidar"])
-def test_controller_continues_as_the_one_that_was_recorded(name):
-    """Integrals, filters and what a lidar has seen are put back."""
-    turbine = load_turbine("nrel_5mw")
-    box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
-    maker = StartRecorder(turbine, "training", make_controller(name, turbine))
-    run = maker.run(TurbulentInflow(box))
-    record = Record.of_runs(maker, [run])
+def test_a_file_holds_the_record_to_sixteen_bits(turbine, brief, tmp_path):
+    result, form, rows = brief
+    head = StartFile(turbine.name, dimensions(turbine), "training", "discon", 1.0, form.kind, 45)
+    head.write(tmp_path / "record.npz", np.array([15.0]), rows, form, result.rows[0])
+    assert StartFile.of(tmp_path / "record.npz") == head
+    read, written = (
+        StartFile.of(tmp_path / "record.npz").read(tmp_path / "record.npz"),
+        Record(3, 45, np.array([15.0]), rows, form),
+    )
+    for instant in range(2):
+        a, b = read.at(turbine, instant), written.at(turbine, instant)
+        np.testing.assert_allclose(a.motion, b.motion, atol=np.ptp(rows[0], axis=0).max() / 65_535, rtol=1e-9)
+        np.testing.assert_allclose(a.memory.memory.values, b.memory.memory.values, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["discon", "discon+yaw", "discon+supervisor:averaging=60"])
+def test_controller_continues_as_the_one_that_was_recorded(turbine, brief, name):
+    """Integrals and filters are put back, also where the recorded controller is the base of another one."""
+    result, form, rows = brief
+    start = Record(3, 45, np.array([15.0]), rows, form).at(turbine, 0)
     running = make_controller(name, turbine)
-    record.at(0).start(running, None, None)
-    k = maker.times(run.step)[1]
-    present = record._before(run.rows[: k + 1].astype(float), Memory(*(part[0] for part in record.memory)), 0.0)
-    demand, recorded = running.step(present._readings(k, lidar_of(running)), run.step), run.rows[k + 1]
-    assert np.ptp(demand.pitch) > np.radians(0.1)
-    np.testing.assert_allclose(demand.pitch, recorded[maker.columns.pitch], atol=1e-6)
-    assert demand.generator_torque == pytest.approx(recorded[maker.columns.torque.start], rel=1e-3)
+    signals = Signals(np.zeros(69), 3)
+    signals.set("generator_speed", result.rows[0, 2])
+    start.start(running, signals, start_demand(start))
+    inner = running
+    while type(inner) is not DisconController:
+        inner = inner.base
+    inner.step(signals, 0.1)
+    np.testing.assert_allclose(memory_of(inner).values, result.memories[1].values, rtol=1e-6)
 
 
-def test_a_wind_in_which_the_turbine_cannot_run_starts_at_rest(caplog, monkeypatch):
-    turbine = load_turbine("nrel_5mw")
+def start_demand(start):
+    return Demand(start.pitch, 0.0, start.generator_torque)
 
-    class Runaway(DisconController):
-        def step(self, signals, dt):
-            return Demand(np.zeros(3), 0.0, 0.0)
 
-    monkeypatch.setattr(running_record, "RECORDING_PLAN", RecordingPlan(1, 60.0, 25.0))
-    box = TurbulenceBox.kaimal(25.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
+def test_controllers_with_other_parameters_start_from_the_present_demand(turbine, brief):
+    result, form, rows = brief
+    memory = form.memory(form.numbers(result.memories)[0])
+    other = make_controller("discon", turbine)
+    other.law.parameters = replace(other.parameters, corner_frequency=2.0)
+    signals = Signals(np.zeros(69), 3)
+    other.start(signals, start_demand(Record(3, 45, np.array([15.0]), rows, form).at(turbine, 0)))
+    before = memory_of(other).values
+    memory.put(other)
+    np.testing.assert_array_equal(memory_of(other).values, before)
+
+
+def test_a_turbine_without_a_record_starts_at_rest_and_says_so_once(caplog, monkeypatch, env):
+    monkeypatch.setattr(record_store, "_heads", dict)
+    running_start._report_missing.cache_clear()
     with caplog.at_level(logging.WARNING):
-        assert StartRecorder(turbine, "training", Runaway()).record([TurbulentInflow(box)]) is None
-    assert "does not run in" in caplog.text
-
-
-def test_an_interrupt_ends_the_runs_that_are_under_way(monkeypatch):
-    turbine, run, steps = load_turbine("nrel_5mw"), StartRecorder.run, []
-
-    class Counting(DisconController):
-        def step(self, signals, dt):
-            steps.append(dt)
-            return super().step(signals, dt)
-
-    still, steady = (SteadyInflow(15.0, turbine.hub_height) for _ in range(2))
-
-    def interrupted(self, inflow, stop=None):
-        if inflow is still:
-            raise KeyboardInterrupt
-        return run(self, inflow, stop)
-
-    monkeypatch.setattr(running_record, "RECORDING_PLAN", RecordingPlan(2, 60.0, 600.0))
-    monkeypatch.setattr(StartRecorder, "run", interrupted)
-    recorder = StartRecorder(turbine, "training", Counting())
-    with pytest.raises(KeyboardInterrupt):
-        recorder.record([still, steady])
-    assert len(steps) < 3000  # of 6600
+        for seed in range(2):
+            begun(env, seed=seed)
+    np.testing.assert_allclose(env.simulator.tower_top()[2:], 0.0, atol=1e-9)
+    assert caplog.text.count("there is no record of it") == 1
 
 
 def test_turbulence_of_the_user_starts_amid_motion_too():
@@ -183,13 +198,6 @@ def test_reward_filters_begin_with_running_means(env):
     term = next(term for term in env.reward_terms if term.name == "tower_side_side_fatigue")
     assert term._filter.mean != env.signals["tower_base_side_side_moment"]
     assert isinstance(env._starts.running, RunningStart)
-
-
-def test_memory_of_another_controller_is_refused():
-    turbine = load_turbine("nrel_5mw")
-    plain, tuned = (make_controller(name, turbine) for name in ("discon", "tuned"))
-    with pytest.raises(ValueError, match="has other parts"):
-        remember(plain, memory_of(tuned), np.ones(99, dtype=bool))
 
 
 def test_parameters_that_are_changed_later_stay():
@@ -224,15 +232,12 @@ def test_controllers_of_the_user_start_from_the_present_demand():
     np.testing.assert_allclose(env.controller.log[0], signals["pitch"], atol=np.radians(0.5))
 
 
-def test_a_wind_unlike_those_of_the_record_starts_at_rest(env, monkeypatch):
-    """Slow wind at the start of an episode whose mean is fast."""
-    kept = {}
-    monkeypatch.setattr(record_store, "_records", kept)
-    begun(env)
-    (record,) = kept.values()
-    calm = SteadyInflow(5.0, 90.0)
-    assert record.start(calm, 0.0, 0.5, None, np.inf) is None
-    assert record.start(SteadyInflow(15.0, 90.0, shear_exponent=0.2), 0.0, 0.5, None, 0.1) is None
+def test_a_wind_unlike_those_of_the_record_starts_at_rest(turbine):
+    """Hardly any wind before the start of an episode whose mean is fast, or a limit of the rotor speed below all."""
+    _, record = find_record(turbine, 1.0)
+    calm, usual = SteadyInflow(1.0, 90.0), SteadyInflow(15.0, 90.0, shear_exponent=0.2)
+    assert record.start(turbine, calm, 15.0, 0.0, 0.5, None, np.inf) is None
+    assert record.start(turbine, usual, 15.0, 0.0, 0.5, None, 0.1) is None
 
 
 def test_a_wind_that_has_no_past_is_not_asked_for_it():

@@ -142,18 +142,19 @@ than the penalty; and without a discount an idling turbine, feathered and withou
 ## Starting state
 
 In turbulence the turbine runs, by default (``start="running"``): rotor speed, pitch, generator torque, azimuth and
-the swinging tower are those of an instant of a record of the turbine under its base controller, or the baseline
-where there is none, in turbulence of the same kind; the base controller has read what it read before that instant.
-The instant is one after winds like those before the start (`wt_gym.envs.running_start`). Records are made once for
-a turbine, a controller and a wind speed and kept on disk. With ``start="steady"``, in steady winds, gusts and
-winds below cut-in and above cut-out, it starts near its steady operating point
-(`wt_gym.control.operating_point.operating_point`): rotor speed, pitch and generator torque of the mean wind speed,
-azimuth drawn uniformly, tower at rest. So it does where an option fixes rotor speed, pitch or torque. Structure and
-wake are as ``Simulator.reset`` leaves them, the yaw angle is 0. At yaw angle 0 the nacelle faces a wind that blows
-along +x. Winds made here have their direction against the nacelle, so that the option ``yaw`` turns the world:
-actions, observations and rewards stay the same. An inflow of your own blows from where it does, and meets the rotor
-with the yaw error that follows from ``yaw``. Extreme winds meet a parked turbine: rotor at rest, blades feathered,
-no torque; it needs a negative ``standstill_limit``, and no built-in base controller supports this case.
+the swinging tower are those of an instant of a record of the turbine under the baseline in turbulence, after winds
+like those before the start (`wt_gym.envs.running_start`). A base controller that is the baseline, or is built on
+it, has the memory of that instant; another one starts from its demand. The package has records of the turbines of
+the catalog, ``wt-gym record`` makes those of others, and a turbine without a record starts as with
+``start="steady"``. With ``start="steady"``, in steady winds, gusts and winds below cut-in and above cut-out, it
+starts near its steady operating point (`wt_gym.control.operating_point.operating_point`): rotor speed, pitch and
+generator torque of the mean wind speed, azimuth drawn uniformly, tower at rest. So it does where an option fixes
+rotor speed, pitch or torque. Structure and wake are as ``Simulator.reset`` leaves them, the yaw angle is 0. At yaw
+angle 0 the nacelle faces a wind that blows along +x. Winds made here have their direction against the nacelle, so
+that the option ``yaw`` turns the world: actions, observations and rewards stay the same. An inflow of your own
+blows from where it does, and meets the rotor with the yaw error that follows from ``yaw``. Extreme winds meet a
+parked turbine: rotor at rest, blades feathered, no torque; it needs a negative ``standstill_limit``, and no
+built-in base controller supports this case.
 
 ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
 [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more

@@ -1,201 +1,161 @@
-"""Records of running turbines that are kept: in memory, and on disk for other processes."""
+"""Records of the turbines of the catalog, from which episodes in turbulence start: files of the package.
+
+A file holds a turbine under its default controller at wind speeds from cut-in to cut-out. Each column at a wind speed
+is stored in 16 bits, between its least and its largest value. ``wt-gym record`` makes the files. The start of an
+episode depends on them alone, on every machine. Their ``probe``, the signals of a short run, tells a test that
+the program moves the turbine in another way than the one that recorded it. Turbines of the user have such files in
+their cache.
+"""
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import logging
-import os
-import pickle
-import threading
-import zipfile
-from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+import json
+import math
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-import filelock
 import numpy as np
 
-from wt_gym.control.controllers.memory import Memory
-from wt_gym.envs import running_record
-from wt_gym.envs.running_record import Record, StartRecorder
-from wt_gym.files import whole_file
-from wt_gym.simulation.state import fingerprint
-from wt_gym.sources import sources_digest
+from wt_gym.envs.running_record import ControllerForm, Record
+from wt_gym.files import write_whole
 from wt_gym.user_cache import user_cache
-from wt_gym.wind import MirroredInflow
 
 if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
-    from pathlib import Path
+    from numpy.typing import NDArray
 
-    from wt_gym.control.controllers import Controller
-    from wt_gym.envs.wind_sampler import WindSampler
     from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
-__all__ = ["digest_of_controller", "kept_record"]
+__all__ = ["FOLDER", "StartFile", "dimensions", "find_record", "recorded_speeds", "user_folder"]
 
-_log = logging.getLogger(__name__)
-_FORMAT = 8  # raise when what a record holds changes
-RECORD_SEED = 7_777_000
-"""First seed of the turbulence in which a turbine is recorded, none of an evaluation or training."""
-_MOST, _MOST_FILES = 32, 200
-_MOST_BYTES, _MOST_FILE_BYTES = 300_000_000, 2_000_000_000
-"""Records in memory and files, at most: some 2 MB each, 35 MB of a controller with a long memory."""
-_PARTS = ("now", "history", "thrust", "before")
-_records: dict[str, Record | None] = {}
-_warned: set[str] = set()
-_lock = threading.Lock()
+FOLDER = Path(__file__).parent / "starts"
+"""Folder of the records."""
+BIN = 2.0
+"""Distance of the recorded wind speeds [m/s]."""
+_LAST_CODE = 65_535
+_SAME = 1e-3
+"""Relative difference of dimensions up to which a turbine is the recorded one: a site changes nothing of them."""
 
 
-class Kept(NamedTuple):
-    """What stands on the disk: a record, or None where the turbine could not run."""
+@dataclass(frozen=True)
+class StartFile:
+    """A record as it is stored.
 
-    record: Record | None
+    Attributes
+    ----------
+    turbine : str
+        Name.
+    dimensions : tuple of float
+        See `dimensions`.
+    fidelity : str
+    controller : str
+        Name.
+    level : float
+        Demanded power over the available one [-].
+    kind : str
+        See `wt_gym.envs.running_record.ControllerForm`.
+    n_motion : int
+        Numbers of the motion of the structure.
+    """
+
+    turbine: str
+    dimensions: tuple[float, ...]
+    fidelity: str
+    controller: str
+    level: float
+    kind: str
+    n_motion: int
+
+    @classmethod
+    def of(cls, path: Path) -> StartFile:
+        """Head of a file."""
+        with np.load(path, allow_pickle=False) as file:
+            head = json.loads(str(file["head"]))
+        return cls(**head | {"dimensions": tuple(head["dimensions"])})
+
+    def fits(self, turbine: Turbine) -> bool:
+        """Whether it is a record of a turbine."""
+        return self.turbine == turbine.name and np.allclose(self.dimensions, dimensions(turbine), rtol=_SAME)
+
+    def write(
+        self, path: Path, speeds: NDArray[np.float64], rows: NDArray[np.float64], form: ControllerForm,
+        probe: NDArray[np.float64],
+    ) -> None:  # fmt: skip
+        """Write the file of a record; the parameters are those of `Record`."""
+        codes, low, unit = _packed(rows)
+        arrays = {
+            "head": json.dumps(asdict(self)), "speeds": speeds, "codes": codes, "low": low, "unit": unit,
+            "values": form.values, "sizes": form.sizes, "changing": form.changing, "probe": probe,
+        }  # fmt: skip
+        write_whole(path, lambda file: np.savez_compressed(file, **arrays))
+
+    def read(self, path: Path) -> Record:
+        """Read the record."""
+        with np.load(path, allow_pickle=False) as file:
+            form = ControllerForm(self.kind, file["values"], file["sizes"], file["changing"])
+            rows = file["low"][:, None] + file["unit"][:, None] * file["codes"].transpose(0, 2, 1)
+            return Record(abs(int(self.dimensions[0])), self.n_motion, file["speeds"], rows, form)
 
 
-def kept_record(recorder: StartRecorder, identity: str, winds: WindSampler, speed: float) -> Record | None:
-    """Record at a wind speed: from memory, from the disk, or made now.
+def dimensions(turbine: Turbine) -> tuple[float, ...]:
+    """Dimensions that tell a turbine from others of its name: blades, diameter and hub height [m], rated power [W].
+
+    The sense of rotation is their sign.
+    """
+    sense = -1.0 if turbine.rotation == "counter-clockwise" else 1.0
+    return (
+        sense * turbine.n_blades, turbine.rotor_diameter, turbine.hub_height, turbine.drivetrain.rated_power,
+    )  # fmt: skip
+
+
+def recorded_speeds(turbine: Turbine) -> NDArray[np.float64]:
+    """Wind speeds at which a turbine is recorded: cut-in, cut-out, and every `BIN` between them [m/s]."""
+    low, high = turbine.cut_in, turbine.cut_out
+    between = BIN * np.arange(math.floor(low / BIN) + 1, math.ceil(high / BIN))
+    return np.array([low, *between.tolist(), high])
+
+
+def find_record(turbine: Turbine, level: float) -> tuple[StartFile, Record] | None:
+    """Record of a turbine, in the package or of the user; None where there is none.
 
     Parameters
     ----------
-    recorder : StartRecorder
-    identity : str
-        Of its controller, see `digest_of_controller`.
-    winds : WindSampler
-        Of which the turbulence is.
-    speed : float
-        [m/s].
-
-    Returns
-    -------
-    Record or None
-        None where the turbine cannot run in that wind; that is kept as a record is.
+    turbine : Turbine
+    level : float
+        Demanded power over the available one [-]; the record with the nearest level is taken.
     """
-    lengths = running_record.RECORDING_PLAN
-    parts = _FORMAT, lengths, recorder.turbine, recorder.fidelity, winds.turbulence_key, speed, _sources(), identity
-    key = fingerprint(*parts)[:32]
-    with _lock:
-        if key in _records:
-            return _records[key]
-    folder = _folder()
-    with _alone(folder, key):
-        kept = _load(folder, key, recorder)
-        if kept is None:
-            _tell(recorder.turbine)
-            seeds = range(RECORD_SEED, RECORD_SEED + lengths.runs)
-            inflows: list[Inflow] = [winds.turbulence(speed, seed) for seed in seeds]
-            if recorder.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
-                inflows = [MirroredInflow(inflow) for inflow in inflows]
-            kept = Kept(recorder.record(inflows))
-            _store(folder, key, kept)
-    with _lock:
-        new = _size(kept.record)
-        while _records and (len(_records) >= _MOST or new + sum(map(_size, _records.values())) > _MOST_BYTES):
-            _records.pop(next(iter(_records)))
-        _records[key] = kept.record
-    return kept.record
+    fitting = [path for path, file in _heads().items() if file.fits(turbine)]
+    if not fitting:
+        return None
+    path = min(fitting, key=lambda one: abs(_heads()[one].level - level))
+    return _heads()[path], _read(path)
 
 
-def _tell(turbine: Turbine) -> None:
-    """Once."""
-    if turbine.name not in _warned:
-        _warned.add(turbine.name)
-        _log.warning(
-            "recording how %s runs in turbulence, so that episodes begin amid its operation: half a minute for each "
-            "wind speed, once on this machine",
-            turbine.name,
-        )
+@lru_cache(maxsize=1)
+def _heads() -> dict[Path, StartFile]:
+    """Files of the package, and of the user."""
+    folders = [FOLDER] + ([] if (own := user_folder()) is None else [own])
+    return {path: StartFile.of(path) for folder in folders for path in sorted(folder.glob("*.npz"))}
 
 
-def digest_of_controller(controller: Controller) -> str:
-    """Digest of a built-in controller: of its parameters, and of what it remembers; the sources have their own."""
-    return hashlib.sha256(pickle.dumps(controller)).hexdigest()
-
-
-@cache
-def _sources() -> str:
-    """Digest of all that makes a record: how another version of it runs is not how this one does."""
-    return sources_digest("wt_gym.envs.running_record", "wt_gym.envs.wind_sampler")
-
-
-def _folder() -> Path | None:
-    """Where records are kept, None if there is no such place."""
+def user_folder() -> Path | None:
+    """Folder of the records of the user; None where there is no cache of the user."""
     cache = user_cache()
-    if cache is None:
-        return None
-    folder = cache / "starts"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        _log.warning("records of the running turbine cannot be kept in %s (%s)", folder, error)
-        return None
-    return folder
+    return None if cache is None else cache / "running"
 
 
-def _alone(folder: Path | None, key: str) -> AbstractContextManager[Any]:
-    """Have other processes and threads wait that want the same record."""
-    if folder is None or not os.access(folder, os.W_OK):
-        return contextlib.nullcontext()
-    return filelock.FileLock(folder / f"{key}.lock")
+@lru_cache(maxsize=4)
+def _read(path: Path) -> Record:
+    return _heads()[path].read(path)
 
 
-def _load(folder: Path | None, key: str, recorder: StartRecorder) -> Kept | None:
-    """What stands on the disk, None if there is nothing that is sound."""
-    path = None if folder is None else folder / f"{key}.npz"
-    if path is None or not path.is_file():
-        return None
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            if "failed" in file:
-                return Kept(None)
-            step, parts = float(file["step"]), {name: file[name] for name in _PARTS}
-            values = np.tile(file["values"], (len(file["sizes"]), 1))
-            values[:, file["changing"]] = file["changes"]
-            memory, changing = Memory(values, file["sizes"]), file["changing_parts"]
-        if any(len(part) != len(memory.sizes) or not np.isfinite(part).all() for part in parts.values()):
-            raise ValueError("its parts do not fit together")
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        _log.warning("record %s of the running turbine is unreadable (%s); it is made again", path, error)
-        return None
-    return Kept(Record(recorder, step, **parts, memory=memory, changing=changing))
-
-
-def _store(folder: Path | None, key: str, kept: Kept) -> None:
-    """Keep a record, or that there is none; one that cannot be written costs the time of the next making."""
-    if folder is None:
-        return
-    path = folder / f"{key}.npz"
-    try:
-        with whole_file(path) as partial, partial.open("wb") as file:
-            np.savez(file, **_arrays(kept.record))
-        total = 0
-        newest_first = sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime, reverse=True)
-        for number, old in enumerate(newest_first):
-            total += old.stat().st_size
-            if number and (number >= _MOST_FILES or total > _MOST_FILE_BYTES):
-                old.unlink(missing_ok=True)
-                old.with_suffix(".lock").unlink(missing_ok=True)
-    except OSError as error:
-        _log.warning("a record of the running turbine could not be kept in %s (%s)", folder, error)
-
-
-def _size(record: Record | None) -> int:
-    """Bytes of what a record holds most of."""
-    return 0 if record is None else record.memory.values.nbytes + sum(getattr(record, n).nbytes for n in _PARTS)
-
-
-def _arrays(record: Record | None) -> dict[str, Any]:
-    """Arrays of the file of a record."""
-    if record is None:
-        return {"failed": True}
-    values, sizes = record.memory  # hardly any of the values change
-    changing = np.flatnonzero((values != values[0]).any(axis=0))
-    return {name: getattr(record, name) for name in _PARTS} | {
-        "step": record.step,
-        "sizes": sizes,
-        "values": values[0],
-        "changing": changing,
-        "changes": values[:, changing],
-        "changing_parts": record.changing,
-    }
+def _packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.float64], NDArray[np.float64]]:
+    """Codes (n_speeds, n_columns, n_instants), and least value and unit of the columns (n_speeds, n_columns)."""
+    if not np.isfinite(rows).all():
+        raise ValueError("a record must be of finite numbers")
+    low, high = rows.min(axis=1), rows.max(axis=1)
+    whole = (rows == np.round(rows)).all(axis=1) & (high - low <= _LAST_CODE)
+    unit = np.where(whole, 1.0, (high - low) / _LAST_CODE)
+    codes = np.round((rows - low[:, None]) / np.where(unit > 0.0, unit, 1.0)[:, None])
+    return codes.transpose(0, 2, 1).astype(np.uint16), low, unit

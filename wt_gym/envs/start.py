@@ -1,22 +1,22 @@
-"""What an episode begins with: the state of the turbine, and what its controller has read before."""
+"""Start of an episode: state of the turbine, and memory of its controller."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.control import Demand
-from wt_gym.control.controllers import WithLidar, lidar_of
-from wt_gym.control.controllers.memory import Memory, remember
+from wt_gym.control.controllers.memory import Memory, memory_of, remember
 from wt_gym.simulation import Signals
 
 if TYPE_CHECKING:
-    from wt_gym.control import Lidar
+    from numpy.typing import NDArray
+
+    from wt_gym.control import Demand
     from wt_gym.control.controllers import Controller, Readings
 
-__all__ = ["ControllerHistory", "Start", "Trail", "steady_start"]
+__all__ = ["ControllerMemory", "Start", "Trail", "kind_of", "steady_start"]
 
 
 @dataclass(frozen=True)
@@ -36,46 +36,41 @@ class Trail:
 
 
 @dataclass(frozen=True)
-class ControllerHistory:
-    """What a controller has read and demanded before the start of an episode, oldest first.
+class ControllerMemory:
+    """Memory of a controller that ran before the start of an episode.
 
     Attributes
     ----------
-    signals : numpy.ndarray, shape (n_times, n_channels)
-        Not a number where a signal is not recorded.
-    pitch : numpy.ndarray, shape (n_times, n_blades)
-        Demanded [rad].
-    torque : numpy.ndarray, shape (n_times,)
-        Demanded [N m].
-    lidar : numpy.ndarray, shape (n_times, n_readings)
-        Readings of the controller's lidar [m/s].
-    dt : float
-        Between the times [s].
+    kind : str
+        Module and name of its class.
     memory : Memory
-        What the controller remembers then.
+        Parameters included.
     changing : numpy.ndarray, shape (n_parts,), bool
-        Which parts of it are no parameters.
+        Parts that are no parameters.
     """
 
-    signals: np.ndarray
-    pitch: np.ndarray
-    torque: np.ndarray
-    lidar: np.ndarray
-    dt: float
+    kind: str
     memory: Memory
-    changing: np.ndarray
+    changing: NDArray[np.bool_]
 
-    def feed(self, controller: Controller) -> None:
-        """Let a controller read, after which it has the form to remember what it would after a longer time."""
-        lidar = lidar_of(controller)
-        controller.start(self._readings(0, lidar), Demand(self.pitch[0], 0.0, float(self.torque[0])))
-        for k in range(len(self.signals)):
-            controller.step(self._readings(k, lidar), self.dt)
-        remember(controller, self.memory, self.changing)
+    def put(self, controller: Controller) -> None:
+        """Put it into a controller of that kind and with those parameters, or into such a base of it; into no other."""
+        inner: Any = controller
+        while inner is not None and kind_of(inner) != self.kind:
+            inner = getattr(inner, "base", None)
+        if inner is None:
+            return
+        values, sizes = memory_of(inner)
+        if not np.array_equal(sizes, self.memory.sizes):
+            return
+        fixed = np.repeat(~self.changing, sizes)
+        if np.allclose(values[fixed], self.memory.values[fixed], rtol=1e-6, atol=0.0, equal_nan=True):
+            remember(inner, self.memory, self.changing)
 
-    def _readings(self, k: int, lidar: Lidar | None) -> Readings:
-        signals = Signals(self.signals[k], self.pitch.shape[1])
-        return WithLidar(signals, self.lidar[k], lidar) if self.lidar.shape[1] else signals
+
+def kind_of(controller: Controller) -> str:
+    """Module and name of the class of a controller."""
+    return f"{type(controller).__module__}.{type(controller).__qualname__}"
 
 
 @dataclass(frozen=True)
@@ -101,8 +96,8 @@ class Start:
         Mean thrust of the air in the time before, to which the wake belongs [N].
     deviations : dict
         Of the running means of channels from their present values, by name.
-    before : Before, optional
-        What the base controller has read until then.
+    memory : ControllerMemory, optional
+        Of the controller that ran before.
     trail : Trail, optional
         Signals before.
     """
@@ -115,11 +110,11 @@ class Start:
     motion: np.ndarray | None = None
     wake_thrust: float | None = None
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
-    before: ControllerHistory | None = None
+    memory: ControllerMemory | None = None
     trail: Trail | None = None
 
     def start(self, controller: Controller, readings: Readings, demand: Demand) -> None:
-        """Start a controller with the memory of what it has read before; without any, from the present demand.
+        """Start a controller from the present demand, with the memory that fits it.
 
         Parameters
         ----------
@@ -129,10 +124,9 @@ class Start:
         demand : Demand
             Of the present instant.
         """
-        if self.before is None:
-            controller.start(readings, demand)
-        else:
-            self.before.feed(controller)
+        controller.start(readings, demand)
+        if self.memory is not None:
+            self.memory.put(controller)
 
     def averaged(self, signals: Signals) -> Signals:
         """Signals with the running means in place of the present values of the loads.

@@ -169,7 +169,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             raise ValueError(
                 "action_components 'set_point' needs a base controller with a supervisor: 'discon+supervisor'"
             )
-        running = self._running_start(controller, references)
+        running = self._running_start(references)
         self.dials: DialDraws | None = None  # draws the factors on the weights of the reward
         if options.dial.weights is not None:
             self.dials = DialDraws(options.dial, [term.name for term in self.reward_terms])
@@ -249,16 +249,12 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         has_pitch = action.mode == "residual" and "pitch" in action.components
         return residual if has_pitch and (residual.fades or residual.washes) else None
 
-    def _running_start(
-        self, controller: Controller | None, references: PowerReferenceDraws | None
-    ) -> RunningStart | None:
+    def _running_start(self, references: PowerReferenceDraws | None) -> RunningStart | None:
         """Where episodes get their starts from, None where they are steady."""
         if self.options.start == "steady" or self.wind.parks:
             return None
-        if controller is None:
-            controller = make_controller(BASELINE, self.turbine)
-        share = None if references is None else references.mean_share
-        return RunningStart(self.turbine, self.fidelity, controller, self.wind, self.limits.overspeed, share)
+        level = 1.0 if references is None else references.mean_share(self.turbine.cut_out)
+        return RunningStart(self.turbine, self.fidelity, self.limits.overspeed, level)
 
     def _make_twin(self) -> WindTurbineEnv:
         """Make the turbine under the base controller alone: it gets the winds that are drawn here, and has none itself.

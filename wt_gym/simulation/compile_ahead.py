@@ -2,7 +2,7 @@
 
 A process compiles one kernel after another. What moves the structure and what moves the air do not call each other:
 each is compiled in a process of its own, into the cache that both share. The first continues with the step that calls
-both, the other one, which is done earlier, with what only a start calls.
+both, the other one, which is done earlier, with what a start calls and with the wind.
 """
 
 from __future__ import annotations
@@ -136,14 +136,18 @@ def _at_rest(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fide
 
 
 def _compile_start(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fidelity) -> None:
-    """What a start calls beyond structure and air, by starting."""
-    _at_rest(simulator, turbine, fidelity).reset(rotor_speed=turbine.drivetrain.rated_rotor_speed)
+    """What a start calls beyond structure and air, by starting, and what asks for the wind of a step."""
+    started = _at_rest(simulator, turbine, fidelity)
+    started.reset(rotor_speed=turbine.drivetrain.rated_rotor_speed)
+    started.coupling.wind.compile()
 
 
 def _compile_structure(coupling: Coupling) -> None:
     """What moves the structure, by letting it begin to move, and what only the compiled step calls."""
     structure = coupling.models.structure
-    coupling.begin(structure.adopt(structure, structure.system.initial_state()))  # which puts free bodies in place
+    coupling.begin_motion(
+        structure.adopt(structure, structure.system.initial_state())
+    )  # which puts free bodies in place
     for kernel, arguments in coupling.parts_without_air():
         kernel.compile(argument_types(arguments))
 

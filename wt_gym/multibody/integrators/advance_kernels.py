@@ -51,7 +51,7 @@ def advance_by(implicit, history, inputs, tree, work, h, n_steps, n_corrections,
         # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
         predicted = rough and n_steps <= MOST_UNCORRECTED and constrained is None
         n_passes = 0 if predicted else n_corrections
-        return hamming_advance(history, inputs, tree, work, h, n_steps, n_passes, constrained, False)
+        return hamming_advance(history, inputs, tree, work, h, n_steps, n_passes, constrained, bool(False))
     tolerance = implicit.rough_tolerance if rough else implicit.tolerance
     return implicit_advance(history, inputs, tree, work, implicit.scratch, h, implicit.scheme, n_steps, tolerance,
                             implicit.max_iterations, implicit.difference, constrained)  # fmt: skip
@@ -70,7 +70,7 @@ def end_rates(method, history, inputs, tree, work, state, rate, constrained):
 def end_rates_by(implicit, history, inputs, tree, work, state, rate, constrained):
     """As `end_rates`, by the scheme that the type of the first argument chooses."""
     if implicit is None:
-        return hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained, True)
+        return hamming_advance(history, inputs, tree, work, 1.0, int(0), int(0), constrained, bool(True))
     if constrained is None:
         return tree_rates(state, 1.0, inputs, tree, work, rate)
     return rates(state, 1.0, inputs, tree, work, rate, constrained)

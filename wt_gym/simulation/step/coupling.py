@@ -172,13 +172,17 @@ class Coupling:
         self.exchange.previous_loads[:] = self.integrator.inputs.body_loads[0]
         self.exchange.relaxation[:] = 1.0, 0.0, 0.0
         self.exchange.energy.begin()
-        self.motion.begin(y, self._scheme)
-        self.move_lattice(self._state)
+        self.begin_motion(y)
         self.wind.earlier_velocities[:] = self.exchange.velocities
         self._monitor.pitch[:] = self.pitch
         m = self.motion.structure.motion
         monitor_kernels.watch(m.state, m.rate, m.inputs.body_loads[1], m.tree, m.work, self.gauges, self._monitor)
         self.extremes.restart()
+
+    def begin_motion(self, y: NDArray[np.float64]) -> None:
+        """Let the structure start to move from the state y (n_state,), and the lattice with it."""
+        self.motion.begin(y, self._scheme)
+        self.move_lattice(self._state)
 
     def resume(self) -> None:
         """Bring up to date what follows from restored arrays."""

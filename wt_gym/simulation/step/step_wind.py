@@ -112,6 +112,10 @@ class StepWind:
             self._check(finite, inflow, end)
         return self.blades
 
+    def compile(self) -> None:
+        """Compile what `of_step` calls."""
+        _ = self._calls
+
     @cached_property
     def _calls(self) -> tuple[Callable[..., int], tuple[Any, ...], Callable[..., bool], tuple[Any, ...]]:
         """The compiled parts of `of_step` and their arguments, the same arrays in every step."""

@@ -1,0 +1,33 @@
+"""The records of running turbines that come with the package."""
+
+import numpy as np
+import pytest
+
+from wt_gym.envs.record_store import FOLDER, StartFile
+from wt_gym.envs.recording import CATALOG, probe
+
+
+def test_the_package_has_a_file_for_each_record_and_no_other():
+    assert {path.stem for path in FOLDER.glob("*.npz")} == {recorded.name for recorded in CATALOG}
+
+
+def test_the_files_are_small():
+    assert sum(path.stat().st_size for path in FOLDER.glob("*.npz")) < 4e6
+
+
+@pytest.mark.parametrize("recorded", CATALOG, ids=[recorded.name for recorded in CATALOG])
+def test_a_file_says_of_what_it_is_a_record(recorded):
+    head = StartFile.of(FOLDER / f"{recorded.name}.npz")
+    assert (head.controller, head.level, head.fidelity) == (recorded.controller, recorded.level, recorded.fidelity)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("recorded", CATALOG, ids=[recorded.name for recorded in CATALOG])
+def test_the_program_moves_the_turbine_as_the_one_that_recorded_it(recorded):
+    """If it fails: wt-gym record --package. Twenty seconds from the same start, by a fiftieth of the deviations."""
+    with np.load(FOLDER / f"{recorded.name}.npz") as file:
+        stored, codes, unit = file["probe"], file["codes"], file["unit"]
+    middle = len(codes) // 2
+    deviations = codes[middle].std(axis=1) * unit[middle]
+    n = len(stored)
+    np.testing.assert_array_less(np.abs(probe(recorded) - stored), 0.02 * deviations[:n] + 1e-9 * np.abs(stored))

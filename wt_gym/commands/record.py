@@ -1,0 +1,122 @@
+"""Record how turbines run in turbulence: from such records episodes start amid their operation.
+
+    wt-gym record model.fst                 # a turbine of your own
+    wt-gym record --package                 # the turbines of the catalog, in a clone of the project
+    wt-gym record --package nrel_5mw
+
+The turbine runs under its baseline controller, every 2 m/s from cut-in to cut-out, for hours in all; the record stays
+in the user's cache (WT_GYM_CACHE). Episodes of a turbine without a record start at the operating point of the wind. An
+interrupted command continues where it was, as long as the program is the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import time
+from typing import TYPE_CHECKING
+
+from wt_gym.commands.program import FIDELITIES_HELP, IN_CLONE, OneLineParser, stoppable, user_errors
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from wt_gym.envs.recording import RecordedTurbine
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("record", description=__doc__)
+    parser.add_argument(
+        "turbines", nargs="*", metavar="TURBINE", help="windIO files and OpenFAST models; with --package records of it"
+    )
+    parser.add_argument("--fidelity", help=f"of the runs: {FIDELITIES_HELP} (default: training)")
+    parser.add_argument("--package", action="store_true", help="make the records of the package")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default: %(default)s)")
+    arguments = parser.parse_args(words)
+    if arguments.package and not IN_CLONE:
+        parser.error("--package needs a clone of the project")
+    if not (arguments.package or arguments.turbines):
+        parser.error("TURBINE must name a file, or --package be there")
+    return arguments
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run the command."""
+    arguments = parse_arguments(words)
+    os.environ["OMP_NUM_THREADS"] = "1"  # of the processes
+    from wt_gym.compiled import digest_of
+    from wt_gym.envs.record_store import FOLDER
+    from wt_gym.envs.recording import make_record
+    from wt_gym.runs.progress import clock
+
+    with user_errors(), stoppable("the runs that are done stay: the same command continues"):
+        package = FOLDER.parents[1]
+        version = digest_of(package, list(package.rglob("*.py")))[:16]
+        records = _of_package(arguments.turbines) if arguments.package else _of_user(arguments)
+        folder = FOLDER if arguments.package else _user_folder()
+        began = time.monotonic()
+        for number, (name, recorded) in enumerate(records.items(), 1):
+            path, pieces = folder / f"{name}.npz", _user_folder() / "runs" / version / name
+            make_record(recorded, path, pieces, arguments.jobs, _Report(f"record {number}/{len(records)}, {name}"))
+            size, passed = path.stat().st_size / 1e3, clock(time.monotonic() - began)
+            print(f"{path}: {size:.0f} kB after {passed}", flush=True)
+
+
+def _of_package(names: list[str]) -> dict[str, RecordedTurbine]:
+    """Records of the package by name, all or some."""
+    from wt_gym.envs.recording import CATALOG
+
+    records = {recorded.name: recorded for recorded in CATALOG}
+    unknown = sorted(set(names) - set(records))
+    if unknown:
+        raise ValueError(f"TURBINE must be of {', '.join(records)}, got {', '.join(unknown)}")
+    return {name: recorded for name, recorded in records.items() if name in names or not names}
+
+
+def _of_user(arguments: argparse.Namespace) -> dict[str, RecordedTurbine]:
+    """Records of the user's turbines, by names of files."""
+    from wt_gym.envs.recording import RecordedTurbine
+    from wt_gym.turbines import load_turbine
+
+    records = {}
+    for path in arguments.turbines:
+        turbine = load_turbine(path)
+        name = re.sub(r"\W+", "_", turbine.name).strip("_").lower()
+        records[name] = RecordedTurbine(path, fidelity=arguments.fidelity or "training")
+    return records
+
+
+def _user_folder() -> Path:
+    """Folder of the records of the user."""
+    from wt_gym.envs.record_store import user_folder
+
+    folder = user_folder()
+    if folder is None:
+        raise OSError("there is no cache of the user for records: set WT_GYM_CACHE to a folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+class _Report:
+    """Progress line with the time that is left, by the runs that this process has made.
+
+    Parameters
+    ----------
+    label : str
+    """
+
+    def __init__(self, label: str):
+        from wt_gym.runs.progress import ProgressLine
+
+        self._label, self._line = label, ProgressLine(interval=30.0)
+        self._began, self._made = time.monotonic(), 0
+
+    def __call__(self, done: int, total: int) -> None:
+        """Report the finished runs, and all."""
+        from wt_gym.runs.progress import clock
+
+        self._made += 1
+        left = clock((time.monotonic() - self._began) / self._made * (total - done))
+        self._line.show(f"{self._label}: {done}/{total} runs, {left} left", final=done == total)

@@ -1,0 +1,180 @@
+"""Makes records of running turbines: those of the package, of the catalog under default controllers, and the user's."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from multiprocessing import get_context
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.blas_threads import one_blas_thread
+from wt_gym.control.controllers import make_controller
+from wt_gym.envs.options.wind import WindOptions
+from wt_gym.envs.record_store import StartFile, dimensions, recorded_speeds
+from wt_gym.envs.rewards import available_power
+from wt_gym.envs.running_record import PLAN, Columns, ControllerForm, Instants, RecordingPlan, StartRecorder
+from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.errors import SimulationError
+from wt_gym.files import write_whole
+from wt_gym.turbine_records import RECORDS
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import TurbulentInflow
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from wt_gym.turbines import Turbine
+
+__all__ = ["CATALOG", "RecordedTurbine", "make_record", "probe"]
+
+_log = logging.getLogger(__name__)
+_SEED = 7_777_000
+"""First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s."""
+_ATTEMPTS = 3
+"""Winds of a run: a gust may stop a turbine at cut-out by its overspeed."""
+_PER_BOX = 2
+"""Runs in different halves of a turbulence box."""
+_PROBE = RecordingPlan(runs=1, settling=20.0, instants=1, spacing=1.0)
+
+
+@dataclass(frozen=True)
+class RecordedTurbine:
+    """A turbine and its controller.
+
+    Attributes
+    ----------
+    turbine : str
+        Name or path.
+    controller : str
+        Name.
+    level : float
+        Demanded power over the available one [-]; 1: nothing is demanded.
+    fidelity : str
+        Of the runs.
+    """
+
+    turbine: str
+    controller: str = "discon"
+    level: float = 1.0
+    fidelity: str = "training"
+
+    @property
+    def name(self) -> str:
+        """Name of the file in the package."""
+        return self.turbine if self.level == 1.0 else f"{self.turbine}-{self.level:g}"
+
+    def recorder(self, speed: float) -> StartRecorder:
+        """Recorder at a wind speed [m/s]."""
+        turbine = load_turbine(self.turbine)
+        power = None if self.level == 1.0 else self.level * available_power(turbine, speed)
+        return StartRecorder(turbine, self.fidelity, make_controller(self.controller, turbine), power)
+
+    def inflow(self, speed: float, run: int) -> TurbulentInflow:
+        """Wind of a run at a wind speed [m/s]."""
+        seed = _SEED + 1000 * round(speed) + run // _PER_BOX
+        wind = _winds(load_turbine(self.turbine)).turbulence(speed, seed)
+        return replace(wind, time_offset=run % _PER_BOX / _PER_BOX * wind.box.duration)
+
+    def run(self, speed: float, run: int) -> Instants:
+        """Record a run at a wind speed [m/s], in another wind where the turbine does not come through that of the run.
+
+        Raises
+        ------
+        wt_gym.errors.SimulationError
+            If it comes through none of `_ATTEMPTS`.
+        """
+        recorder = self.recorder(speed)
+        for attempt in range(_ATTEMPTS - 1):
+            try:
+                return recorder.run(self.inflow(speed, run + attempt * PLAN.runs), PLAN)
+            except SimulationError as error:
+                _log.info("%s does not run in wind %d at %g m/s (%s)", self.turbine, run, speed, error)
+        return recorder.run(self.inflow(speed, run + (_ATTEMPTS - 1) * PLAN.runs), PLAN)
+
+
+CATALOG = (
+    *(RecordedTurbine(name, fidelity=record.arguments.get("fidelity", "training")) for name, record in RECORDS.items()),
+    RecordedTurbine("nrel_5mw", "discon+derate_kinetic", 0.85),
+)
+"""Records of the package: they serve every id of an environment with its default options."""
+
+
+@lru_cache(maxsize=1)
+def _winds(turbine: Turbine) -> WindSampler:
+    return WindSampler(turbine, WindOptions(inflow="turbulent"))
+
+
+def make_record(
+    recorded: RecordedTurbine, path: Path, pieces: Path, processes: int, report: Callable[[int, int], None]
+) -> None:
+    """Record a turbine, and write the file.
+
+    Parameters
+    ----------
+    recorded : RecordedTurbine
+    path : pathlib.Path
+        Of the file.
+    pieces : pathlib.Path
+        Folder of the runs that are done: they are not made again.
+    processes : int
+    report : callable
+        Gets the number of finished runs, and of all.
+
+    Raises
+    ------
+    wt_gym.errors.SimulationError
+        If the turbine cannot run in a wind.
+    """
+    turbine = load_turbine(recorded.turbine)
+    speeds = recorded_speeds(turbine)
+    runs = [(speed, run) for speed in speeds.tolist() for run in range(PLAN.runs)]
+    pieces.mkdir(parents=True, exist_ok=True)
+    files = [pieces / f"{speed:g}-{run}.pickle" for speed, run in runs]
+    done = sum(file.is_file() for file in files)
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        work = [
+            pool.submit(_store_run, recorded, *run, file)
+            for run, file in zip(runs, files, strict=True)
+            if not file.is_file()
+        ]
+        try:
+            for future in as_completed(work):
+                future.result()
+                done += 1
+                report(done, len(runs))
+        finally:  # after an interrupt or a failure nobody waits for the runs that have not begun
+            pool.shutdown(wait=False, cancel_futures=True)
+    results: list[Instants] = [pickle.loads(file.read_bytes()) for file in files]
+    memories = [memory for result in results for memory in result.memories]
+    controller = make_controller(recorded.controller, turbine)
+    form = ControllerForm.of(controller, memories)
+    rows = np.array([result.rows for result in results])
+    numbers = form.numbers(memories).reshape(*rows.shape[:2], -1)
+    rows = np.concatenate([rows, numbers], axis=-1).reshape(len(speeds), -1, rows.shape[-1] + numbers.shape[-1])
+    head = StartFile(
+        turbine.name, dimensions(turbine), recorded.fidelity, recorded.controller, recorded.level, form.kind,
+        results[0].rows.shape[1] - Columns.of(turbine.n_blades, 0).memory.start,
+    )  # fmt: skip
+    head.write(path, speeds, rows, form, probe(recorded))
+
+
+def _store_run(recorded: RecordedTurbine, speed: float, run: int, file: Path) -> None:
+    """Record a run into a file."""
+    with one_blas_thread():
+        result = recorded.run(speed, run)
+    write_whole(file, lambda stream: pickle.dump(result, stream))
+
+
+def probe(recorded: RecordedTurbine) -> NDArray[np.float64]:
+    """Signals of the turbine after a short run (n_signals,): others than the recorded ones tell of another program."""
+    speed = float(np.median(recorded_speeds(load_turbine(recorded.turbine))))
+    rows = recorded.recorder(speed).run(recorded.inflow(speed, 0), _PROBE).rows
+    return rows[0]
