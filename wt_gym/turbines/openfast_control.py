@@ -315,6 +315,12 @@ _MODES = {
     "F_NumNotchFilts": "notch filters",
     "CC_Mode": "cable control",
     "StC_Mode": "structural control",
+    "SS_Mode": "smoothing of the set points",
+    "SU_Mode": "start-up",
+    "SD_Mode": "shut-down",
+    "PF_Mode": "faults of the pitch",
+    "Ext_Mode": "another library",
+    "ZMQ_Mode": "commands from another program",
 }
 """Switches of DISCON.IN whose functions `ControlData` does not hold."""
 
@@ -323,6 +329,9 @@ def _name_modes(file: TextFile, notes: list[str]) -> None:
     active = [f"{what} ({key})" for key, what in _MODES.items() if key in file and file.number(key) != 0.0]
     if active:
         notes.append(f"{file.path.name}: left aside: {', '.join(active)}")
+    for key, what in (("PC_ControlMode", "pitch"), ("VS_ControlMode", "torque")):
+        if file.integer(key, 1) == 0:
+            notes.append(f"{file.path.name}: {key} is 0: ROSCO does not control the {what}; here its numbers are used")
 
 
 def _constant_power(file: TextFile) -> bool:
