@@ -329,9 +329,8 @@ def _name_modes(file: TextFile, notes: list[str]) -> None:
     active = [f"{what} ({key})" for key, what in _MODES.items() if key in file and file.number(key) != 0.0]
     if active:
         notes.append(f"{file.path.name}: left aside: {', '.join(active)}")
-    for key, what in (("PC_ControlMode", "pitch"), ("VS_ControlMode", "torque")):
-        if file.integer(key, 1) == 0:
-            notes.append(f"{file.path.name}: {key} is 0: ROSCO does not control the {what}; here its numbers are used")
+    if file.integer("PC_ControlMode", 1) == 0:
+        notes.append(f"{file.path.name}: PC_ControlMode 0: ROSCO holds the fine pitch; here its gains are used")
 
 
 def _constant_power(file: TextFile) -> bool:
