@@ -6,15 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from random import Random
 
-import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from openfast_model import RULE, Model
+from openfast_model import RULE, Model, with_few_points
 
 from wt_gym.simulation.state import fingerprint
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.openfast import read_openfast
 
 FREE = ("aero/ad.dat", "servo/sd.dat", "blade.dat", "aero/af*.dat", "aero/af*_coords.txt")
@@ -26,15 +24,7 @@ COMMENTS = ("! NumBl 2", "# 1.0 AirDens", "% it's (\") a comment", "!", "", "  \
 
 @pytest.fixture(scope="module")
 def small():
-    """Turbine with few numbers, so that reading takes little time."""
-    turbine = load_turbine("nrel_5mw")
-    airfoils = []
-    for airfoil in turbine.blade.airfoils:
-        polar = airfoil.polar
-        at = np.unique(np.linspace(0, polar.alpha.size - 1, 12).astype(int))
-        few = Polar(*(getattr(polar, name)[at] for name in ("alpha", "cl", "cd", "cm")))
-        airfoils.append(replace(airfoil, polar=few, contour=airfoil.contour[::10]))
-    return replace(turbine, blade=replace(turbine.blade, airfoils=tuple(airfoils)))
+    return with_few_points(load_turbine("nrel_5mw"))
 
 
 def read(path):
