@@ -532,7 +532,7 @@ class TestWindIO:
         assert json.loads(written[1].read_text()) == {}  # what stood there belongs to another turbine
 
     @given(values=st.fixed_dictionaries({}, optional=DRAWN))
-    @settings(max_examples=4, deadline=None, phases=[Phase.generate])
+    @settings(max_examples=3, deadline=None, phases=[Phase.generate])
     def test_every_model_is_written(self, nrel_5mw, values):
         model = Model(with_few_points(nrel_5mw))
         for (part, key), value in values.items():
