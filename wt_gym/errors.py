@@ -19,6 +19,7 @@ __all__ = [
     "TurbineDefinitionError",
     "WtGymError",
     "did_you_mean",
+    "plain_numbers",
 ]
 
 
@@ -33,7 +34,7 @@ class WtGymError(Exception):
     """
 
     def __init__(self, *args: object) -> None:
-        super().__init__(*(_NUMPY_SCALAR.sub(r"\1\2", a) if isinstance(a, str) else a for a in args))
+        super().__init__(*(plain_numbers(arg) if isinstance(arg, str) else arg for arg in args))
 
 
 class TurbineDefinitionError(WtGymError, ValueError):
@@ -62,6 +63,11 @@ class SimulationError(WtGymError, RuntimeError):
 
 class ServerError(WtGymError, RuntimeError):
     """A server cannot listen at its address, or hears nothing for too long."""
+
+
+def plain_numbers(text: str) -> str:
+    """Return a message in which scalars of NumPy read as plain numbers."""
+    return _NUMPY_SCALAR.sub(r"\1\2", text)
 
 
 def did_you_mean(name: object, known: Iterable[str], otherwise: str = "") -> str:

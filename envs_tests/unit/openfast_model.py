@@ -1,7 +1,10 @@
 """OpenFAST files of a turbine, for the tests of the reader: written from the numbers of the catalogue's NREL 5-MW."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.beam import rotation_about_z
 
 DEGREE, RPM = np.pi / 180, np.pi / 30
@@ -21,6 +24,17 @@ def rows(*columns):
 
 def quoted(text):
     return f'"{text}"'
+
+
+def with_few_points(turbine):
+    """Turbine with short tables of its airfoils, of which files are read and written in little time."""
+    airfoils = []
+    for airfoil in turbine.blade.airfoils:
+        polar = airfoil.polar
+        at = np.unique(np.linspace(0, polar.alpha.size - 1, 12).astype(int))
+        few = Polar(*(getattr(polar, name)[at] for name in ("alpha", "cl", "cd", "cm")))
+        airfoils.append(replace(airfoil, polar=few, contour=airfoil.contour[::10]))
+    return replace(turbine, blade=replace(turbine.blade, airfoils=tuple(airfoils)))
 
 
 class Model:

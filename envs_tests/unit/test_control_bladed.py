@@ -419,6 +419,19 @@ def test_rosco_starts_and_stops_with_the_numbers_of_a_file_that_is_given(tmp_pat
     assert [values(name) for name in ("SU_Mode", "SD_Mode", "SD_EnablePitch")] == [["0"], ["1"], ["1"]]
 
 
+def test_an_input_file_of_rosco_may_have_any_form(tmp_path):
+    """ROSCO takes keywords in any case, with or without an exclamation mark, and reads bytes."""
+    (tmp_path / "cp.txt").write_text("table")
+    source = tmp_path / "DISCON.IN"
+    source.write_bytes(
+        "! Gr\u00f6\u00dfe \u0085\r\n2 LOGGINGLEVEL\r\n1 ! echo - e\r\n'cp.txt' perffilename\r\n".encode("latin-1")
+    )
+    lines = quiet_input(source).splitlines()
+    assert [line for line in lines if "!" in line][-3:] == [
+        "0 ! LoggingLevel", "0 ! Echo", f'"{tmp_path / "cp.txt"}" ! PerfFileName'
+    ]  # fmt: skip
+
+
 @needs_rosco
 @pytest.mark.parametrize("turbine", ["nrel_5mw", "iea_15mw", "iea_22mw", "gebhardt_45m"])
 def test_rosco_takes_the_stages_of_any_turbine(turbine):

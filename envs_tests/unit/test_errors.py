@@ -12,6 +12,7 @@ from wt_gym.agents.training.hyperparameters import check_hyperparameters
 from wt_gym.benchmark import load_task
 from wt_gym.commands import main
 from wt_gym.commands.benchmark import chosen
+from wt_gym.commands.program import user_errors
 from wt_gym.errors import WtGymError, did_you_mean
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import Signals, new_values
@@ -63,6 +64,8 @@ def test_messages_have_plain_numbers():
     assert str(errors.InflowError(f"got {value!r}")) == "got [1.5, (2, True), {'a': 'b'}, -1e-05]"
     with pytest.raises(WtGymError, match=r"got \[1\.0, -2\.0\], must be"):
         raise fail("table", [np.float64(1.0), np.float64(-2.0)], "positive numbers")
+    with pytest.raises(SystemExit, match=r"^error: got 2\.5$"), user_errors():
+        raise ValueError(f"got {np.float64(2.5)!r}")
 
 
 def test_a_command_that_was_meant_is_asked_for(capsys):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from openfast_model import DEGREE, Model, principal
+from openfast_model import DEGREE, Model, principal, with_few_points
 
 from wt_gym.commands.import_ import main
 from wt_gym.control.controllers import make_controller
@@ -550,13 +550,13 @@ class TestWindIO:
             TurbineDefinitionError, match=r"turbine must be an object with keys among .* got .*hub\.mass"
         ):
             load_turbine(written[0])
-        write_windio(replace(nrel_5mw, control=None), tmp_path / "turbine.yaml")  # of which nothing stands beside it
-        assert load_turbine(written[0]).control is None or not written[1].exists()
+        write_windio(replace(nrel_5mw, control=None), tmp_path / "turbine.yaml")
+        assert json.loads(written[1].read_text()) == {}  # what stood there belongs to another turbine
 
     @given(values=st.fixed_dictionaries({}, optional=DRAWN))
-    @settings(max_examples=4, deadline=None, phases=[Phase.generate])
+    @settings(max_examples=3, deadline=None, phases=[Phase.generate])
     def test_every_model_is_written(self, nrel_5mw, values):
-        model = Model(nrel_5mw)
+        model = Model(with_few_points(nrel_5mw))
         for (part, key), value in values.items():
             for name in [key.format(i) for i in (1, 2, 3)] if "{}" in key else [key]:
                 getattr(model, part)[name] = value

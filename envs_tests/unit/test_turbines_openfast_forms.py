@@ -6,15 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from random import Random
 
-import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from openfast_model import RULE, Model
+from openfast_model import RULE, Model, with_few_points
 
 from wt_gym.simulation.state import fingerprint
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.openfast import read_openfast
 
 FREE = ("aero/ad.dat", "servo/sd.dat", "blade.dat", "aero/af*.dat", "aero/af*_coords.txt")
@@ -26,15 +24,7 @@ COMMENTS = ("! NumBl 2", "# 1.0 AirDens", "% it's (\") a comment", "!", "", "  \
 
 @pytest.fixture(scope="module")
 def small():
-    """Turbine with few numbers, so that reading takes little time."""
-    turbine = load_turbine("nrel_5mw")
-    airfoils = []
-    for airfoil in turbine.blade.airfoils:
-        polar = airfoil.polar
-        at = np.unique(np.linspace(0, polar.alpha.size - 1, 12).astype(int))
-        few = Polar(*(getattr(polar, name)[at] for name in ("alpha", "cl", "cd", "cm")))
-        airfoils.append(replace(airfoil, polar=few, contour=airfoil.contour[::10]))
-    return replace(turbine, blade=replace(turbine.blade, airfoils=tuple(airfoils)))
+    return with_few_points(load_turbine("nrel_5mw"))
 
 
 def read(path):
@@ -145,7 +135,7 @@ def shuffled_columns(random, text, first):
 
 
 @given(seed=st.integers(0, 2**32), beamdyn=st.booleans())
-@settings(max_examples=10, deadline=None, phases=[Phase.generate])
+@settings(max_examples=8, deadline=None, phases=[Phase.generate])
 def test_any_legal_form_is_the_same_turbine(small, seed, beamdyn):
     random = Random(seed)
     with tempfile.TemporaryDirectory() as name:
@@ -198,6 +188,17 @@ def test_a_blade_of_two_members_is_that_of_one(small, tmp_path):
                 read_openfast(path)
         else:
             assert read(path) == expected
+
+
+@pytest.mark.parametrize("heading", ["---- DISTRIBUTED PROPERTIES", "==== Sections", "-- distributed props --"])
+def test_the_sections_of_beamdyn_stand_below_the_last_heading(small, heading, tmp_path):
+    path = Model(small, beamdyn=True).write(tmp_path)
+    expected = read(path)
+    file = tmp_path / "bd_sections.dat"
+    head, _, sections = file.read_text().partition("---------------------- DISTRIBUTED PROPERTIES")
+    text = re.sub(r"\n\n", "\nmatrix\n", sections.partition("\n")[2])  # any text stands where a line is empty
+    file.write_text(f"{head}{heading}\n{text}")
+    assert read(path) == expected
 
 
 @pytest.mark.parametrize("beamdyn", [False, True])

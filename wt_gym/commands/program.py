@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import gymnasium as gym
 
 import wt_gym
-from wt_gym.errors import WtGymError
+from wt_gym.errors import WtGymError, plain_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -147,7 +147,7 @@ def user_errors() -> Iterator[None]:
             raise
         sys.exit(f"error: {error.name} is not installed; {_installation(_EXTRAS[error.name])}")
     except (WtGymError, ValueError, OSError, gym.error.Error) as error:
-        sys.exit(f"error: {' '.join(str(error).split())}")
+        sys.exit(f"error: {plain_numbers(' '.join(str(error).split()))}")
 
 
 def _nobody_reads() -> bool:

@@ -342,11 +342,10 @@ def _beamdyn_sections(
     file = files.beamdyn_sections
     assert file is not None
     count = file.integer("station_total")
-    # OpenFAST counts lines up to this heading, which is the last of the file, and does not read it
+    # OpenFAST counts lines up to the heading of the sections, the last one, and does not read it
     headings = [i for i, text in enumerate(file.lines) if text.lstrip().startswith(("--", "=="))]
-    line = next(
-        (i for i, text in enumerate(file.lines) if "DISTRIBUTED PROP" in text.upper()), max(headings, default=0)
-    )
+    named = [i for i, text in enumerate(file.lines) if "DISTRIBUTED PROP" in text.upper()]
+    line = max(named or headings, default=0)
     rows = file.rows(line + 1, 13 * count, "station_total sections with a stiffness and an inertia each", 1, True)
     sections = [rows[i : i + 13] for i in range(0, 13 * count, 13)]
     if any(len(row) < 6 for section in sections for row in section[1:]):

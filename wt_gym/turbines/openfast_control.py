@@ -336,6 +336,12 @@ _MODES = {
     "F_NumNotchFilts": "notch filters",
     "CC_Mode": "cable control",
     "StC_Mode": "structural control",
+    "SS_Mode": "smoothing of the set points",
+    "SU_Mode": "start-up",
+    "SD_Mode": "shut-down",
+    "PF_Mode": "faults of the pitch",
+    "Ext_Mode": "another library",
+    "ZMQ_Mode": "commands from another program",
 }
 """Switches of DISCON.IN whose functions `ControlData` does not hold."""
 
@@ -344,6 +350,8 @@ def _name_modes(file: TextFile, notes: list[str]) -> None:
     active = [f"{what} ({key})" for key, what in _MODES.items() if key in file and file.number(key) != 0.0]
     if active:
         notes.append(f"{file.path.name}: left aside: {', '.join(active)}")
+    if file.integer("PC_ControlMode", 1) == 0:
+        notes.append(f"{file.path.name}: PC_ControlMode 0: ROSCO holds the fine pitch; here its gains are used")
 
 
 def _constant_power(file: TextFile) -> bool:

@@ -94,12 +94,10 @@ def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[P
         partial.write_text(text.getvalue(), encoding="utf-8")
     numbers = _control_json(turbine, source)
     beside = control_file_of(path)
-    if numbers:
+    if numbers or beside.exists():  # one of another turbine would count
         with whole_file(beside) as partial:
             partial.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
         written.append(beside)
-    else:  # that of another turbine under this name
-        beside.unlink(missing_ok=True)
     return written
 
 

@@ -23,6 +23,7 @@ from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.openfast_text import TextFile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -290,7 +291,7 @@ def _course(signals: Readings, rated_power: float, columns: int = 1) -> str:
 def with_values(text: str, values: Mapping[str, object]) -> str:
     """Text of an input file with other values of some parameters; those that it does not have are added."""
     left, lines = dict(values), []
-    for line in text.splitlines():
+    for line in text.rstrip("\n").split("\n"):
         _, mark, comment = line.partition("!")
         found = re.match(r"\s*(\w+)", comment)
         if found is not None and found[1] in left:
@@ -300,17 +301,13 @@ def with_values(text: str, values: Mapping[str, object]) -> str:
 
 
 def quiet_input(source: Path) -> str:
-    """Text of an input file without logging and echo, and with the absolute path of its performance table."""
-    lines = []
-    for line in source.read_text(encoding="utf-8", errors="replace").splitlines():
-        value, mark, comment = line.partition("!")
-        match re.match(r"\s*(\w+)", comment):
-            case None:
-                pass
-            case found if found[1] in ("LoggingLevel", "Echo"):
-                line = f"0 {mark}{comment}"
-            case found if found[1] == "PerfFileName":
-                path = Path(value.strip().strip("\"'"))
-                line = f'"{(source.parent / path).resolve()}" {mark}{comment}'
-        lines.append(line)
-    return "\n".join(lines) + "\n"
+    """Text of an input file without logging and echo, and with absolute paths of the files that it names."""
+    file = TextFile(source, titles=0)
+    for key in ("LoggingLevel", "Echo"):
+        if key in file:
+            file.lines[file.line_of(key)] = f"0 ! {key}"
+    for key in ("PerfFileName", "OL_Filename"):
+        path = source.parent / file.text(key).replace("\\", "/") if key in file else source.parent
+        if path.is_file():
+            file.lines[file.line_of(key)] = f'"{path.resolve()}" ! {key}'
+    return "\n".join(file.lines) + "\n"
