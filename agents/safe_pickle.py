@@ -36,7 +36,9 @@ _NAMES = {
     *(("stable_baselines3.common.buffers", f"{kind}Buffer") for kind in ("Rollout", "Replay")),
     ("stable_baselines3.common.policies", "ActorCriticPolicy"), ("stable_baselines3.sac.policies", "SACPolicy"),
     ("stable_baselines3.td3.policies", "TD3Policy"), ("stable_baselines3.dqn.policies", "DQNPolicy"),
-    ("sb3_contrib.tqc.policies", "TQCPolicy"),
+    ("sb3_contrib.tqc.policies", "TQCPolicy"), ("sb3_contrib.crossq.policies", "CrossQPolicy"),
+    ("sb3_contrib.ars.policies", "ARSPolicy"), ("sb3_contrib.ars.policies", "ARSLinearPolicy"),
+    ("sb3_contrib.common.recurrent.policies", "RecurrentActorCriticPolicy"),
 }  # fmt: skip
 """Classes and functions by module that do nothing but hold what they are given."""
 
@@ -90,12 +92,20 @@ def read_data(model_file: Path) -> dict[str, Any]:
 
 
 def algorithm_of(data: dict[str, Any]) -> str | None:
-    """Algorithm that a model was trained with, by the settings that only it has; None where they are not known."""
+    """Algorithm that a model was trained with, by its class of policies or the settings that only it has; None where
+    neither is known.
+    """
+    policy = data.get("policy_class")
+    module = str(policy.get("__module__", "")) if isinstance(policy, dict) else ""
+    for name, part in (("CrossQ", ".crossq."), ("ARS", ".ars."), ("RecurrentPPO", ".recurrent.")):
+        if module.startswith("sb3_contrib") and part in module:
+            return name
     for name, key in (
         ("TQC", "top_quantiles_to_drop_per_net"),
         ("SAC", "target_entropy"),
         ("TD3", "policy_delay"),  # DDPG is TD3 with a delay of one, and predicts the same
         ("DQN", "exploration_fraction"),
+        ("TRPO", "cg_max_steps"),
         ("PPO", "clip_range"),
         ("A2C", "gae_lambda"),
     ):

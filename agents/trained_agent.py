@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from sb3_contrib import TQC
+from sb3_contrib import ARS, TQC, TRPO, CrossQ, RecurrentPPO
 from stable_baselines3 import A2C, DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
@@ -53,7 +53,7 @@ if not TYPE_CHECKING:  # which would take every name for one of this module
 MODEL_FILE, NORMALIZATION_FILE, RECORD_FILE = "model.zip", "vecnormalize.pkl", "training.json"
 BEST_MODEL_FILE, BEST_NORMALIZATION_FILE = "best_model.zip", "best_model_vecnormalize.pkl"
 
-ALGORITHM_CLASSES = {cls.__name__: cls for cls in (PPO, A2C, SAC, TQC, TD3, DDPG, DQN)}
+ALGORITHM_CLASSES = {cls.__name__: cls for cls in (PPO, A2C, SAC, TQC, TD3, DDPG, DQN, CrossQ, RecurrentPPO, TRPO, ARS)}
 """Algorithms whose models can be loaded."""
 
 DAMAGE = (
@@ -272,8 +272,14 @@ class TrainedAgent:
         shown = algorithm_of(data)
         name = algorithm or (record or {}).get("algorithm") or shown
         if name not in ALGORITHM_CLASSES:
+            known = ", ".join(ALGORITHM_CLASSES)
+            if name is None:
+                raise ValueError(
+                    f"{model_file} does not show its algorithm: state it by --algo, or by algo= behind its name, one "
+                    f"of {known}; a model of another library runs as a class with predict (docs/howto/own_agent.md)"
+                )
             near = did_you_mean(str(name), ALGORITHM_CLASSES)
-            raise ValueError(f"algorithm must be one of {tuple(ALGORITHM_CLASSES)}, got {name!r}{near}")
+            raise ValueError(f"algorithm must be one of {known}, got {name!r}{near}")
         if shown is not None and name != shown and {name, shown} != {"TD3", "DDPG"}:
             raise ValueError(f"{model_file} is not a model of {name} but of {shown}, as its settings show")
         normalization = None if statistics_file is None else read_normalization(statistics_file, trust)

@@ -7,6 +7,7 @@ distribution, squashed where the algorithm does that, within the range of the ac
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["ACTIVATIONS", "Layer", "Network", "Normalization", "network_of"]
 
+_UNIT = 2.0**-24
+"""Relative error of rounding in single precision [-]."""
+_OF_ACTIVATION = 2.0 * _UNIT
+"""Error of a hyperbolic tangent or exponential in single precision; they are at most 1 [-]."""
 ACTIVATIONS = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu", torch.nn.ELU: "elu"}
 """Activations of layers, and their names here."""
 
@@ -105,7 +110,52 @@ class Network:
         -------
         numpy.ndarray, shape (..., n_act), float32
         """
-        return self.of_observation((np.clip(values, self.low, self.high) - self.offset) / self.scale)
+        return self.of_observation(self._observation(values))
+
+    def _observation(self, values: np.ndarray) -> np.ndarray:
+        observation: np.ndarray = (np.clip(values, self.low, self.high) - self.offset) / self.scale
+        return observation
+
+    def _standardized(self, observation: np.ndarray) -> np.ndarray:
+        """Input of the first layer, float32."""
+        x = np.asarray(observation).astype(np.float32)
+        if self.normalization is not None:
+            n = self.normalization
+            x = np.clip((x - n.mean) / n.deviation, -n.limit, n.limit).astype(np.float32)
+        return x
+
+    def rounding(self, values: np.ndarray) -> np.ndarray:
+        """Bound on the difference of two single-precision computations of an action, whatever their order of sums.
+
+        Rounding errors are independent, with zero mean and at most u = 2⁻²⁴ of the rounded number, as in the analysis
+        of Higham and Mary (SIAM J. Sci. Comput. 41, 2019, A2815). Each of the n additions of a sum s of products p
+        rounds a partial sum, whose mean square over all orders is at most s² + Σ p²; so the error of the sum has the
+        variance n u² (s² + Σ p²). A layer passes on the root sum square of the errors of its inputs times its weights;
+        activations enlarge none and add a unit in the last place. The bound is seven standard deviations.
+
+        Parameters
+        ----------
+        values : numpy.ndarray, shape (..., n_obs)
+            As of `action`.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., n_act)
+        """
+        x = self._standardized(self._observation(values)).astype(np.float64)
+        error = _UNIT * np.abs(x)
+        for layer in self.layers:
+            squares = (layer.weight.astype(np.float64) ** 2).T
+            sums = x @ layer.weight.T + layer.bias
+            own = len(squares) * _UNIT**2 * (sums**2 + x**2 @ squares + layer.bias**2)
+            error = np.sqrt(error**2 @ squares + own)
+            x = _activate(sums, layer.activation)
+            error = error + (_OF_ACTIVATION if layer.activation else 0.0)
+        if self.squashed:
+            error = 0.5 * (self.action_high - self.action_low) * (error + _OF_ACTIVATION)
+        ends = np.maximum(np.abs(self.action_low), np.abs(self.action_high))
+        bound: np.ndarray = 7.0 * math.sqrt(2.0) * error + 4.0 * _UNIT * ends
+        return bound
 
     def of_observation(self, observation: np.ndarray) -> np.ndarray:
         """Action for an observation as the environment gives it, in scales of the channels.
@@ -118,10 +168,7 @@ class Network:
         -------
         numpy.ndarray, shape (..., n_act), float32
         """
-        x = np.asarray(observation).astype(np.float32)
-        if self.normalization is not None:
-            n = self.normalization
-            x = np.clip((x - n.mean) / n.deviation, -n.limit, n.limit).astype(np.float32)
+        x = self._standardized(observation)
         for layer in self.layers:
             x = _activate(x @ layer.weight.T + layer.bias, layer.activation)
         if self.squashed:
@@ -162,6 +209,11 @@ def network_of(agent: TrainedAgent, layout: EnvLayout) -> Network:
     policy, space = agent.model.policy, agent.model.action_space
     if not isinstance(space, spaces.Box):
         raise ValueError(f"the policy must have a continuous action (Box) to be exported, got {space}")
+    if not hasattr(policy, "actor") and (hasattr(policy, "lstm_actor") or not hasattr(policy, "mlp_extractor")):
+        raise ValueError(
+            "a policy to be exported must be one of PPO, A2C, TRPO, SAC, TQC, TD3 or DDPG, got "
+            f"{type(policy).__name__} of {type(agent.model).__name__}"
+        )
     extractor = getattr(getattr(policy, "actor", policy), "features_extractor", None)
     if not isinstance(extractor, FlattenExtractor):
         raise ValueError(

@@ -91,14 +91,21 @@ def write_onnx(network: Network, path: Path, metadata: dict[str, Any]) -> None:
 
 
 def check_onnx(network: Network, path: Path, count: int = 1000, seed: int = 0) -> float:
-    """Largest difference between the actions of a file and those of a network, over drawn values.
+    """Compare the actions of a file with those of a network, over drawn values.
 
     The values go a tenth beyond the ranges of the sensors.
+
+    Returns
+    -------
+    float
+        Largest difference [-].
 
     Raises
     ------
     ModuleNotFoundError
         If onnxruntime is not installed.
+    ValueError
+        If an action differs by more than the rounding of single precision (`Network.rounding`).
     """
     import onnxruntime
 
@@ -107,4 +114,11 @@ def check_onnx(network: Network, path: Path, count: int = 1000, seed: int = 0) -
     values = middle + half * rng.uniform(-1.0, 1.0, (count, middle.size))
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     (found,) = session.run([OUTPUT], {INPUT: values})
-    return float(np.max(np.abs(found - network.action(values))))
+    difference, bound = np.abs(found - network.action(values)), network.rounding(values)
+    if not np.all(difference <= bound):
+        worst = np.unravel_index(np.argmax(difference - bound), bound.shape)
+        raise ValueError(
+            f"the actions of {path} must be those of the policy within {bound[worst]:.1e}, the rounding of single "
+            f"precision, they differ by {difference[worst]:.1e}"
+        )
+    return float(np.max(difference))

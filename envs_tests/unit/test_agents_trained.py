@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import zipfile
 from functools import partial
 
 import gymnasium as gym
@@ -11,7 +12,7 @@ import torch
 from gymnasium import spaces
 from stable_baselines3 import A2C, PPO, SAC
 
-from wt_gym.agents.trained_agent import TrainedAgent
+from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 
 
 class Plain(gym.Env):
@@ -25,6 +26,13 @@ class Plain(gym.Env):
 
     def step(self, action):
         return np.zeros(8, np.float32), 0.0, False, False, {}
+
+
+class Bounded(Plain):
+    """With bounds of the numbers, and actions as SAC wants them."""
+
+    observation_space = spaces.Box(-1.0, 1.0, (8,), np.float32)
+    action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
 def agent_of(cls, **policy):
@@ -132,3 +140,26 @@ def test_an_action_is_drawn_where_it_is_asked_for():
 def test_an_observation_of_another_size_is_refused(cls):
     with pytest.raises(ValueError, match=r"Unexpected observation shape \(7,\)"):
         agent_of(cls).predict(np.zeros(7, np.float32))
+
+
+@pytest.mark.parametrize("name", ["A2C", "ARS", "CrossQ", "DDPG", "PPO", "RecurrentPPO", "SAC", "TD3", "TQC", "TRPO"])
+@pytest.mark.parametrize("trust", [False, True])
+def test_a_file_shows_its_algorithm(tmp_path, name, trust):
+    """The state of a policy with memory goes from step to step."""
+    model = ALGORITHM_CLASSES[name]("MlpLstmPolicy" if name == "RecurrentPPO" else "MlpPolicy", Bounded(), seed=3)
+    model.save(tmp_path / "model.zip")
+    agent = TrainedAgent.load(tmp_path / "model.zip", trust=trust)
+    assert type(agent.model).__name__ in (name, {"DDPG": "TD3"}.get(name))
+    states, observation = [None, None], OBSERVATIONS[0].clip(-1.0, 1.0)
+    for first in (True, False, False):
+        expected, states[0] = model.predict(observation, states[0], np.array([first]), deterministic=True)
+        action, states[1] = agent.predict(observation, states[1], np.array([first]))
+        np.testing.assert_allclose(action, expected, rtol=1e-4, atol=1e-7)
+    assert (states[1] is not None) == (name == "RecurrentPPO")
+
+
+def test_a_file_that_does_not_show_its_algorithm_has_a_way_out(tmp_path):
+    with zipfile.ZipFile(tmp_path / "model.zip", "w") as archive:
+        archive.writestr("data", "{}")
+    with pytest.raises(ValueError, match=r"state it by --algo, .* one of PPO, A2C, .* runs as a class with predict"):
+        TrainedAgent.load(tmp_path / "model.zip")
