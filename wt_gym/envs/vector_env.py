@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -23,7 +23,7 @@ from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     from gymnasium.envs.registration import EnvSpec
 
@@ -298,7 +298,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         seeds = [None] * self.num_envs if seed is None else seed
         if isinstance(seeds, int | np.integer):
             seeds = [int(seeds) + k for k in range(self.num_envs)]
-        if isinstance(seeds, str) or not isinstance(seeds, Sequence | np.ndarray) or len(seeds) != self.num_envs:
+        several = isinstance(cast(object, seeds), list | tuple | range | np.ndarray)
+        if not several or len(seeds) != self.num_envs:
             raise ValueError(f"seed must be an integer or a sequence of {self.num_envs}, got {shown(seed)}")
         if not isinstance(options, Mapping | None):
             raise ValueError(f"the options of reset must be a dict, got {shown(options)}")
