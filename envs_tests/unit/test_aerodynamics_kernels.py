@@ -7,10 +7,11 @@ from scipy.special import ellipk
 from wt_gym.aerodynamics import AerodynamicsError, tower_perturbation
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.lattice import section_kernels
 from wt_gym.aerodynamics.lattice.bound_kernels import bound_influence, invert
 from wt_gym.aerodynamics.lattice.edges import SheddingEdge, bound_segments
 from wt_gym.aerodynamics.lattice.ring_work import RingWork
-from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state
+from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state, settle_strips
 from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.lattice.separation_kernels import STATIC
 from wt_gym.aerodynamics.options import AeroOptions
@@ -315,10 +316,10 @@ def test_tower_flow_vanishes_into_stagnation_and_doubles_beside():
         tower_perturbation(points, wind, (0, 0, 0), (0, 0, 80), [0, 80], [6.0, 0.0])
 
 
-def stalling_polar(n=720):
+def stalling_polar(n=720, width=2.0):
     """Lift 2 pi sin(alpha) in attached flow, a plate's beyond 20 degrees: (n, 3) from -pi to pi."""
     alpha = np.linspace(-np.pi, np.pi, n, endpoint=False)
-    attached = 1.0 / (1.0 + np.exp((np.abs(np.degrees(alpha)) - 20.0) / 2.0))
+    attached = 1.0 / (1.0 + np.exp((np.abs(np.degrees(alpha)) - 20.0) / width))
     cl = attached * 2 * np.pi * np.sin(alpha) + (1 - attached) * np.sin(2 * alpha)
     return np.column_stack([cl, 0.01 + np.sin(alpha) ** 2, 0.0 * alpha])
 
@@ -360,6 +361,35 @@ def test_decambering_converges_quadratically_within_a_blade(first):
     assert residuals[0] > 0.3
     assert residuals[2] < 3e-3 * residuals[0]
     assert residuals[4] < 1e-9
+
+
+def test_strips_between_two_solutions_are_solved_alone(monkeypatch):
+    """Behind a steep stall: the strips end at a solution each, in the direction of the residual, others stay."""
+    monkeypatch.setattr(section_kernels, "strip_residual", section_kernels.strip_residual.py_func)
+
+    class Planform:
+        chord, kappa, alpha0 = np.full(3, 4.0), np.full(3, 11.2), np.zeros(3)
+        tilt = np.column_stack([np.ones(3), np.zeros(3)])
+        polars = np.array([stalling_polar(width=0.1)] * 3)
+        separation = np.zeros((3, 0, 4))
+
+    response = -np.diag([8.0, 8.0, 6.0])
+    potential, along, previous = np.array([150.0, 135.0, 0.0]), np.array([28.0, 45.0, 70.0]), np.array([0.0, 0.2, 0.0])
+    given = potential, along, response, previous, 0.1, 0.6, Planform, np.full(3, STATIC)
+
+    def residual(k, source):
+        return section_kernels.strip_residual(k, source[k], *given, source)
+
+    source = np.array([0.0, 12.0, 0.0])
+    before = [residual(k, source) for k in range(3)]
+    settled = source.copy()
+    settle_strips.py_func(*given, np.array([30.0, 47.0, 70.0]), settled)
+    assert before[0] > 1.0 > -1.0 > before[1]
+    assert settled[0] > source[0]
+    assert settled[1] < source[1]
+    assert abs(before[2]) < 1e-4 * 70.0
+    assert settled[2] == source[2]
+    np.testing.assert_allclose([residual(k, settled) for k in range(2)], 0.0, atol=1e-6)
 
 
 def test_velocity_behind_the_disc_is_a_mean_over_area_and_one_passing():

@@ -14,7 +14,7 @@ from wt_gym.aerodynamics.lattice.bound_kernels import (
     relative_wind,
 )
 from wt_gym.aerodynamics.lattice.load_kernels import bernoulli_loads, joukowski_loads, viscous_loads
-from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state, strip_axes
+from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state, settle_strips, strip_axes
 from wt_gym.aerodynamics.lattice.separation_kernels import STATIC, advance_separation, reset_separation
 from wt_gym.aerodynamics.wake.far_wake_kernels import measure_far_wake
 from wt_gym.aerodynamics.wake.local_induction_kernels import add_local_velocity
@@ -216,6 +216,14 @@ def circulation_rate(o, a, dt, gamma, rate):
         now, before, earlier = (2.0 + h) / (1.0 + h) / dt, -(1.0 + h) / (h * dt), 1.0 / (h * (1.0 + h) * dt)
     for r in range(gamma.shape[0]):
         rate[r] = now * gamma[r] + before * gamma_1[r] + earlier * gamma_2[r]
+
+
+@kernel(fastmath=False)
+def settle(p, o, a, w, dt):
+    """Bring strips whose circulation and polar disagree after `solve` near a solution, from which that finds it."""
+    settle_strips(
+        w.strip[2], w.strip[1], a.response, a.source_1, dt, o.stall_lag, p, a.separation[0], a.speed, a.source
+    )
 
 
 @kernel(fastmath=False, separate=True)

@@ -6,6 +6,9 @@ from wt_gym.compiled import kernel
 
 LEAST_SHARE = 0.02  # of a step of Newton's method; where none helps the smallest is taken
 STEEPEST = 0.9  # slope of the right-hand side over s for a strip alone, in the Jacobian
+DISAGREEMENT = 1e-3  # of circulation and polars, over the largest speed of a section, with which a step may end
+SWEEPS = 3  # over strips that are solved alone
+DOUBLINGS, HALVINGS = 24, 40  # of the bracket of such a strip
 ATTACHED, SEPARATED, POINT, DRAG = range(4)  # columns of the separation tables
 
 
@@ -179,3 +182,56 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
                 step[o + k] = rhs[o + k]
                 source[o + k] += rhs[o + k]
     return residual
+
+
+@kernel(fastmath=False, separate=True)
+def settle_strips(potential, along, response, previous, dt, lag, p, point, speed, source):
+    """Solve strips alone where Newton's method has ended between two solutions; arguments as of `decambering`.
+
+    Where a polar falls steeply behind its maximum the solution that a strip has followed ends in a fold, and the other
+    one is far: the sum of squares has a minimum between them that is none. For one strip the right-hand side less s is
+    continuous and falls from one sign to the other, so that there is a solution in the direction of the residual. It is
+    bracketed with steps that double and halved; the strips follow each other `SWEEPS` times. ``speed`` (n_strip,) are
+    the present ones.
+    """
+    fastest = 0.0
+    for k in range(speed.shape[0]):
+        fastest = max(fastest, speed[k])
+    for _ in range(SWEEPS):
+        for k in range(source.shape[0]):
+            start = source[k]
+            low = strip_residual(k, start, potential, along, response, previous, dt, lag, p, point, source)
+            if abs(low) <= 0.1 * DISAGREEMENT * fastest:
+                continue
+            reach = 1e-3 * fastest if low > 0.0 else -1e-3 * fastest
+            end = start
+            for _ in range(DOUBLINGS):
+                end = start + reach
+                value = strip_residual(k, end, potential, along, response, previous, dt, lag, p, point, source)
+                if value * low <= 0.0:
+                    break
+                start = end
+                reach *= 2.0
+            for _ in range(HALVINGS):
+                middle = 0.5 * (start + end)
+                value = strip_residual(k, middle, potential, along, response, previous, dt, lag, p, point, source)
+                if value * low > 0.0:
+                    start = middle
+                else:
+                    end = middle
+            source[k] = end
+
+
+@kernel(fastmath=False)
+def strip_residual(k, own, potential, along, response, previous, dt, lag, p, point, source):
+    """Right-hand side of `decambering` less s for strip k with s = ``own``, the others as they are [m/s]."""
+    j, row = k % p.kappa.shape[0], k % p.polars.shape[0]
+    g = potential[k] + response[k, k] * (own - source[k])
+    for m in range(source.shape[0]):
+        g += response[k, m] * source[m]
+    across = g / p.kappa[j] + own
+    _, speed, required, _, _ = section_state(
+        across, along[k], p.tilt[j], p.polars[row], p.alpha0[j], p.chord[j], p.kappa[j], p.separation[row], point[k]
+    )
+    kept = np.exp(-speed * dt / max(lag * p.chord[j], 1e-12))
+    return kept * previous[k] * speed + (1.0 - kept) * required - own

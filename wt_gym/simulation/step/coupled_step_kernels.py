@@ -8,7 +8,8 @@ Constants among the arguments of big kernels stand as ``bool(True)`` or ``int(0)
 the kernel for this value alone, beside the one that Python calls.
 """
 
-from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solve
+from wt_gym.aerodynamics.lattice.section_kernels import DISAGREEMENT
+from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, settle, solve
 from wt_gym.compiled import kernel
 from wt_gym.multibody.tree.tree_kernels import OK
 from wt_gym.simulation.step.coupling_kernels import rotor_loads, tower_drag
@@ -25,7 +26,6 @@ from wt_gym.simulation.step.structure_motion_kernels import (
 
 # Beyond the codes of the multibody kernels
 OVERSPEED, DEFLECTION, UNSETTLED = 101, 102, 103
-DISAGREEMENT = 1e-3  # of circulation and polars, over the largest speed of a section, with which a step may end
 MOST_PASSES = 20  # of loads and structure, where they do not come to agree
 SECANT_MEMORY = 0.9  # a step: what the share of the loads' change keeps of the steps before
 LEAST_SHARE, LARGEST_SHARE = 0.05, 1.5
@@ -121,7 +121,15 @@ def correct_step(air, structure, x, scheme, blade_wind):
         if code != OK:
             return code
         move_lattice(motion.state, motion.tree, motion.work, x)
-    return check_sections(air.arrays)
+    code = check_sections(air.arrays)
+    if code == UNSETTLED:
+        settle(air.planform, air.constants, air.arrays, air.work, scheme.dt)
+        solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
+              bool(False))  # fmt: skip
+        rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.lattice_bodies, x.sub_bodies, loads)
+        tower_drag(motion.state, motion.tree, motion.work, x.tower, loads[x.tower.body])
+        code = check_sections(air.arrays)
+    return code
 
 
 @kernel(separate=True)
