@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import pickle
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import get_context
 from typing import TYPE_CHECKING
@@ -40,8 +40,6 @@ _SEED = 7_777_000
 """First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s."""
 _ATTEMPTS = 3
 """Winds of a run: a gust may stop a turbine at cut-out by its overspeed."""
-_PER_BOX = 2
-"""Runs in different halves of a turbulence box."""
 _PROBE = RecordingPlan(runs=1, settling=20.0, instants=1, spacing=1.0)
 
 
@@ -79,9 +77,7 @@ class RecordedTurbine:
 
     def inflow(self, speed: float, run: int) -> TurbulentInflow:
         """Wind of a run at a wind speed [m/s]."""
-        seed = _SEED + 1000 * round(speed) + run // _PER_BOX
-        wind = _winds(load_turbine(self.turbine)).turbulence(speed, seed)
-        return replace(wind, time_offset=run % _PER_BOX / _PER_BOX * wind.box.duration)
+        return _winds(load_turbine(self.turbine)).turbulence(speed, _SEED + 1000 * round(speed) + run)
 
     def run(self, speed: float, run: int) -> Instants:
         """Record a run at a wind speed [m/s], in another wind where the turbine does not come through that of the run.

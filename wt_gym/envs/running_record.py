@@ -60,9 +60,9 @@ class RecordingPlan:
         Between them.
     """
 
-    runs: int = 16
+    runs: int = 8
     settling: float = 220.0
-    instants: int = 12
+    instants: int = 24
     spacing: float = 15.0
 
 
@@ -78,7 +78,7 @@ _REMEMBERED = 3
 """Windows over which the wind across the rotor counts: the bending of blades follows it within seconds."""
 NEAREST = 8
 """Instants alike from which one is drawn."""
-_SPEED_SPREAD = 2.0
+_SPEED_SPREAD = 1.0
 """Difference of the mean wind speed that counts like a standard deviation of the motion [m/s]."""
 _SLOW_TURN = 2.0 * math.pi / 1.267
 """Seconds a turn of a large turbine: times are shorter by as much as a small one turns faster."""
