@@ -229,7 +229,7 @@ def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch,
         if len(done) == 5:
             signal.raise_signal(signal.SIGINT)
         done.append((simulator.inflow.mean_speed, name))
-        return argparse.Namespace(to_dataset=lambda: None)
+        return argparse.Namespace(to_dataset=lambda: argparse.Namespace(attrs={}))
 
     metrics = {"mean_power": 1e6, "blade_flap_del": 1e6, "pitch_duty_cycle": 0.1}
     metrics |= dict.fromkeys(key for key, _ in comparison.COLUMNS if key not in metrics) | metrics
