@@ -353,6 +353,8 @@ class TestWhatTheFilesSay:
 
 LEFT_ASIDE = [
     ("servodyn", "YawNeut", 8, "neutral position of the yaw spring"),
+    ("servodyn", "PitNeut(2)", 8, "neutral positions of the pitch springs"),
+    ("elastodyn", "PitchDOF", "T", "pitch bearings"),
     ("servodyn", "TYawManS", 10.0, "events of the simulation"),
     ("servodyn", "TPitManS(2)", 10.0, "events of the simulation"),
     ("servodyn", "YCMode", 5, "yaw control"),
