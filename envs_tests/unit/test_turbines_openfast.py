@@ -375,6 +375,8 @@ class TestWhatTheFilesSay:
 
 LEFT_ASIDE = [
     ("servodyn", "YawNeut", 8, "neutral position of the yaw spring"),
+    ("servodyn", "PitNeut(2)", 8, "neutral positions of the pitch springs"),
+    ("elastodyn", "PitchDOF", "T", "pitch bearings"),
     ("servodyn", "TYawManS", 10.0, "events of the simulation"),
     ("servodyn", "TPitManS(2)", 10.0, "events of the simulation"),
     ("servodyn", "YCMode", 5, "yaw control"),
@@ -463,6 +465,8 @@ def test_a_truncated_table_is_refused(model, tmp_path):
         ("aero/af0.dat", r"\d+ NumAlf", "nan NumAlf", "NumAlf: got 'nan'"),
         ("aero/af2_coords.txt", r"\d+ NumCoords", "1.5 NumCoords", "NumCoords: got '1.5'"),
         ("aero/ad.dat", "TwrElev TwrDiam", "TwrElev Diameter", "no column twrdiam"),
+        ("aero/ad.dat", "TwrElev TwrDiam TwrCd", "TwrElev TwrCd TwrDiam", "columns of the tower"),
+        ("tower.dat", "TwFAStif TwSSStif", "TwSSStif TwFAStif", "columns of the tower"),
         ("aero/blade.dat", "BlTwist", "Twist", "no column bltwist"),
         ("bd_sections.dat", r"\d+ +station_total", "99 station_total", "station_total sections"),
     ],

@@ -19,7 +19,7 @@ FREE = ("aero/ad.dat", "servo/sd.dat", "blade.dat", "aero/af*.dat", "aero/af*_co
 """Files that OpenFAST frees of comments first (ProcessComFile of its library)."""
 VALUE = re.compile(r"\s*(\"[^\"]*\"|\S+)\s+([A-Za-z]\w*(?:\(\d\))?)(\s+-.*|\s*)")
 """Value, keyword and description."""
-COMMENTS = ("! NumBl 2", "# 1.0 AirDens", "% it's (\") a comment", "!", "", "  \t")
+COMMENTS = ("! NumBl 2", "# 1.0 AirDens", "% it's (\") a comment", "!", "", "  ")
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +82,8 @@ class Form:
         if match is not None and match[2] not in ("Member",):
             value, key, rest = match.groups()
             value, key, rest = self.token(value), self.key(key), rest.replace(" ", self.gap(), 1)
-            if free and "AF" not in key.upper() and "BLFILE" not in key.upper() and self.some(0.3):
-                value, key = key, value  # the keyword first
+            if free and "(" not in key and "AFN" not in key.upper() and self.some(0.3):
+                value, key = key, value  # where OpenFAST looks at it, the keyword may be the first
             between = self.random.choice((" ", "\t", " , "))
             return f"{self.gap()}{value}{between}{key}{rest}"
         return self.row(line) if re.match(r"\s*[-+.\d]", line) else line
@@ -97,7 +97,7 @@ class Form:
             changed = self.discon(line) if discon else self.line(line, free) if i > 1 or "af" in name else line
             if (free or discon) and self.some(0.2):
                 out.append(self.random.choice(COMMENTS))
-            elif i > 2 and VALUE.fullmatch(line) and self.some(0.2):
+            elif i > 2 and VALUE.fullmatch(line) and not line.startswith("--") and self.some(0.2):
                 out.append("")  # OpenFAST looks for a value in the next line
             if free and self.some(0.2) and not line.startswith("@"):
                 changed += self.random.choice((" ! comment", "# 2.0", "\t% 3"))
@@ -106,7 +106,7 @@ class Form:
             self.random.shuffle(out)
         coding = self.random.choice(("utf-8", "utf-8-sig", "latin-1"))
         if free or discon:
-            out.insert(0, "! Größe in Meter")
+            out.insert(1, "! Größe in Meter")  # the mark of UTF-8 would make a line of a comment that is the first
         else:
             out[1] += " Größe\u00a0\u0085"
         return self.random.choice(("\n", "\r\n")).join(out).encode(coding)

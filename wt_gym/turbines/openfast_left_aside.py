@@ -52,7 +52,9 @@ _GROUPS: tuple[tuple[str, str, Mapping[str, float | bool]], ...] = (
     ),
     ("elastodyn", "friction of the yaw bearing", {"YawFrctMod": 0.0}),
     ("elastodyn", "a gearbox that reverses the direction", {"GBRevers": False}),
+    ("elastodyn", "pitch bearings that turn on springs; drives turn the blades here", {"PitchDOF": False}),
     ("servodyn", "neutral position of the yaw spring, which is 0 here", {"YawNeut": 0.0}),
+    ("servodyn", "neutral positions of the pitch springs", {f"PitNeut({i})": 0.0 for i in (1, 2, 3)}),
     ("servodyn", "reference of the nacelle's yaw angle", {"NacYaw_North": 0.0}),
     ("servodyn", "yaw control", {"YCMode": 0.0}),
     ("servodyn", "start and stop of the generator by its speed and power", {"GenTiStr": True, "GenTiStp": True}),
@@ -83,7 +85,7 @@ _AERODYNAMICS = (
         "SkewMod",
         "TwrPotent",
     ),
-    *("TwrShadow", "TipLoss", "HubLoss", "TanInd", "AIDrag", "TIDrag"),
+    *("TwrShadow", "TipLoss", "HubLoss", "TanInd", "AIDrag", "TIDrag", "SectAvg", "AoA34"),
 )
 _CONTROL_MODES = {
     "PCMode": {0: "the model holds the pitch (BlPitch); here a controller moves the blades"},

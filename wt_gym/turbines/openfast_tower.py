@@ -46,6 +46,7 @@ def read_openfast_tower(elastodyn: TextFile, file: TextFile, aerodyn: TextFile, 
     if length <= 0.0:
         raise elastodyn.fail("TowerHt", top, f"a height above TowerBsHt = {base:g} m")
     table, fraction = file.sections("NTwInpSt", "HtFract", ("tmassden", "twfastif", "twssstif"), "tower")
+    _check_order(file, table, ("htfract", "tmassden", "twfastif", "twssstif"))
     station = fraction * length
     mass = table["tmassden"] * file.number("AdjTwMa", 1.0)
     fore_aft = table["twfastif"] * file.number("AdjFASt", 1.0) * _tuner(file, "FAStTunr", notes)
@@ -77,6 +78,15 @@ def read_openfast_tower(elastodyn: TextFile, file: TextFile, aerodyn: TextFile, 
     return Tower(base, top, wall, diameter, sections, 0.01 * values[0], drag)
 
 
+def _check_order(file: TextFile, table: dict[str, NDArray[np.float64]], columns: tuple[str, ...]) -> None:
+    """Refuse tables whose header has another order than that in which OpenFAST counts the columns."""
+    given = [name for name in table if name in columns]
+    if given != [name for name in columns if name in table] or list(table)[: len(given)] != given:
+        raise file.fail(
+            "columns of the tower", list(table), f"{', '.join(columns)} in this order, as OpenFAST counts them"
+        )
+
+
 def _tuner(file: TextFile, name: str, notes: list[str]) -> float:
     one, two = file.number(f"{name}(1)", 1.0), file.number(f"{name}(2)", 1.0)
     if one != two:
@@ -100,6 +110,7 @@ def _shape(
         table = aerodyn.table("NumTwrNds", "TwrElev")
         if "twrdiam" not in table:
             raise TurbineDefinitionError(f"{aerodyn.path.name}: no column twrdiam in the table of the tower")
+        _check_order(aerodyn, table, ("twrelev", "twrdiam", "twrcd"))
         elevation = table["twrelev"]
         if np.any(np.diff(elevation) <= 0.0):
             raise aerodyn.fail("TwrElev", elevation.tolist(), "heights that ascend")
