@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from wt_gym.envs.episode import Agent
     from wt_gym.runs.executors import Executor
     from wt_gym.simulation import Fidelity
     from wt_gym.simulation.contract import TurbineSimulator
@@ -83,7 +84,7 @@ class Case:
     seed: int | None = None
 
     @property
-    def name(self) -> str:
+    def label(self) -> str:
         """Name for sentences."""
         return f"{self.wind_speed:g} m/s" + ("" if self.seed is None else f", seed {self.seed}")
 
@@ -187,6 +188,7 @@ def run_cases(
     ------
     ValueError
         If a time is out of range.
+        If a controller or agent cannot be made; nothing has run then.
     wt_gym.errors.InflowError
         If a wind cannot be made; nothing has run then.
     """
@@ -211,9 +213,10 @@ def run_cases(
     fidelity = suited_fidelity(turbine) if fidelity is None else fidelity
     in_environments = not all(is_base_controller(choice) for choice, _ in controllers.values())
     run = _Runner(turbine, dict(controllers), in_environments, duration, skip, fidelity, control_dt, simulator)
+    run.check(_steady(turbine, cases[0], 0.0))
     make_runs(
         [(label, case) for case in cases for label in controllers], partial(executor.results, run),
-        tally=executor.tally, label=lambda job: f"{job[0]} in {job[1]}", told=told,
+        tally=executor.tally, label=lambda job: f"{job[0]} at {job[1].label}", told=told,
     )  # fmt: skip
     return runs
 
@@ -252,6 +255,20 @@ class _Runner:
             return benchmark_metrics(data, self.turbine, self.skip), None, idle_time(data)
         except SimulationError as error:
             return None, str(error), 0.0
+
+    def check(self, inflow: Inflow) -> None:
+        """Make every controller or agent once, in any wind: what cannot be made is refused before the first run."""
+        for label, (choice, parameters) in self.controllers.items():
+            try:
+                if not self.in_environments:
+                    make_controller(choice, self.turbine, **parameters)
+                    continue
+                name = Name(read_name(choice).kind, choice, parameters)
+                environment_and_agent(self.turbine, name, inflow, self.fidelity, self.control_dt, self.simulator)[
+                    0
+                ].close()
+            except (ValueError, TypeError, OSError) as error:
+                raise ValueError(f"{label}: {error}") from error
 
     def _inflow(self, case: Case) -> Inflow:
         if self._wind is None or self._wind[0] != case:
@@ -310,6 +327,25 @@ def run_agent(
     ValueError
         If the agent does not fit its environment.
     """
+    env, agent = environment_and_agent(turbine, name, inflow, fidelity, control_dt, simulator)
+    try:
+        episode = play(env, agent, seed=0, options={"azimuth": 0.0}, duration=duration)
+        if episode.ending != "time":
+            raise SimulationError(f"ended after {episode.time:g} s: {episode.failure or episode.ending}")
+        return episode.data
+    finally:
+        env.close()
+
+
+def environment_and_agent(
+    turbine: Turbine,
+    name: Name,
+    inflow: Inflow,
+    fidelity: str | Fidelity = "training",
+    control_dt: float | None = None,
+    simulator: Any = OWN,
+) -> tuple[WindTurbineEnv, Agent]:
+    """Environment of `run_agent` and the agent in it; parameters as there."""
     found = load_model(name) if name.kind == "trained" else None
     record = (found.record if found is not None else None) or {}
     interface = environment_of_training(record, INTERFACE) | env_choices_of(name.text)
@@ -326,12 +362,10 @@ def run_agent(
         agent = load_agent(name.text, env.layout, env) if found is None else found
         if found is not None:
             found.enter(env.layout)
-        episode = play(env, agent, seed=0, options={"azimuth": 0.0}, duration=duration)
-        if episode.ending != "time":
-            raise SimulationError(f"ended after {episode.time:g} s: {episode.failure or episode.ending}")
-        return episode.data
-    finally:
+    except BaseException:
         env.close()
+        raise
+    return env, agent
 
 
 def in_all_winds(runs: list[ControllerRuns]) -> list[ControllerRuns]:

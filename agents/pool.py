@@ -21,7 +21,7 @@ from wt_gym.agents.uniform import UniformAgent
 from wt_gym.benchmark.fingerprint import differing
 from wt_gym.control.controllers import make_controller, supervisor_of
 from wt_gym.control.controllers.names import ALIASES, Name
-from wt_gym.control.controllers.own_class import load_class
+from wt_gym.control.controllers.own_class import call_maker, load_class
 from wt_gym.deprecated import renamed_names
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options import registered_arguments
@@ -101,7 +101,7 @@ def _of_own_class(name: Name, layout: EnvLayout) -> Agent:
     """Agent of a class of the user's, which gets the layout where it takes one."""
     maker = load_class(name.target)
     given = {"layout": layout} if "layout" in inspect.signature(maker).parameters else {}
-    agent: Agent = maker(**given, **name.parameters)
+    agent: Agent = call_maker(name.target, partial(maker, **given), name.parameters)
     if not callable(getattr(agent, "predict", None)):
         raise ValueError(f"{name.target} must make an agent with predict, got {agent!r}")
     return agent

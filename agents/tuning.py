@@ -234,7 +234,8 @@ def tune(
 
     reference = runs(task.reference, {})
     if reference.failures:
-        raise SimulationError(f"the reference {task.reference!r} failed: {reference.failures}")
+        failures = "; ".join(f"{case.label}: {message}" for case, message in reference.failures.items())
+        raise SimulationError(f"the reference {task.reference!r} failed: {failures}")
 
     unknown = [name for name in task.cost.weights if any(name not in found for found in reference.metrics.values())]
     if unknown:

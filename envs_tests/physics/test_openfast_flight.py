@@ -120,7 +120,7 @@ def test_commands_fly_and_read(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv(DRIVER_VARIABLE, str(DRIVER))
     monkeypatch.setenv(VARIABLE, str(LIBRARY))
     assert find_driver() == DRIVER.resolve()
-    words = ["--wind-speed", "15", "--wind-seed", "1001", "--duration", "6", "--skip", "1", "--json"]
+    words = ["--wind-speed", "15", "--wind-seeds", "1001", "--duration", "6", "--skip", "1", "--json"]
     fly_command(["discon", "--out", str(tmp_path), *words])
     text = capsys.readouterr().out
     told = json.loads(text.splitlines()[-1])

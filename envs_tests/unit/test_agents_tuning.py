@@ -127,6 +127,28 @@ def test_a_reference_of_zero_leaves_values(metric):
     assert ("0.500 MW" if metric == "mean_power" else "0.50 MN m") in row
 
 
+@pytest.mark.parametrize(
+    ("choice", "parameters", "message"),
+    [
+        ("ipc", {"bandwith": 0.1}, "last: .*bandwith"),
+        ("mine.py:Mine", {"gian": 1.0}, r"last: mine.py:Mine takes the arguments \(gain=1.0\), got .*'gian'"),
+        ("agent.py:Agent", {"gian": 1.0}, r"last: agent.py:Agent takes the arguments \(gain=1.0\), got .*'gian'"),
+    ],
+)
+def test_what_cannot_be_made_is_refused_before_the_first_run(choice, parameters, message, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for name, needed in (("mine", "channels = ()\n    def start(self, *_): pass\n    def step(self, *_): pass"),
+                         ("agent", "def predict(self, *_, **__): pass")):  # fmt: skip
+        (tmp_path / f"{name}.py").write_text(
+            f"class {name.title()}:\n    {needed}\n    def __init__(self, gain=1.0): pass\n"
+        )
+    monkeypatch.setattr(comparison, "run_controller", lambda *_, **__: pytest.fail("a run was made"))
+    monkeypatch.setattr(comparison, "play", lambda *_, **__: pytest.fail("a run was made"))
+    chosen = {"discon": ("discon", {}), "last": (choice, parameters)}
+    with pytest.raises(ValueError, match=message):
+        run_cases(load_turbine("nrel_5mw"), chosen, [Case(12.0)], 5.0)
+
+
 def test_a_class_of_ones_own_is_tuned(monkeypatch, tmp_path):
     pytest.importorskip("optuna")
     monkeypatch.setattr(tuning, "run_cases", made_up)

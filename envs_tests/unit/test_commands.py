@@ -14,7 +14,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.commands import COMMANDS, bench, evaluate, loadcases, main, module_of, program, simulate
+from wt_gym.commands import (
+    COMMANDS,
+    bench,
+    compare_controllers,
+    evaluate,
+    loadcases,
+    main,
+    module_of,
+    program,
+    simulate,
+)
 from wt_gym.commands.program import OneLineParser, json_value, stoppable, user_errors
 
 
@@ -206,7 +216,7 @@ def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
         (["--duration", "nan"], "--duration must lie between 1 and 1e+06 s, got nan"),
         (["--average", "400"], "--average must be above 0 and at most the --duration of 300 s, got 400"),
         (["--wind-speed", "8", "1e9"], "--wind-speed must be from 0 to 50 m/s, got 1e+09"),
-        (["--turbulent", "--seed", "-1"], "--seed must be from 0 to"),
+        (["--turbulent", "--wind-seeds", "-1"], "--wind-seeds must be from 0 to"),
         (["--fidelity", "none"], "got 'none'"),
     ],
 )
@@ -265,7 +275,7 @@ def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch,
     monkeypatch.setattr(comparison, "simulator_maker", lambda *_, **__: ScriptedSimulator)
     monkeypatch.setattr(comparison, "run_controller", run)
     monkeypatch.setattr(comparison, "benchmark_metrics", lambda *_: {key: 1e6 for key in metrics})
-    words = ["compare-controllers", "discon", "ipc", "--winds", "8", "12", "15", "--seeds", "--json"]
+    words = ["compare-controllers", "discon", "ipc", "--wind-speed", "8", "12", "15", "--wind-seeds", "--json"]
     out, _ = stopped_in_one_line(words, capsys)
     rows = json.loads(out.splitlines()[-1])
     assert [(row["wind_speed"], row["controller"]) for row in rows] == [
@@ -273,6 +283,18 @@ def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch,
     ]  # fmt: skip
     assert "| 8 | ipc |" in out
     assert "| 15 |" not in out
+
+
+def test_an_error_of_a_controller_is_printed_once_with_its_winds(capsys):
+    from wt_gym.agents.comparison import COLUMNS, Case, ControllerRuns
+
+    cases = [Case(wind, seed) for wind in (12.0, 15.0) for seed in (1, 2)]
+    metrics = dict.fromkeys((key for key, _ in COLUMNS), 1e6)
+    good = ControllerRuns("discon", dict.fromkeys(cases, metrics), {})
+    compare_controllers.show([good, ControllerRuns("mine", {}, dict.fromkeys(cases, "it is broken"))], False)
+    out = capsys.readouterr().out
+    assert out.count("it is broken") == 1
+    assert "mine at 12 m/s, seed 1; 12 m/s, seed 2; 15 m/s, seed 1; 15 m/s, seed 2: it is broken" in out
 
 
 def test_a_stopped_search_keeps_its_trials(monkeypatch, tmp_path, capsys):
@@ -291,10 +313,10 @@ def test_a_stopped_search_keeps_its_trials(monkeypatch, tmp_path, capsys):
 
     monkeypatch.setattr(tuning, "run_cases", runs)
     record = tmp_path / "new" / "tuned.json"
-    stopped_in_one_line(["tune", "ipc", "--trials", "9", "--winds", "12", "--out", str(record)], capsys)
+    stopped_in_one_line(["tune", "ipc", "--trials", "9", "--wind-speed", "12", "--out", str(record)], capsys)
     assert len(json.loads(record.read_text())["trials"]) == 2
     assert [file.name for file in record.parent.iterdir()] == ["tuned.json"]
-    weighs = ["tune", "ipc", "--winds", "12", "--weights", "beauty=1"]
+    weighs = ["tune", "ipc", "--wind-speed", "12", "--weights", "beauty=1"]
     calls.clear()
     assert ended(main, weighs).endswith(", got beauty")
 

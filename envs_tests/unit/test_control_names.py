@@ -151,7 +151,7 @@ def test_classes_that_cannot_be_had_are_refused(mine, tmp_path):
         load_class(f"{mine}:NOTHING")
     with pytest.raises(ValueError, match="got a class with predict: it acts on observations"):
         make_controller(f"{mine}:Rests", TURBINE)
-    with pytest.raises(TypeError, match="'wrong'"):
+    with pytest.raises(ValueError, match=r"mine.py:Hold takes the arguments \(gain=1.0\), got .*'wrong'"):
         make_controller(f"{mine}:Hold:wrong=1", TURBINE)
     model = tmp_path / "model.zip"
     model.touch()

@@ -764,7 +764,7 @@ def test_winds_of_the_same_pitch_are_refused(turbine, toy_runs, monkeypatch):
     [
         (["--out", "mine.txt"], "must be a file that ends in .npz, got mine.txt"),
         (["--out", "mine.npz", "--seeds", "1", "1001"], "training winds, 1 to 24; got 1001"),
-        (["--out", "mine.npz", "--speeds", "18", "12"], "rising wind speeds"),
+        (["--out", "mine.npz", "--wind-speed", "18", "12"], "rising wind speeds"),
         (["--out", "mine.npz", "--base", "ipd"], "a controller must be among"),
         (["--out", "mine.npz", "--turbine", "nrel_6mw"], "nrel_6mw"),
         (["--out", "mine.npz", "--travel-weight", "-1"], "travel_weight must be finite and not negative"),
@@ -780,7 +780,7 @@ def test_the_command_refuses(words, message, tmp_path, monkeypatch, capsys):
 
 def test_the_command_writes_a_design(toy_runs, tmp_path, capsys):
     path = tmp_path / "mine.npz"
-    words = ["linear_optimal", "--speeds", "15", "--seeds", "1", "2", "--excited", "2", "--duration", "75"]
+    words = ["linear_optimal", "--wind-speed", "15", "--wind-seeds", "1", "2", "--excited", "2", "--duration", "75"]
     design_command.main([*words, "--travel-weight", "2", "--out", str(path), "--json"])
     shown = capsys.readouterr()
     assert json.loads(shown.out.splitlines()[-1])["task"]["feedback"]["travel_weight"] == 2.0

@@ -1,6 +1,6 @@
 """Compare controllers in the same winds; changes are against the first.
 
-    wt-gym compare-controllers discon ipc constrained_ipc:level=0.1 --winds 12 15 18 --seeds 1001 1002
+    wt-gym compare-controllers discon ipc constrained_ipc:level=0.1 --wind-speed 12 15 18 --wind-seeds 1001 1002
 
 A controller is a name of wt-gym list controllers, with parameters behind a colon, a class of your own (file.py:Class),
 or any other agent of wt-gym evaluate, as a trained model: that runs in an environment with the same winds. Without
@@ -9,6 +9,7 @@ one, discon, rosco (where its package is installed), tsr_tracking, ipc and tuned
 
 from __future__ import annotations
 
+import itertools
 import json
 import sys
 import time
@@ -18,6 +19,7 @@ from wt_gym.commands.engine_options import add_engine_options, add_model_options
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option
 from wt_gym.files import require_writable
+from wt_gym.runs.progress import clock
 
 if TYPE_CHECKING:
     import argparse
@@ -32,8 +34,17 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--turbine", default="nrel_5mw")
     add_site_option(parser)
     add_simulator_option(parser)
-    parser.add_argument("--winds", nargs="+", type=float, default=[12.0, 15.0, 18.0], help="m/s")
-    parser.add_argument("--seeds", nargs="*", type=int, default=[1001, 1002], help="none: steady wind")
+    parser.add_argument(
+        "--wind-speed", nargs="+", type=float, default=[12.0, 15.0, 18.0], metavar="M_S", help="mean speeds [m/s]"
+    )
+    parser.add_argument(
+        "--wind-seeds",
+        nargs="*",
+        type=int,
+        default=[1001, 1002],
+        metavar="SEED",
+        help="turbulence seeds; none: steady wind",
+    )
     parser.add_argument("--duration", type=float, default=150.0, help="measured, s")
     parser.add_argument("--skip", type=float, default=30.0, help="before it, s")
     parser.add_argument("--fidelity", help=FIDELITIES_HELP)
@@ -52,7 +63,7 @@ def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.N
 
     settings = {
         name: getattr(arguments, name)
-        for name in ("turbine", "winds", "seeds", "duration", "skip", "fidelity", "control_dt", "simulator")
+        for name in ("turbine", "wind_speed", "wind_seeds", "duration", "skip", "fidelity", "control_dt", "simulator")
     }
     print(f"report: {write_comparison(in_all_winds(runs), arguments.report, turbine, settings)}")
 
@@ -65,9 +76,10 @@ def show(runs: list[ControllerRuns], as_json: bool) -> None:
     runs = in_all_winds(runs)
     print(table(runs))
     for run in runs:
-        for case, message in run.failures.items():
-            print(f"{run.name} in {case}: {message}")
-        if sentence := idle_sentence(run.name, ((case.name, time) for case, time in run.idle.items())):
+        for message in dict.fromkeys(run.failures.values()):
+            cases = [case.label for case, own in run.failures.items() if own == message]
+            print(f"{run.name} at {'; '.join(cases)}: {message}")
+        if sentence := idle_sentence(run.name, ((case.label, time) for case, time in run.idle.items())):
             print(sentence)
     if as_json:
         rows = [
@@ -82,10 +94,16 @@ def main(words: list[str] | None = None) -> None:
     """Run."""
     arguments = parse_arguments(words)
 
-    begin = time.monotonic()
+    began, runs_of = time.monotonic(), itertools.count(1)
 
     def progress(name: str, case: Case) -> None:
-        print(f"{time.monotonic() - begin:6.0f} s  {name} in {case}", file=sys.stderr, flush=True)
+        done, total = next(runs_of), len(cases) * len(controllers)
+        elapsed = time.monotonic() - began
+        left = elapsed / done * (total - done)
+        print(
+            f"run {done}/{total}: {name} at {case.label}, {clock(elapsed)} min, about {clock(left)} min left",
+            file=sys.stderr, flush=True,
+        )  # fmt: skip
 
     runs: list[ControllerRuns] = []
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
@@ -99,7 +117,7 @@ def main(words: list[str] | None = None) -> None:
         given = named_choices(with_model_options(chosen, arguments.algo, arguments.trust))
         names = {label: read_name(text) for label, text in given.items()}
         controllers = {label: (name.target, name.parameters) for label, name in names.items()}
-        cases = [Case(wind, seed) for wind in arguments.winds for seed in (arguments.seeds or [None])]
+        cases = [Case(wind, seed) for wind in arguments.wind_speed for seed in (arguments.wind_seeds or [None])]
         if arguments.report:
             require_writable(arguments.report.parent)
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))

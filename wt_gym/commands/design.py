@@ -35,9 +35,16 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--out", type=file_ending_in(".npz"), required=True, metavar="FILE.npz", help="file of the design"
     )
     parser.add_argument("--base", help="base controller (default: side_side_damper)")
-    parser.add_argument("--speeds", nargs="+", type=float, help="winds of the designs, m/s (default: 1.05, 1.32, 1.58 "
-                        "rated wind speeds)")  # fmt: skip
-    parser.add_argument("--seeds", nargs="+", type=int, help="of the training winds, 1 to 24 (default: 1 to 6)")
+    parser.add_argument(
+        "--wind-speed",
+        nargs="+",
+        type=float,
+        metavar="M_S",
+        help="winds of the designs [m/s] (default: 1.05, 1.32, 1.58 times rated)",
+    )
+    parser.add_argument(
+        "--wind-seeds", nargs="+", type=int, metavar="SEED", help="of the training winds, 1 to 24 (default: 1 to 6)"
+    )
     parser.add_argument("--excited", type=int, help="seeds that are run with drawn offsets too (default: 3)")
     parser.add_argument("--excitation", nargs=2, type=float, metavar=("MEAN", "TILT_YAW"), help="largest drawn "
                         "offsets, deg (default: 0.2 0.6)")  # fmt: skip
@@ -86,11 +93,11 @@ def main(words: list[str] | None = None) -> None:
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
-        speeds = arguments.speeds or default_speeds(turbine)
+        speeds = arguments.wind_speed or default_speeds(turbine)
         limit, rate_limit = default_limits(turbine)
         given = {
             "base": arguments.base,
-            "seeds": tuple(arguments.seeds) if arguments.seeds else None,
+            "seeds": tuple(arguments.wind_seeds) if arguments.wind_seeds else None,
             "excited": arguments.excited,
             "duration": arguments.duration,
             "limit": limit if arguments.limit is None else math.radians(arguments.limit),

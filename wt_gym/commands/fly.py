@@ -1,6 +1,6 @@
 """Export an agent or a controller, run library and original in the same wind, and say how far they agree.
 
-    wt-gym fly runs/ppo --out runs/flight --wind-speed 15 --wind-seed 1001 --duration 120
+    wt-gym fly runs/ppo --out runs/flight --wind-speed 15 --wind-seeds 1001 --duration 120
     wt-gym fly constrained_ipc+tower_dampers --out runs/flight --openfast /opt/openfast/bin/openfast
 
 Four runs from the same steady start: in this package's simulator with Python and with the library as controller, in

@@ -15,9 +15,9 @@ __all__ = ["add_scene_options", "chosen_scene"]
 
 
 def add_scene_options(parser: argparse._ActionsContainer, duration: float) -> None:
-    """Add ``--wind-speed``, ``--wind-seed``, ``--duration`` and ``--env-kwargs``."""
+    """Add ``--wind-speed``, ``--wind-seeds``, ``--duration`` and ``--env-kwargs``."""
     parser.add_argument("--wind-speed", type=float, metavar="M_S", help="mean wind speed in m/s (default: drawn)")
-    parser.add_argument("--wind-seed", type=int, metavar="SEED", help="turbulence seed (default: drawn)")
+    parser.add_argument("--wind-seeds", type=int, metavar="SEED", help="turbulence seed (default: drawn)")
     parser.add_argument("--duration", type=float, default=duration, metavar="S", help="in s (default: %(default)s)")
     parser.add_argument(
         "--env-kwargs", type=json_value, default={}, metavar="JSON",
@@ -39,5 +39,5 @@ def chosen_scene(arguments: argparse.Namespace) -> Scene:
         raise ValueError(f"--duration must be above 0 s, got {arguments.duration:g}")
     return scene_of(
         arguments.agent, turbine=arguments.turbine, env_kwargs=arguments.env_kwargs, wind_speed=arguments.wind_speed,
-        wind_seed=arguments.wind_seed, duration=arguments.duration,
+        wind_seed=arguments.wind_seeds, duration=arguments.duration,
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
     wt-gym simulate --wind-speed 8 15
     wt-gym simulate --turbine iea_15mw --wind-speed 9 --fidelity engineering --out runs/iea.nc
-    wt-gym simulate --turbulent --seed 3 --wind-speed 12 --duration 600 --out runs/turbulent.nc
+    wt-gym simulate --turbulent --wind-seeds 3 --wind-speed 12 --duration 600 --out runs/turbulent.nc
     wt-gym simulate --wind gust.csv site.bts --site air_density=1.1 --duration 120
 
 The means are taken over the last part of each run; for a turbine with a shaft tilt they are means over whole turns only
@@ -53,7 +53,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--shear", type=float, default=0.0, help="power-law exponent (default: %(default)s)")
     parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
     parser.add_argument("--turbulent", action="store_true", help="Kaimal turbulence of the turbine's class")
-    parser.add_argument("--seed", type=int, default=1, help="turbulence seed (default: %(default)s)")
+    parser.add_argument(
+        "--wind-seeds", type=int, default=1, metavar="SEED", help="turbulence seed (default: %(default)s)"
+    )
     parser.add_argument(
         "--scaling",
         default="low_frequency",
@@ -111,8 +113,8 @@ def check(arguments: argparse.Namespace) -> None:
             raise ValueError(f"--wind-speed must be from {least:g} to {FASTEST_WIND:g} m/s{still}, got {value:g}")
     if arguments.wind and (arguments.turbulent or arguments.shear or arguments.yaw_misalignment):
         raise ValueError("--wind has its own turbulence, shear and direction: leave those options out")
-    if not 0 <= arguments.seed <= LARGEST_WIND_SEED:
-        raise ValueError(f"--seed must be from 0 to {LARGEST_WIND_SEED}, got {arguments.seed}")
+    if not 0 <= arguments.wind_seeds <= LARGEST_WIND_SEED:
+        raise ValueError(f"--wind-seeds must be from 0 to {LARGEST_WIND_SEED}, got {arguments.wind_seeds}")
     if arguments.fidelity is not None:
         fidelity(arguments.fidelity)
     simulator_maker(arguments.simulator, arguments.turbine, pictured=False)
@@ -174,7 +176,7 @@ def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float | st
         turbine.hub_height,
         turbine.rotor_diameter,
         turbine.turbulence_class,
-        seed=arguments.seed,
+        seed=arguments.wind_seeds,
         scaling=arguments.scaling,
     )
     return TurbulentInflow(box, steady)

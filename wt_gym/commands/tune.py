@@ -2,7 +2,7 @@
 
     wt-gym tune constrained_ipc --trials 40 --out tuned.json
     wt-gym tune mine/controller.py:Mine --space gain=0.1:2:log --trials 20
-    wt-gym tune retuned --winds 8 --seeds 1 2 3 --weights mean_power=-1 --trials 15
+    wt-gym tune retuned --wind-speed 8 --wind-seeds 1 2 3 --weights mean_power=-1 --trials 15
 
 Needs the extra "tune".
 """
@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
+from wt_gym.runs.progress import clock
 
 if TYPE_CHECKING:
     import argparse
@@ -43,8 +45,17 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--turbine", default="nrel_5mw")
     add_site_option(parser)
     parser.add_argument("--reference", default="discon", help="that the cost compares with")
-    parser.add_argument("--winds", nargs="+", type=float, default=[12.0, 15.0, 18.0], help="m/s")
-    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2], help="of the training winds, 1 to 24")
+    parser.add_argument(
+        "--wind-speed", nargs="+", type=float, default=[12.0, 15.0, 18.0], metavar="M_S", help="mean speeds [m/s]"
+    )
+    parser.add_argument(
+        "--wind-seeds",
+        nargs="+",
+        type=int,
+        default=[1, 2],
+        metavar="SEED",
+        help="turbulence seeds of training, 1 to 24",
+    )
     parser.add_argument("--duration", type=float, default=150.0, help="measured, s")
     parser.add_argument("--skip", type=float, default=30.0, help="before it, s")
     parser.add_argument("--fidelity", help=FIDELITIES_HELP)
@@ -60,13 +71,25 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
+def shown(parameters: Mapping[str, float]) -> str:
+    """Parameters in a sentence."""
+    return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
+
+
 def main(words: list[str] | None = None) -> None:
     """Run."""
     arguments = parse_arguments(words)
 
+    began = time.monotonic()
+
     def progress(number: int, cost: float, parameters: Mapping[str, float]) -> None:
-        shown = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
-        print(f"trial {number}: cost {cost:+.4f} with {shown}", file=sys.stderr, flush=True)
+        done, elapsed = number + 1, time.monotonic() - began
+        left = elapsed / done * (arguments.trials - done)
+        print(
+            f"trial {done}/{arguments.trials}: cost {cost:+.4f} with {shown(parameters)}, {clock(elapsed)} min, about "
+            f"{clock(left)} min left",
+            file=sys.stderr, flush=True,
+        )  # fmt: skip
 
     kept = f"the trials so far are in {arguments.out}" if arguments.out else "--out would keep the trials"
     with user_errors(), stoppable(kept):
@@ -76,12 +99,12 @@ def main(words: list[str] | None = None) -> None:
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         task = TuningTask(
-            arguments.controller, arguments.reference, tuple(arguments.winds), tuple(arguments.seeds),
+            arguments.controller, arguments.reference, tuple(arguments.wind_speed), tuple(arguments.wind_seeds),
             arguments.duration, arguments.skip, arguments.fidelity,
             Cost(dict(arguments.weights)) if arguments.weights else Cost(),
             {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
         )  # fmt: skip
         record = tune(turbine, task, arguments.trials, arguments.seed, arguments.out, progress)
-    print(f"best: cost {record['best']['cost']:+.4f} with {record['best']['parameters']}")
+    print(f"best: cost {record['best']['cost']:+.4f} with {shown(record['best']['parameters'])}")
     if arguments.json:
         print(json.dumps(record))

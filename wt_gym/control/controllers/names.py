@@ -17,12 +17,13 @@ import inspect
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.controllers.catalogue import CONTROLLERS, catalogue_controller, declared_parameters
 from wt_gym.control.controllers.controller import Combined, Controller, is_addition, is_controller
-from wt_gym.control.controllers.own_class import classes_in, load_class
+from wt_gym.control.controllers.own_class import call_maker, classes_in, load_class
 from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -336,11 +337,10 @@ def _of_own_class(target: str, turbine: Turbine, parameters: dict[str, Any]) -> 
             "and cannot be a base controller or run without an environment; name it as an agent, as in wt-gym evaluate"
         )
     if callable(getattr(maker, "of_turbine", None)):
-        made = maker.of_turbine(turbine, **parameters)
-    elif "turbine" in inspect.signature(maker).parameters:
-        made = maker(turbine=turbine, **parameters)
+        made = call_maker(target, partial(maker.of_turbine, turbine), parameters)
     else:
-        made = maker(**parameters)
+        wanted = {"turbine": turbine} if "turbine" in inspect.signature(maker).parameters else {}
+        made = call_maker(target, partial(maker, **wanted), parameters)
     if is_addition(made):
         return Combined(catalogue_controller(BASELINE, turbine, {}), made)
     if not is_controller(made):

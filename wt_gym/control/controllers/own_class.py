@@ -10,11 +10,14 @@ import inspect
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.errors import did_you_mean
 
-__all__ = ["load_class", "source_digest"]
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["call_maker", "load_class", "source_digest"]
 
 
 def load_class(target: str) -> Any:
@@ -47,6 +50,29 @@ def load_class(target: str) -> Any:
     if not callable(found):
         raise ValueError(f"{target} must be a class, or a function that makes a controller or an agent, got {found!r}")
     return found
+
+
+def call_maker(target: str, maker: Callable[..., Any], arguments: dict[str, Any]) -> Any:
+    """Call a class or function of a file with keyword arguments.
+
+    Parameters
+    ----------
+    target : str
+        Its name, for the message.
+    maker : callable
+    arguments : dict
+
+    Raises
+    ------
+    ValueError
+        If it takes other arguments.
+    """
+    try:
+        signature = inspect.signature(maker)
+        signature.bind(**arguments)
+    except TypeError as error:
+        raise ValueError(f"{target} takes the arguments {signature}, got {arguments}: {error}") from error
+    return maker(**arguments)
 
 
 def source_digest(target: str) -> str:
