@@ -186,6 +186,29 @@ def test_least_pitch_follows_the_estimated_wind():
     assert demand.pitch[0] == pytest.approx(np.interp(controller.wind, own.min_pitch_wind, own.min_pitch), abs=1e-4)
 
 
+def test_a_published_set_point_smoother_holds_the_torque_in_a_lull():
+    """At 6 deg above the least pitch and 7 % below rated speed ROSCO's shift, 0.105/0.524, exceeds the lull."""
+    turbine = load_turbine("iea_22mw")
+    shifts = {"speed_shift_per_pitch": 1.0 / 0.524, "speed_shift_per_power": 0.001, "speed_shift_frequency": 0.6283}
+    least = {}
+    for name, control in (("rule", turbine.control), ("published", replace(turbine.control, **shifts))):
+        controller = make_controller("discon", replace(turbine, control=control))
+        p = controller.parameters
+        now = {"rotor_speed": p.rated_speed, "generator_speed": p.rated_speed, "generator_torque": p.rated_torque}
+        for pitch in (0.2, None):  # the first start finds the wind
+            pitch = controller._least_pitch() + 0.105 if pitch is None else pitch
+            now |= {f"pitch_{b}": pitch for b in (1, 2, 3)}
+            controller.start(now, Demand(np.full(3, pitch), 0.0, p.rated_torque))
+        torques = []
+        for k in range(60):
+            speed = p.rated_speed * max(1.0 - 0.0014 * k, 0.93)
+            demand = controller.step(now | {"rotor_speed": speed, "generator_speed": speed}, 0.1)
+            torques.append(demand.generator_torque / p.rated_torque)
+        least[name] = min(torques)
+    assert least["published"] == pytest.approx(1.0)
+    assert least["rule"] < 0.97
+
+
 # ---- parameters by name ----
 
 
