@@ -18,7 +18,7 @@ STEP = 0.1
 @pytest.fixture(scope="module")
 def turbines():
     """Both turbines, in whatever wind they were last."""
-    return {name: Simulator(name, SteadyInflow(8.0)) for name in ("nrel_5mw", "iea_15mw")}
+    return {name: Simulator(name, SteadyInflow(8.0), FIDELITIES["training"]) for name in ("nrel_5mw", "iea_15mw")}
 
 
 def from_behind(speed):
