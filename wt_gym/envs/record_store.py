@@ -14,7 +14,7 @@ import math
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -84,7 +84,7 @@ class StartFile:
     ) -> None:  # fmt: skip
         """Write the file of a record; the parameters are those of `Record`."""
         codes, low, unit = _packed(rows)
-        arrays = {
+        arrays: dict[str, Any] = {
             "head": json.dumps(asdict(self)), "speeds": speeds, "codes": codes, "low": low, "unit": unit,
             "values": form.values, "sizes": form.sizes, "changing": form.changing, "probe": probe,
         }  # fmt: skip

@@ -172,5 +172,5 @@ def _store_run(recorded: RecordedTurbine, speed: float, run: int, file: Path) ->
 def probe(recorded: RecordedTurbine) -> NDArray[np.float64]:
     """Signals of the turbine after a short run (n_signals,): others than the recorded ones tell of another program."""
     speed = float(np.median(recorded_speeds(load_turbine(recorded.turbine))))
-    rows = recorded.recorder(speed).run(recorded.inflow(speed, 0), _PROBE).rows
-    return rows[0]
+    (row,) = recorded.recorder(speed).run(recorded.inflow(speed, 0), _PROBE).rows
+    return np.asarray(row)

@@ -60,10 +60,10 @@ class RecordingPlan:
         Between them.
     """
 
-    runs: int = 8
+    runs: int = 12
     settling: float = 220.0
-    instants: int = 24
-    spacing: float = 15.0
+    instants: int = 16
+    spacing: float = 24.0
 
 
 PLAN = RecordingPlan()

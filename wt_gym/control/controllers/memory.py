@@ -43,7 +43,7 @@ class Memory(NamedTuple):
     """
 
     values: NDArray[np.float64]
-    sizes: NDArray[np.float64]
+    sizes: NDArray[np.int_]
 
 
 def memory_of(controller: Controller) -> Memory:
@@ -66,7 +66,7 @@ def _split(memory: Memory) -> list[NDArray[np.float64]]:
     return np.split(memory.values[: memory.sizes.sum()], np.cumsum(memory.sizes)[:-1])
 
 
-def remember(controller: Controller, memory: Memory, changing: NDArray[np.float64]) -> None:
+def remember(controller: Controller, memory: Memory, changing: NDArray[np.bool_]) -> None:
     """Put numbers into a controller.
 
     Parameters
