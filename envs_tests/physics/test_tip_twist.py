@@ -122,6 +122,19 @@ def test_the_wrong_choice_warns_with_the_twist(turbines):
         choose_fidelity(small, "trainin")
 
 
+def test_blades_without_torsional_stiffness_are_refused_unless_a_fidelity_is_named(turbines):
+    turbine = turbines["iea_22mw"]
+    structure = turbine.blade.structure
+    soft = np.array(structure.stiffness)
+    soft[:, 5, :] *= 0.3
+    soft[:, :5, 5] *= 0.3
+    turbine = replace(turbine, blade=replace(turbine.blade, structure=replace(structure, stiffness=soft)))
+    with pytest.raises(SimulationError, match=r"at most 10 deg at rated thrust, got \d+ deg from a torsional .*GJ"):
+        Simulator(turbine, SteadyInflow(8.0))
+    with pytest.warns(UserWarning, match="more than"):
+        assert choose_fidelity(turbine, "training") == "training"
+
+
 def test_commands_leave_the_fidelity_to_the_turbine():
     for command, words in (
         (simulate, []),

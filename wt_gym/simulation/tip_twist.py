@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.errors import SimulationError
 from wt_gym.simulation.fidelity import FIDELITIES, Fidelity, fidelity
 from wt_gym.structure.beam import skew
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
@@ -35,10 +36,13 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Blade, Turbine
 
-__all__ = ["NOTABLE_TWIST", "choose_fidelity", "rated_tip_twist", "suited_fidelity", "tip_twist"]
+__all__ = ["LARGEST_TWIST", "NOTABLE_TWIST", "choose_fidelity", "rated_tip_twist", "suited_fidelity", "tip_twist"]
 
 NOTABLE_TWIST = math.radians(0.5)
 """Twist of the tip at rated thrust from which on blades are simulated with torsion [rad]."""
+LARGEST_TWIST = math.radians(10.0)
+"""Twist of the tip at rated thrust beyond which the torsional stiffness is taken for a fault of the file [rad]: blades of
+the IEA 22-MW, the softest of known data, twist by 6 deg."""
 _SECTIONS = 60
 """Along the blade; the twist changes by less than 2 % with twice as many."""
 _PITCH_STEP = math.radians(0.5)
@@ -50,8 +54,22 @@ _TORSION = "-torsion"
 
 
 def suited_fidelity(turbine: Turbine) -> str:
-    """Return "training-torsion" where the tip twists by more than `NOTABLE_TWIST` at rated thrust, else "training"."""
-    return f"training{_TORSION}" if abs(rated_tip_twist(turbine)) > NOTABLE_TWIST else "training"
+    """Return "training-torsion" where the tip twists by more than `NOTABLE_TWIST` at rated thrust, else "training".
+
+    Raises
+    ------
+    SimulationError
+        If it twists by more than `LARGEST_TWIST`.
+    """
+    twist = abs(rated_tip_twist(turbine))
+    if twist > LARGEST_TWIST:
+        stiffness = turbine.blade.structure.stiffness[:, 5, 5]
+        raise SimulationError(
+            f"the blades of {turbine.name!r} must twist by at most {math.degrees(LARGEST_TWIST):g} deg at rated "
+            f"thrust, got {math.degrees(twist):.0f} deg from a torsional stiffness GJ of {stiffness[len(stiffness) // 2]:.2g} "
+            'N m^2 at midspan: correct it in the file, or name a fidelity, "training" for blades without torsion'
+        )
+    return f"training{_TORSION}" if twist > NOTABLE_TWIST else "training"
 
 
 def choose_fidelity(turbine: Turbine, choice: str | Fidelity | None) -> str | Fidelity:
@@ -68,7 +86,7 @@ def choose_fidelity(turbine: Turbine, choice: str | Fidelity | None) -> str | Fi
     Raises
     ------
     SimulationError
-        For an unknown name.
+        For an unknown name; as `suited_fidelity`.
     """
     if isinstance(choice, Fidelity):
         return choice
