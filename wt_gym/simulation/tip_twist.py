@@ -41,8 +41,8 @@ __all__ = ["LARGEST_TWIST", "NOTABLE_TWIST", "choose_fidelity", "rated_tip_twist
 NOTABLE_TWIST = math.radians(0.5)
 """Twist of the tip at rated thrust from which on blades are simulated with torsion [rad]."""
 LARGEST_TWIST = math.radians(10.0)
-"""Twist of the tip at rated thrust beyond which the torsional stiffness is taken for a fault of the file [rad]: blades of
-the IEA 22-MW, the softest of known data, twist by 6 deg."""
+"""Twist of the tip at rated thrust beyond which the torsional stiffness is taken for a fault of the file [rad]; blades
+of the IEA 22-MW, the softest of known data, twist by 6 deg."""
 _SECTIONS = 60
 """Along the blade; the twist changes by less than 2 % with twice as many."""
 _PITCH_STEP = math.radians(0.5)
@@ -63,10 +63,11 @@ def suited_fidelity(turbine: Turbine) -> str:
     """
     twist = abs(rated_tip_twist(turbine))
     if twist > LARGEST_TWIST:
-        stiffness = turbine.blade.structure.stiffness[:, 5, 5]
+        stiffness = turbine.blade.structure.stiffness
+        midspan = stiffness[len(stiffness) // 2, 5, 5]
         raise SimulationError(
             f"the blades of {turbine.name!r} must twist by at most {math.degrees(LARGEST_TWIST):g} deg at rated "
-            f"thrust, got {math.degrees(twist):.0f} deg from a torsional stiffness GJ of {stiffness[len(stiffness) // 2]:.2g} "
+            f"thrust, got {math.degrees(twist):.0f} deg from a torsional stiffness GJ of {midspan:.2g} "
             'N m^2 at midspan: correct it in the file, or name a fidelity, "training" for blades without torsion'
         )
     return f"training{_TORSION}" if twist > NOTABLE_TWIST else "training"
