@@ -341,7 +341,7 @@ def environment_and_agent(
     turbine: Turbine,
     name: Name,
     inflow: Inflow,
-    fidelity: str | Fidelity = "training",
+    fidelity: str | Fidelity | None = None,
     control_dt: float | None = None,
     simulator: Any = OWN,
 ) -> tuple[WindTurbineEnv, Agent]:
