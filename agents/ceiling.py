@@ -202,7 +202,7 @@ class _Runs:
             "rate_limit": oracle.rate_limit,
         }  # fmt: skip
         definition = run_definition(self.task, wind, agent, interface)
-        results, recordings = ResultFolder(self.folder), RecordingStore(self.folder / "recordings")
+        results, recordings = ResultFolder(self.folder), RecordingStore(self.folder / "recordings", Recording)
         if (found := results.find(definition)) is not None:
             kept = recordings.find(definition)
             if kept is not None or found["ending"] != "time":
@@ -313,7 +313,7 @@ def make_ceiling(
     runs = _Runs(played, options, folder)
     fingerprint = run_definition(task, task.winds[0], {})["fingerprint"]
 
-    recordings = RecordingStore(folder / "recordings")
+    recordings = RecordingStore(folder / "recordings", Recording)
     found: dict[tuple[float, int, bool], Recording] = {}
     definitions = {
         run: {"fingerprint": fingerprint, "ceiling": described(asdict(design_task)), "run": list(run)}

@@ -360,14 +360,15 @@ def measured_line(env_id: str) -> str:
     """
     task = TASKS[name_of(env_id)]
     where = f"`{env_id}`" if env_id == task.ids[-1] else f"`{env_id}`, an earlier version of this task"
-    return f"Measured in {where}; the return is that of the reward without `relative_reward`."
+    return f"Measured in {where}; the return is against the first row in the same wind, as the environment gives it."
 
 
 def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
     """Table of a study, Markdown.
 
-    The return is that of an episode as long as those of the task: of a run that lasted its share, of one that ended
-    early all of it.
+    The return is that of an episode as long as those of the task, as the environment gives it: against the base
+    controller with zero actions, the first agent, in the same wind. Of a run that lasted it is its share, of one that
+    ended early all of it, against as much of the base controller's as its time.
 
     Parameters
     ----------
@@ -387,9 +388,13 @@ def _row(study: Study, agent: str, runs: Sequence[Mapping[str, Any]]) -> list[st
     first = agent == study.agents[0]
     survived = sum(run["ending"] == "time" for run in own.values())
     share = TASKS[study.task].episode / study.duration
-    returns = [run["return"] * (share if run["ending"] == "time" else 1.0) for run in own.values()]
+    returns = [
+        (run["return"] - base[wind]["return"] * run["duration"] / base[wind]["duration"])
+        * (share if run["ending"] == "time" else 1.0)
+        for wind, run in own.items()
+    ]
     cells = [_cell(study, column, own, base, first) for column in study.columns]
-    return [agent_label(agent, first), *cells, _signed(np.mean(returns), 1, plus=False),
+    return [agent_label(agent, first), *cells, _signed(np.mean(returns), 1),
             f"{survived} of {len(own)}"]  # fmt: skip
 
 

@@ -46,10 +46,10 @@ def parse_arguments(words=None):
 def designs(arguments, turbine):
     """File of the design of each weight."""
     from wt_gym.agents.linear_design.design import LinearDesignTask, default_speeds, design
-    from wt_gym.agents.linear_design.recording import RecordingStore
+    from wt_gym.agents.linear_design.recording import Recording, RecordingStore
     from wt_gym.control.optimal.design_file import save_design
 
-    store = RecordingStore(arguments.folder / "recordings")
+    store = RecordingStore(arguments.folder / "recordings", Recording)
     task = LinearDesignTask(tuple(arguments.speeds or default_speeds(turbine)))
     found = {}
     for weight in arguments.weights:

@@ -236,7 +236,7 @@ def identified_plant(
 def design(
     turbine: Turbine,
     task: LinearDesignTask | None = None,
-    store: RecordingStore | None = None,
+    store: RecordingStore[Recording] | None = None,
     executor: Executor | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> LinearDesign:

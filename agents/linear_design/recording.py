@@ -195,10 +195,10 @@ class RecordingStore(Generic[_R]):
     ----------
     folder : path
     kind : type
-        Dataclass of the recordings, of numbers and arrays; by default `Recording`.
+        Dataclass of the recordings, of numbers and arrays.
     """
 
-    def __init__(self, folder: Path, kind: type[_R] = Recording) -> None:  # type: ignore[assignment]
+    def __init__(self, folder: Path, kind: type[_R]) -> None:
         self.folder, self._kind = folder, kind
 
     def file(self, definition: dict[str, Any]) -> Path:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
+from wt_gym.envs.options import registered_arguments
 from wt_gym.runs.progress import ProgressLine, clock
 
 if TYPE_CHECKING:
@@ -81,6 +82,7 @@ class Watch(BaseCallback):
     ):
         super().__init__()
         self._config, self._control_dt, self._stop = config, control_dt, stop
+        self._relative = bool(registered_arguments(config.env_id, config.env_kwargs).get("relative_reward"))
         self._line, self._started, self._first_step = ProgressLine(shown), time.monotonic(), 0
         self.curve, self.ended = curve, "finished"
 
@@ -111,6 +113,8 @@ class Watch(BaseCallback):
         limit, seconds = self._config.max_seconds, self.seconds
         recent = self.curve["episode_return"][-10:]
         returns = f"mean return of the last {len(recent)} {np.mean(recent):.1f}" if recent else "none finished yet"
+        if recent and self._relative:
+            returns += " (0: as the base controller alone)"
         rate = (self.num_timesteps - self._first_step) / max(seconds, 1e-9)
         return (
             f"training {self.num_timesteps} of about {self._config.total_steps} steps, {clock(seconds)}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.agents import evaluation
+from wt_gym.agents import evaluation_run
 from wt_gym.agents.robustness import FAULT_CONDITIONS, NOMINAL
 from wt_gym.agents.task_scores import RANDOM, STUDIES, Part, Study, measure, measured_line, score_table
 from wt_gym.analysis.results import Wind
@@ -111,20 +111,21 @@ def test_ranges_of_speeds_are_those_of_the_tasks():
 
 
 def test_runs_that_ended_early_are_counted_and_not_compared():
-    """Figures over the winds that both came through; the return of a short run counts whole."""
+    """Figures over the winds that both came through; the return of a short run counts whole, against as much time."""
     study = STUDIES["MaxPower"]
     winds = [wind.label for wind in study.parts[0].winds]
 
     def run(agent, wind, power, ending="time"):
         metrics = {column.key: 1e6 for column in study.columns} | {"corrected_power": power}
         made = {"agent": agent, "part": "", "wind": wind, "speed": 8.0, "ending": ending, "return": 330.0}
+        made["duration"] = 330.0 if ending == "time" else 30.0
         return made | {"metrics": metrics if ending == "time" else {}}
 
     runs = [run(agent, wind, 1e6) for agent in study.agents if agent != "tsr_tracking" for wind in winds]
     runs += [run("tsr_tracking", wind, 1.1e6, "time" if k else "overspeed") for k, wind in enumerate(winds)]
     row = next(line for line in score_table("MaxPower", runs).splitlines() if "tsr_tracking" in line)
     assert "| +10.00 % | 0.0 ± 0.0 % |" in row
-    assert f"| {(330.0 + 5 * 60.0) / 6:.1f} | 5 of 6 |" in row
+    assert f"| +{(330.0 - 30.0) / 6:.1f} | 5 of 6 |" in row
 
 
 def test_a_scoring_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
@@ -134,7 +135,7 @@ def test_a_scoring_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
         (Part((Wind(12.0, 1001), Wind(16.0, 1001)), arguments={"start": "steady"}),), (STUDIES["Yaw"].columns[0],),
         duration=8.0, skip=2.0,
     )  # fmt: skip
-    begun, play = [], evaluation.play
+    begun, play = [], evaluation_run.play
 
     def stopped_at_the_fourth(env, agent, **more):
         begun.append(agent)
@@ -142,7 +143,7 @@ def test_a_scoring_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return play(env, agent, **more)
 
-    monkeypatch.setattr(evaluation, "play", stopped_at_the_fourth)
+    monkeypatch.setattr(evaluation_run, "play", stopped_at_the_fourth)
     with pytest.raises(KeyboardInterrupt):
         measure(study, folder=tmp_path)
     runs = measure(study, folder=tmp_path)

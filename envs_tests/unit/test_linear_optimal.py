@@ -716,7 +716,7 @@ TOY_TASK = {"seeds": (1, 2, 3), "duration": 60.0, "memory": 4.0, "feedback": Fee
 
 def test_a_design_goes_on_where_it_was_stopped(turbine, toy_runs, tmp_path):
     task = LinearDesignTask(speeds=(15.0, 18.0), excited=2, ridge=0.0, **TOY_TASK)
-    store = RecordingStore(tmp_path / "runs")
+    store = RecordingStore(tmp_path / "runs", Recording)
 
     def stop(line):
         raise KeyboardInterrupt
@@ -743,7 +743,7 @@ def test_a_design_goes_on_where_it_was_stopped(turbine, toy_runs, tmp_path):
 
 def test_a_damaged_recording_is_named(turbine, toy_runs, tmp_path):
     task = LinearDesignTask(speeds=(15.0,), excited=2, **TOY_TASK)
-    store = RecordingStore(tmp_path)
+    store = RecordingStore(tmp_path, Recording)
     design(turbine, task, store)
     file = next(tmp_path.glob("*.npz"))
     file.write_bytes(b"half")
@@ -762,8 +762,7 @@ def test_winds_of_the_same_pitch_are_refused(turbine, toy_runs, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--out", "mine.txt"], "must be a file that ends in .npz, got mine.txt"),
-        (["--out", "mine.npz", "--seeds", "1", "1001"], "training winds, 1 to 24; got 1001"),
+        (["--out", "mine.npz", "--wind-seeds", "1", "1001"], "training winds, 1 to 24; got 1001"),
         (["--out", "mine.npz", "--wind-speed", "18", "12"], "rising wind speeds"),
         (["--out", "mine.npz", "--base", "ipd"], "a controller must be among"),
         (["--out", "mine.npz", "--turbine", "nrel_6mw"], "nrel_6mw"),

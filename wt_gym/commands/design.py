@@ -83,7 +83,7 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(f"runs that are done are in {out}.runs and are not made again"):
         from wt_gym.agents.linear_design.design import LinearDesignTask, default_speeds, design
         from wt_gym.agents.linear_design.feedback import FeedbackOptions
-        from wt_gym.agents.linear_design.recording import Excitation, RecordingStore
+        from wt_gym.agents.linear_design.recording import Excitation, Recording, RecordingStore
         from wt_gym.control.optimal.design_file import save_design
         from wt_gym.control.optimal.offsets import default_limits
         from wt_gym.files import require_writable
@@ -121,7 +121,7 @@ def main(words: list[str] | None = None) -> None:
         if arguments.fine_speed == [0.0, 0.0]:
             task = replace(task, fine_speed=None)
         require_writable(out.resolve().parent)
-        store = RecordingStore(out.with_name(f"{out.name}.runs"))
+        store = RecordingStore(out.with_name(f"{out.name}.runs"), Recording)
         with executor_of(arguments) as executor:
             made = design(turbine, task, store, executor, lambda line: print(line, file=sys.stderr, flush=True))
         save_design(made, out)

@@ -115,4 +115,4 @@ def _outb(data: xr.Dataset) -> bytes:
     texts = "".join(text.ljust(_NAME_LENGTH) for text in (*names, *units)).encode("ascii")
     scales = scale.astype("<f4").tobytes() + offset.astype("<f4").tobytes()
     length = struct.pack("<i", len(described))
-    return head + scales + length + described + texts + packed.T.astype("<i2").tobytes()
+    return b"".join([head, scales, length, described, texts, packed.T.astype("<i2").tobytes()])
