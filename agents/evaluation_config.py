@@ -80,7 +80,7 @@ class EvaluationConfig:
             raise ValueError(f"the seed must be from 0 to {_MOST_SEED}, got {self.seed!r}")
         if not self.winds or len(set(self.winds)) < len(self.winds) or len(self.winds) > _MOST_WINDS:
             labels = ", ".join(wind.label for wind in self.winds[:100])
-            raise ValueError(f"winds must be given, each once, at most {_MOST_WINDS}, got {labels}")
+            raise ValueError(f"1 to {_MOST_WINDS} winds must be given, each once, got {labels}")
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
         for seed in (wind.seed for wind in self.winds if wind.seed is not None):
             if not 0 <= seed <= LARGEST_WIND_SEED:

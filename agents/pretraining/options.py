@@ -96,7 +96,7 @@ class PretrainingOptions:
     skip : float
         Start of it that does not count [s].
     iterations : int
-        Steps of the optimizer in a round.
+        Steps of the optimizer in a round, at least 20.
     batch : int
         Episodes of a step.
     learning_rate : float
@@ -150,7 +150,7 @@ class PretrainingOptions:
             "rounds": 0,
             "episodes": 2,
             "held_out": 1,
-            "iterations": 1,
+            "iterations": 20,  # the learning rate rises over a tenth of them
             "batch": 1,
             "plant_speeds": 1,
             "excited": 2,

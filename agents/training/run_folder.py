@@ -159,7 +159,8 @@ class RunFolder(FolderLock):
         """
         file = self.path / RECORD_FILE
         if not file.is_file():
-            raise FileNotFoundError(f"{self.path} holds no training: there is no {RECORD_FILE}")
+            more = "; a stopped pretraining resumes by the command that began it" if self.recordings.is_dir() else ""
+            raise FileNotFoundError(f"{self.path} holds no training: there is no {RECORD_FILE}{more}")
         return read_record(file)
 
     def write_record(self, record: dict[str, Any]) -> None:

@@ -549,6 +549,7 @@ def test_environments_that_cannot_be_pretrained_on(changes, message):
         ({"first_wind_seed": 990}, "held back for evaluations, 1001 to"),
         ({"noise": -1.0}, "noise must be finite and not negative"),
         ({"conditions": {}}, "conditions must be a list of mappings, got {}"),
+        ({"iterations": 10}, "iterations must be at least 20, got 10"),
         ({"conditions": []}, "conditions must have at least one"),
         ({"conditions": ["delay"]}, "must be a mapping of arguments of the environment, got 'delay'"),
         ({"conditions": [{"controller": "ipc"}]}, "must have variation, sensors, faults alone, got controller"),

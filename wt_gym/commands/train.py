@@ -183,6 +183,12 @@ def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner)
 
 
+_STOPPED = (
+    "a pretraining keeps its recordings: the same command (of several seeds --resume) resumes with them; steps since "
+    "the last checkpoint are lost"
+)
+
+
 def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Resume; as `start`."""
     from wt_gym.agents.train import resume
@@ -217,7 +223,7 @@ def report(folder: Path, record: dict[str, Any]) -> None:
 def main(words: list[str] | None = None) -> None:
     """Train."""
     arguments = parse_arguments(words)
-    with user_errors(), stoppable("what has no checkpoint yet, such as a pretraining, is not kept"):
+    with user_errors(), stoppable(_STOPPED):
         folder, record = (start if arguments.resume is None else resume_folder)(arguments)
     report(folder, record)
     if record["status"] == "interrupted":
