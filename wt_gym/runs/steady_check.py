@@ -38,7 +38,8 @@ _AVERAGE = 30.0
 """End of a run over which means are taken [s]."""
 _WINDS = 9
 _WORKERS = 2
-_FIDELITY = "engineering"
+_FIDELITY = "training-torsion"
+"""Right for a blade that twists, as for one that does not."""
 LARGEST_DEVIATION, LEAST_POWER, LEAST_RATED_POWER = 0.02, 0.9, 0.99
 """Of the speed over rated speed, of the power over that of the table, and above rated wind over rated power [-]."""
 _ABOVE_RATED = 1.15
