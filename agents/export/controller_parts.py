@@ -383,7 +383,6 @@ def _tracking(parts: Parts, base: TsrTrackingController) -> None:
         "pitch_to_speed": p.pitch_to_speed,
         "torque_to_speed": p.torque_to_speed,
         "constant_power_pitch": p.constant_power_pitch,
-        "limits_power": float(p.limits_power),
         "generator_share": base.estimator.generator_share,
         "schedule_wind": np.asarray(p.schedule_wind).tolist(),
         "schedule_pitch": np.asarray(p.schedule_pitch).tolist(),

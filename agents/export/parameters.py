@@ -109,7 +109,6 @@ PARAMETERS = (
     Entry("pitch_to_speed", "-", "shift of the torque's set point for pitch over its range", "tracking", 0.0),
     Entry("torque_to_speed", "-", "shift of the pitch's set point for torque missing to rated", "tracking", 0.0),
     Entry("constant_power_pitch", "rad", "pitch above the least one at which power is held in full", "tracking", 0.0),
-    Entry("limits_power", "-", "1: torque falls where the power would pass rated power", "tracking", 0.0, 1.0),
     Entry("generator_share", "-", "share of the generator's speed in that of the wind estimate", "tracking", 0.0, 1.0),
     Entry("schedule_wind", "m/s", "wind of the least pitch below, ascending", "tracking"),
     Entry("schedule_pitch", "rad", "least pitch over the wind", "tracking", -math.pi, math.pi),

@@ -525,10 +525,9 @@ static void base_step(const struct parameters *p, struct state *s, double dt) {
     speed_errors(p, s, dt, &of_torque, &of_pitch);
     if (p->constant_power != 0.0) {
         double pitched = p->constant_power_pitch == 0.0 ? 1.0 : (s->pitch[0] - least) / p->constant_power_pitch;
-        most = (1.0 + 0.1 * clip(pitched, 0.0, 1.0)) * rated;
+        most = fmin((1.0 + 0.1 * clip(pitched, 0.0, 1.0)) * rated, p->rated_power / fmax(speed, 1e-3));
     }
     highest = fmin(most, p->max_torque);
-    if (p->limits_power != 0.0) highest = fmin(p->rated_power / fmax(speed, 1e-3), highest);
     s->torque_integral = clip(s->torque_integral + p->torque_integral_gain * of_torque * dt, 0.0, highest);
     torque = clip(p->torque_gain * of_torque + s->torque_integral, 0.0, highest);
     s->torque += clip(torque - s->torque, -torque_step, torque_step);

@@ -778,7 +778,7 @@ def test_torque_stays_below_rated_power_and_a_tenth_above_rated(turbine, speed, 
 
 def test_a_constant_torque_without_a_limit_of_the_power_is_held_at_any_speed(turbine):
     made = make_controller("tsr_tracking", turbine).parameters
-    p = replace(made, limits_power=False, baseline=replace(made.baseline, constant_power=False))
+    p = replace(made, baseline=replace(made.baseline, constant_power=False))
     for speed in (0.97, 1.05):
         controller, now = TsrTrackingController(p, KnownWind(15.0)), readings(generator_speed=speed * 122.9096)
         controller.start(now, demand(0.3, 43_093.55))

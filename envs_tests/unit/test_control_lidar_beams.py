@@ -14,7 +14,6 @@ from wt_gym.control import Lidar
 from wt_gym.control.bladed.records import channels_read, new_swap, write_lidar
 from wt_gym.control.controllers import WithLidar
 from wt_gym.envs.readers import LIDAR_NOISE, lidar_noise
-from wt_gym.envs.start import ControllerHistory
 from wt_gym.simulation.state import fingerprint
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
@@ -87,14 +86,6 @@ def test_a_controller_reads_beams_and_the_means_of_gates():
     read = WithLidar({"yaw": 0.0}, np.arange(10.0), APART)
     assert (read["lidar_1"], read["lidar_2"]) == (2.0, 7.0)
     assert (read["lidar_1_1"], read["lidar_2_5"], read["yaw"]) == (0.0, 9.0, 0.0)
-
-
-def test_a_history_gives_a_controller_its_beams():
-    history = ControllerHistory(
-        np.zeros((1, 300)), np.zeros((1, 3)), np.zeros(1), np.arange(10.0)[None], 0.1, None, np.zeros(0)
-    )
-    assert history._readings(0, APART)["lidar_2"] == 7.0
-    assert history._readings(0, APART)["lidar_1_3"] == 2.0
 
 
 def test_the_noise_of_a_beam_gives_a_gate_its_own():

@@ -45,8 +45,9 @@ def test_torque_of_each_region(speed, torque):
     assert NREL_5MW_TORQUE_CURVE.torque(speed) == pytest.approx(torque, rel=1e-6)
 
 
-def test_the_curve_has_no_jumps():
-    curve = NREL_5MW_TORQUE_CURVE
+@pytest.mark.parametrize("gain", [2.332287, 0.0])
+def test_the_curve_has_no_jumps(gain):
+    curve = replace(NREL_5MW_TORQUE_CURVE, region_2_gain=gain)
     for corner in (curve.cut_in_speed, curve.region_2_speed, curve.transition_speed, curve.rated_generator_speed):
         assert curve.torque(corner - 1e-7) == pytest.approx(curve.torque(corner + 1e-7), abs=0.01)
 

@@ -97,7 +97,7 @@ def test_a_published_set_point_smoother_and_an_unlimited_torque(exported, tmp_pa
     path = tmp_path / "mine.yaml"
     shutil.copy(turbine_file("iea_15mw"), path)
     shifts = {"speed_shift_per_pitch": 1.9, "speed_shift_per_power": 0.001, "speed_shift_frequency": 0.63}
-    path.with_name("mine.control.json").write_text(json.dumps(shifts | {"limits_power": False}), encoding="utf-8")
+    path.with_name("mine.control.json").write_text(json.dumps(shifts), encoding="utf-8")
     turbine, (_, library, parameters, _) = load_turbine(path), exported("discon", str(path))
     controller, most = make_controller("discon", turbine), 0.0
     for expected, found in side_by_side(

@@ -127,7 +127,7 @@ class TestTheSameTurbine:
         assert (control.fine_pitch, control.region_3_min_pitch, control.constant_power) == (0.01, 0.03, True)
         assert control.rated_mechanical_power == pytest.approx(5.0e6 / 0.944)
         assert control.pitch_actuator_frequency is None
-        assert (control.limits_power, control.speed_shift_per_pitch) == (True, None)
+        assert control.speed_shift_per_pitch is None
         # published for this gain: the largest power coefficient 0.482 at 7.55
         assert control.peak_power_coefficient == pytest.approx(0.482 * (7.5 / 7.55) ** 3, rel=0.01)
 
@@ -142,11 +142,11 @@ class TestTheSameTurbine:
         turbine = load_turbine(model.write(tmp_path))
         own = turbine.control
         assert (own.speed_shift_per_pitch, own.speed_shift_per_power, own.speed_shift_frequency) == shifts
-        assert own.limits_power is False
+        assert own.constant_power is False
         made = make_controller("discon", turbine).parameters
         assert made.pitch_to_speed / (made.baseline.max_pitch - made.baseline.min_pitch) == pytest.approx(shifts[0])
         assert made.torque_to_speed == shifts[1]
-        assert made.limits_power is False
+        assert made.baseline.constant_power is False
         assert made.smoothing_time_constant == pytest.approx(1.0 / shifts[2] if shifts[2] else 5.0)
 
 

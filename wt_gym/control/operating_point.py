@@ -102,8 +102,10 @@ class TorqueCurve:
 
     @cached_property
     def transition_speed(self) -> float:
-        """Where region 2 meets region 2 1/2 [rad/s] (VS_TrGnSp): K w^2 = slope (w - w_sync)."""
+        """Where region 2 meets region 2 1/2 [rad/s] (VS_TrGnSp): K w^2 = slope (w - w_sync); w_sync for K = 0."""
         slope, gain = self.slope_25, self.region_2_gain
+        if gain == 0.0:
+            return self.slip_synchronous_speed
         return (slope - math.sqrt(slope * (slope - 4 * gain * self.slip_synchronous_speed))) / (2 * gain)
 
     def torque(self, speed: float, *, constant_power: bool = False) -> float:

@@ -46,10 +46,8 @@ class ControlData(ArrayRecord):
     torque_proportional_gain, torque_integral_gain : float or None
         From generator speed error to generator torque [N m s/rad], [N m/rad].
     constant_power : bool or None
-        Whether region 3 holds power (True) or torque (False).
-    limits_power : bool or None
-        Whether the torque of region 3 falls where the power would pass rated power; None and True: it does. Without
-        this limit a constant torque makes more than rated power while the rotor is faster than rated.
+        Whether region 3 holds power (True) or torque (False). A held torque makes more than rated power while the rotor
+        is faster than rated, as in ROSCO.
     speed_shift_per_pitch : float or None
         Fall of the speed that the torque law tracks, over rated speed, per pitch above the least pitch [1/rad]: the
         set-point smoother (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.4).
@@ -124,7 +122,6 @@ class ControlData(ArrayRecord):
     max_pitch_rate: float | None = None
     trim_wind: NDArray[np.float64] | None = None
     trim_pitch: NDArray[np.float64] | None = None
-    limits_power: bool | None = later_field(None)
     speed_shift_per_pitch: float | None = later_field(None)
     speed_shift_per_power: float | None = later_field(None)
     speed_shift_frequency: float | None = later_field(None)
@@ -164,9 +161,8 @@ class ControlData(ArrayRecord):
             value = getattr(self, name)
             if value is not None:
                 self._set(**{name: check_number(f"ControlData.{name}", value, low, high)})
-        for name in ("constant_power", "limits_power"):
-            if (value := getattr(self, name)) is not None and not isinstance(value, bool):
-                raise fail(f"ControlData.{name}", value, "True, False or None")
+        if self.constant_power is not None and not isinstance(self.constant_power, bool):
+            raise fail("ControlData.constant_power", self.constant_power, "True, False or None")
         self._check_table("gain_pitch", _ANGLE, {"pitch_proportional_gain": -_BIG, "pitch_integral_gain": 0.0})
         self._check_table("trim_wind", 200.0, {"trim_pitch": -_ANGLE})
         self._check_table("min_pitch_wind", 200.0, {"min_pitch": -_ANGLE})

@@ -261,7 +261,7 @@ def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, 
             values[name] = float(_positive(file, key)[0])
             if file.array(key).size > 1:
                 notes.append(f"{file.path.name}: {key} has several gains, the first is taken")
-    values["constant_power"] = values["limits_power"] = _constant_power(file)  # ROSCO's constant torque has no limit
+    values["constant_power"] = _constant_power(file)
     if "SS_Mode" in file:
         values |= _set_point_smoother(file)
     if "PC_GS_angles" in file:

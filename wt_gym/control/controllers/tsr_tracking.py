@@ -160,8 +160,6 @@ class TsrTrackingParameters:
         Least pitch over the wind [m/s], [rad].
     table : RotorTable
         Behind the estimated wind.
-    limits_power : bool
-        Whether the torque falls where the power would pass rated power.
     constant_power_pitch : float
         Pitch above the least one from which on the torque may pass rated torque by a tenth, so that power is held while
         the speed is below rated [rad]; 0: always.
@@ -182,7 +180,6 @@ class TsrTrackingParameters:
     schedule_pitch: NDArray[np.float64]
     table: RotorTable
     constant_power_pitch: float = 0.0
-    limits_power: bool = True
 
     @classmethod
     def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters: Any) -> TsrTrackingParameters:
@@ -207,7 +204,6 @@ class TsrTrackingParameters:
             "pitch_to_speed": _times(own.speed_shift_per_pitch, baseline.max_pitch - baseline.min_pitch),
             "torque_to_speed": own.speed_shift_per_power,
             "smoothing_time_constant": own.speed_shift_frequency and 1.0 / own.speed_shift_frequency,
-            "limits_power": own.limits_power,
         }
         given |= {name: value for name, value in shifts.items() if value is not None and name not in parameters}
         if own.torque_proportional_gain and own.torque_integral_gain:
@@ -300,8 +296,8 @@ class TsrTrackingController:
        ``d = k_p (theta - theta_min)/(theta_max - theta_min) - k_t (M_rated - M)/M_rated``, low-pass filtered, lowers
        ``w_torque`` where positive (pitched: the torque stays at its upper end) and raises ``w_pitch`` where negative;
     2. torque ``M = K_P (w - w_torque) + I``, I its integral with K_I; both within 0 and the torque of rated power,
-       ``P/w`` (unless the published law has no such limit), at most a tenth above rated torque (rated torque where
-       region 3 holds the torque, and with published numbers while the pitch is the least one); limited in rate;
+       ``P/w``, at most a tenth above rated torque (with published numbers rated torque while the pitch is the least
+       one); where region 3 holds the torque, within 0 and rated torque; limited in rate;
     3. pitch: the baseline's gain-scheduled law on ``w - w_pitch``, within theta_min(v) and the upper limit, limited in
        rate.
 
@@ -371,9 +367,7 @@ class TsrTrackingController:
         self._shift.update(self._wanted_shift(least), dt)
         torque_error, pitch_error = self._errors(dt)
 
-        highest = min(self._most_torque(least), b.max_torque)
-        if p.limits_power:
-            highest = min(b.torque.rated_power / max(speed, 1e-3), highest)
+        highest = min(self._most_torque(least, speed), b.max_torque)
         integral = self._torque_integral + p.torque_integral_gain * torque_error * dt
         self._torque_integral = min(max(integral, 0.0), highest)
         torque = min(max(p.torque_gain * torque_error + self._torque_integral, 0.0), highest)
@@ -400,15 +394,14 @@ class TsrTrackingController:
         self._share = 1.0
         return signals
 
-    def _most_torque(self, least: float) -> float:
-        """Largest torque while the speed is below rated [N m]: a tenth above rated to hold the power of region 3."""
+    def _most_torque(self, least: float, speed: float) -> float:
+        """Largest torque at a speed [rad/s]: rated torque, or that of rated power up to a tenth above it [N m]."""
         p = self.parameters
         if not p.baseline.constant_power:
             return p.rated_torque
-        if p.constant_power_pitch == 0.0:
-            return 1.1 * p.rated_torque
-        pitched = (self._pitch - least) / p.constant_power_pitch
-        return (1.0 + 0.1 * min(max(pitched, 0.0), 1.0)) * p.rated_torque
+        pitched = 1.0 if p.constant_power_pitch == 0.0 else (self._pitch - least) / p.constant_power_pitch
+        most = (1.0 + 0.1 * min(max(pitched, 0.0), 1.0)) * p.rated_torque
+        return min(p.baseline.torque.rated_power / max(speed, 1e-3), most)
 
     def _errors(self, dt: float) -> tuple[float, float]:
         """Generator speed errors of torque and pitch [rad/s], ``dt`` [s] after the last."""
