@@ -144,7 +144,7 @@ def test_a_file_holds_the_record_to_sixteen_bits(turbine, brief, tmp_path):
 
 
 def test_a_start_follows_the_difference_of_the_winds(turbine):
-    """In wind that is stronger than that before the instant the blades pitch more; the azimuth is that of the record."""
+    """In stronger wind than before the instant the blades pitch more; the azimuth is that of the record."""
     _, record = find_record(turbine, 1.0)
     speeds = [15.0, 15.1]
     starts = [
