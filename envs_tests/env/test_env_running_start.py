@@ -21,7 +21,7 @@ from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 TASK = "wt_gym/LoadReduction-v1"
 LOADS = ("root_flap_moment", "tower_base_fore_aft_moment", "tower_base_side_side_moment")
-BRIEF = RecordingPlan(runs=1, settling=10.0, instants=2, spacing=0.1)
+BRIEF = RecordingPlan(settling=10.0, instants=2, spacing=0.1)
 PLAIN = next(recorded for recorded in CATALOG if recorded.name == "nrel_5mw")
 
 
@@ -121,7 +121,7 @@ def test_start_is_the_instant_of_the_record_after_the_same_wind(turbine, run):
     time = plan.settling + 3 * plan.spacing
     later = replace(inflow, time_offset=inflow.time_offset + time)
     start = record.start(turbine, later, 14.0, 0.0, 0.0, None, np.inf)
-    place = recorded_speeds(turbine).tolist().index(14.0) * plan.runs * plan.instants + run * plan.instants + 3
+    place = recorded_speeds(turbine).tolist().index(14.0) * PLAIN.runs * plan.instants + run * plan.instants + 3
     same = record.at(turbine, place)
     assert start.rotor_speed == pytest.approx(same.rotor_speed, rel=1e-4)  # the wind is recorded in 16 bits
     np.testing.assert_allclose(start.motion, same.motion, rtol=1e-2, atol=1e-4 * np.abs(same.motion).max())

@@ -36,7 +36,7 @@ def test_finished_runs_are_not_made_again(tmp_path, monkeypatch):
     n_columns = Columns.of(3, 2).memory.start
     speeds = recorded_speeds(turbine)
     for speed in speeds:
-        for run in range(PLAN.runs):
+        for run in range(recorded.runs):
             rows = speed + 0.01 * rng.normal(size=(PLAN.instants, n_columns))
             memories = [memory._replace(values=np.nan_to_num(memory.values) + k) for k in range(PLAN.instants)]
             (tmp_path / f"{speed:g}-{run}.pickle").write_bytes(pickle.dumps(Instants(rows, memories)))
@@ -46,5 +46,5 @@ def test_finished_runs_are_not_made_again(tmp_path, monkeypatch):
     head = StartFile.of(tmp_path / "record.npz")
     assert (head.n_motion, head.controller, head.level) == (2, "discon", 1.0)
     with np.load(tmp_path / "record.npz") as file:
-        assert file["codes"].shape[::2] == (len(speeds), PLAN.runs * PLAN.instants)
+        assert file["codes"].shape[::2] == (len(speeds), recorded.runs * PLAN.instants)
         np.testing.assert_allclose(file["low"][:, 0], speeds, atol=0.1)

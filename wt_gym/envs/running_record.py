@@ -47,12 +47,10 @@ __all__ = [
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """Length and number of the recorded runs; times of the pace of a large turbine [s].
+    """Lengths of a recorded run; times of the pace of a large turbine [s].
 
     Attributes
     ----------
-    runs : int
-        Winds recorded at a wind speed.
     settling : float
         Left out at the start of a run: the side-side motion of the 5-MW decays by half in 100 s.
     instants : int
@@ -61,7 +59,6 @@ class RecordingPlan:
         Between them.
     """
 
-    runs: int = 12
     settling: float = 220.0
     instants: int = 16
     spacing: float = 24.0
