@@ -40,7 +40,7 @@ _SEED = 7_777_000
 """First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s."""
 _ATTEMPTS = 3
 """Winds of a run: a gust may stop a turbine at cut-out by its overspeed."""
-_PROBE = RecordingPlan(runs=1, settling=20.0, instants=1, spacing=1.0)
+_PROBE = RecordingPlan(settling=20.0, instants=1, spacing=1.0)
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,15 @@ class RecordedTurbine:
         Demanded power over the available one [-]; 1: nothing is demanded.
     fidelity : str
         Of the runs.
+    runs : int
+        Winds at a wind speed.
     """
 
     turbine: str
     controller: str = "discon"
     level: float = 1.0
     fidelity: str = "training"
+    runs: int = 8
 
     @property
     def name(self) -> str:
@@ -90,14 +93,21 @@ class RecordedTurbine:
         recorder = self.recorder(speed)
         for attempt in range(_ATTEMPTS - 1):
             try:
-                return recorder.run(self.inflow(speed, run + attempt * PLAN.runs), PLAN)
+                return recorder.run(self.inflow(speed, run + attempt * self.runs), PLAN)
             except SimulationError as error:
                 _log.info("%s does not run in wind %d at %g m/s (%s)", self.turbine, run, speed, error)
-        return recorder.run(self.inflow(speed, run + (_ATTEMPTS - 1) * PLAN.runs), PLAN)
+        return recorder.run(self.inflow(speed, run + (_ATTEMPTS - 1) * self.runs), PLAN)
 
 
 CATALOG = (
-    *(RecordedTurbine(name, fidelity=record.arguments.get("fidelity", "training")) for name, record in RECORDS.items()),
+    *(
+        RecordedTurbine(
+            name,
+            fidelity=record.arguments.get("fidelity", "training"),
+            runs=12 if name == "nrel_5mw" else 8,  # the turbine of most tasks
+        )
+        for name, record in RECORDS.items()
+    ),
     RecordedTurbine("nrel_5mw", "discon+derate_kinetic", 0.85),
 )
 """Records of the package: they serve every id of an environment with its default options."""
@@ -131,7 +141,7 @@ def make_record(
     """
     turbine = load_turbine(recorded.turbine)
     speeds = recorded_speeds(turbine)
-    runs = [(speed, run) for speed in speeds.tolist() for run in range(PLAN.runs)]
+    runs = [(speed, run) for speed in speeds.tolist() for run in range(recorded.runs)]
     pieces.mkdir(parents=True, exist_ok=True)
     files = [pieces / f"{speed:g}-{run}.pickle" for speed, run in runs]
     done = sum(file.is_file() for file in files)

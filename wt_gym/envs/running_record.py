@@ -3,7 +3,8 @@
 With w the means of the rotor-effective wind over the windows `WINDOWS` before an instant, a linear fit z = B w + c of
 the instants at a wind speed tells how much of the motion z (`FOLLOWS`) the wind explains. Candidates are the instants
 at whose wind speed B explains the least difference from the wind of the episode, in standard deviations of z; one of
-them is drawn. The part that the wind does not explain, and the motion side-side above all, is thus drawn from its
+them is drawn, and all that it holds but the azimuth is moved by the linear fit of all columns to the wind of the
+episode. The part that the wind does not explain, and the motion side-side above all, is thus drawn from its
 distribution. Turbulence of another class or model than the recorded one draws from the same instants.
 """
 
@@ -46,12 +47,10 @@ __all__ = [
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """Length and number of the recorded runs; times of the pace of a large turbine [s].
+    """Lengths of a recorded run; times of the pace of a large turbine [s].
 
     Attributes
     ----------
-    runs : int
-        Winds recorded at a wind speed.
     settling : float
         Left out at the start of a run: the side-side motion of the 5-MW decays by half in 100 s.
     instants : int
@@ -60,7 +59,6 @@ class RecordingPlan:
         Between them.
     """
 
-    runs: int = 12
     settling: float = 220.0
     instants: int = 16
     spacing: float = 24.0
@@ -298,20 +296,19 @@ class Record:
         self._columns = columns = Columns.of(n_blades, n_motion)
         self._has_motion = n_motion > 0
         self._history = rows[:, :, columns.history]
-        self._follows = np.array([self._fit(at_speed) for at_speed in rows])
+        followed = [_followed(at_speed, n_blades) for at_speed in rows]
+        spread = [np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30) for motion in followed]
+        fits = [_linear_fit(*parts) for parts in zip(self._history, followed, strict=True)]
+        self._follows = np.array([fit / each for fit, each in zip(fits, spread, strict=True)])
         self._explained = self._history @ self._follows
-        self._rows = rows.reshape(-1, rows.shape[-1])
+        self._responses = np.array([_linear_fit(*parts) for parts in zip(self._history, rows, strict=True)])
+        for turns in (columns.signals, columns.lasting):
+            self._responses[:, :, turns.start + _places("azimuth", n_blades)] = 0.0
+        self._responses[:, :, columns.turning.start] = 0.0
+        whole = (rows[:, :, columns.memory] == np.round(rows[:, :, columns.memory])).all(axis=(0, 1))
+        self._responses[:, :, columns.memory] *= ~whole  # counters and flags
+        self._rows, self._per_speed = rows.reshape(-1, rows.shape[-1]), rows.shape[1]
         self._rotor_speed = rows[:, :, _places("rotor_speed", n_blades)[0]]
-
-    def _fit(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Motion over its standard deviation that a change of the wind before explains (n_known, n_motion)."""
-        centered = rows[:, self._columns.history] - rows[:, self._columns.history].mean(axis=0)
-        motion = _followed(rows, self._n_blades)
-        spread = np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30)
-        gram = centered.T @ centered
-        gram += 1e-3 * np.trace(gram) / len(gram) * np.eye(len(gram))
-        follows: NDArray[np.float64] = np.linalg.solve(gram, centered.T @ ((motion - motion.mean(axis=0)) / spread))
-        return follows
 
     def start(
         self, turbine: Turbine, inflow: Inflow, speed: float, yaw: float, number: float, azimuth: float | None,
@@ -342,12 +339,19 @@ class Record:
         distance = distance.ravel()
         alike = np.argsort(distance, kind="stable")[:NEAREST]
         alike = alike[np.isfinite(distance[alike])]
-        return self.at(turbine, int(alike[int(number * len(alike))]), azimuth) if len(alike) else None
+        if not len(alike):
+            return None
+        instant = int(alike[int(number * len(alike))])
+        change = (history - self._rows[instant, self._columns.history]) @ self._responses[instant // self._per_speed]
+        return self.at(turbine, instant, azimuth, change)
 
-    def at(self, turbine: Turbine, instant: int, azimuth: float | None = None) -> Start:
-        """Start at one of the instants."""
-        row, n, columns = self._rows[instant], self._n_blades, self._columns
-        pitch, recorded = row[_places("pitch", n)], float(row[columns.turning.start])
+    def at(
+        self, turbine: Turbine, instant: int, azimuth: float | None = None, change: NDArray[np.float64] | float = 0.0
+    ) -> Start:
+        """Start at one of the instants, with a change of the columns."""
+        row, n, columns = self._rows[instant] + change, self._n_blades, self._columns
+        limits = turbine.pitch.min_pitch, turbine.pitch.max_pitch
+        pitch, recorded = np.clip(row[_places("pitch", n)], *limits), float(row[columns.turning.start])
         motion = row[columns.motion] if azimuth is None and self._has_motion else None  # blades bend by azimuth
         if azimuth is None:
             azimuth = recorded
@@ -400,6 +404,15 @@ def _averaged(wind: NDArray[np.float64]) -> NDArray[np.float64]:
 
 _N_KNOWN = 3 * _REMEMBERED + len(WINDOWS) - _REMEMBERED
 """Numbers of `_averaged`."""
+
+
+def _linear_fit(history: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Change of values (n_instants, n) with the wind before (n_known, n), least squares with a small ridge."""
+    centered = history - history.mean(axis=0)
+    gram = centered.T @ centered
+    gram += 1e-2 * np.trace(gram) / len(gram) * np.eye(len(gram))
+    fit: NDArray[np.float64] = np.linalg.solve(gram, centered.T @ (values - values.mean(axis=0)))
+    return fit
 
 
 def _followed(rows: NDArray[np.float64], n_blades: int) -> NDArray[np.float64]:

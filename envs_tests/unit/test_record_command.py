@@ -1,0 +1,50 @@
+"""The command that records running turbines."""
+
+import pickle
+import re
+
+import numpy as np
+import pytest
+
+from wt_gym.commands import record
+from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers.memory import memory_of
+from wt_gym.envs import recording
+from wt_gym.envs.record_store import StartFile, recorded_speeds
+from wt_gym.envs.running_record import PLAN, Columns, Instants
+from wt_gym.turbines import load_turbine
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "TURBINE must name a file, or --package be there"),
+        (["--package", "nrel_6mw"], "TURBINE must be of gebhardt_45m, .*, got nrel_6mw"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused(words, message, capsys):
+    with pytest.raises(SystemExit) as end:
+        record.main(words)
+    assert re.search(message, f"{end.value.code} {capsys.readouterr().err}")
+
+
+def test_finished_runs_are_not_made_again(tmp_path, monkeypatch):
+    """An interrupted recording continues: where all runs are there it only writes the record."""
+    recorded = recording.RecordedTurbine("nrel_5mw")
+    turbine = load_turbine("nrel_5mw")
+    memory, rng = memory_of(make_controller("discon", turbine)), np.random.default_rng(0)
+    n_columns = Columns.of(3, 2).memory.start
+    speeds = recorded_speeds(turbine)
+    for speed in speeds:
+        for run in range(recorded.runs):
+            rows = speed + 0.01 * rng.normal(size=(PLAN.instants, n_columns))
+            memories = [memory._replace(values=np.nan_to_num(memory.values) + k) for k in range(PLAN.instants)]
+            (tmp_path / f"{speed:g}-{run}.pickle").write_bytes(pickle.dumps(Instants(rows, memories)))
+    monkeypatch.setattr(recording, "probe", lambda _: np.zeros(3))
+    monkeypatch.setattr(recording, "_store_run", lambda *_: pytest.fail("a run"))
+    recording.make_record(recorded, tmp_path / "record.npz", tmp_path, 1, lambda *_: pytest.fail("a run"))
+    head = StartFile.of(tmp_path / "record.npz")
+    assert (head.n_motion, head.controller, head.level) == (2, "discon", 1.0)
+    with np.load(tmp_path / "record.npz") as file:
+        assert file["codes"].shape[::2] == (len(speeds), recorded.runs * PLAN.instants)
+        np.testing.assert_allclose(file["low"][:, 0], speeds, atol=0.1)
