@@ -246,10 +246,10 @@ def test_controllers_of_the_user_start_from_the_present_demand():
 
 
 def test_a_wind_unlike_those_of_the_record_starts_at_rest(turbine):
-    """Hardly any wind before the start of an episode whose mean is fast, or a limit of the rotor speed below all."""
+    """A gust that the turbine has never met before the start, or a limit of the rotor speed below all."""
     _, record = find_record(turbine, 1.0)
-    calm, usual = SteadyInflow(1.0, 90.0), SteadyInflow(15.0, 90.0, shear_exponent=0.2)
-    assert record.start(turbine, calm, 15.0, 0.0, 0.5, None, np.inf) is None
+    gust, usual = SteadyInflow(60.0, 90.0), SteadyInflow(15.0, 90.0, shear_exponent=0.2)
+    assert record.start(turbine, gust, 15.0, 0.0, 0.5, None, np.inf) is None
     assert record.start(turbine, usual, 15.0, 0.0, 0.5, None, 0.1) is None
 
 
