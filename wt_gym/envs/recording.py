@@ -38,6 +38,8 @@ __all__ = ["CATALOG", "RecordedTurbine", "make_record", "probe"]
 _log = logging.getLogger(__name__)
 _SEED = 7_777_000
 """First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s."""
+_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8}
+"""Winds at a wind speed: most for turbines of tasks."""
 _ATTEMPTS = 3
 """Winds of a run: a gust may stop a turbine at cut-out by its overspeed."""
 _PROBE = RecordingPlan(settling=20.0, instants=1, spacing=1.0)
@@ -104,11 +106,11 @@ CATALOG = (
         RecordedTurbine(
             name,
             fidelity=record.arguments.get("fidelity", "training"),
-            runs=12 if name == "nrel_5mw" else 8,  # the turbine of most tasks
+            runs=_RUNS.get(name, 4),
         )
         for name, record in RECORDS.items()
     ),
-    RecordedTurbine("nrel_5mw", "discon+derate_kinetic", 0.85),
+    RecordedTurbine("nrel_5mw", "discon+derate_kinetic", 0.85, runs=8),
 )
 """Records of the package: they serve every id of an environment with its default options."""
 
