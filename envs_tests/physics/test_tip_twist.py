@@ -119,7 +119,7 @@ def test_the_wrong_choice_warns_with_the_twist(turbines):
         ):
             assert choose_fidelity(turbine, choice) is choice
     with pytest.raises(SimulationError, match="fidelity must be one of"):
-        choose_fidelity(small, "trainin")
+        choose_fidelity(small, "coarse")
 
 
 def test_blades_without_torsional_stiffness_are_refused_unless_a_fidelity_is_named(turbines):

@@ -130,7 +130,7 @@ def test_a_reference_of_zero_leaves_values(metric):
 @pytest.mark.parametrize(
     ("choice", "parameters", "message"),
     [
-        ("ipc", {"bandwith": 0.1}, "last: .*bandwith"),
+        ("ipc", {"bandwidths": 0.1}, "last: .*bandwidths"),
         ("mine.py:Mine", {"gian": 1.0}, r"last: mine.py:Mine takes the arguments \(gain=1.0\), got .*'gian'"),
         ("agent.py:Agent", {"gian": 1.0}, r"last: agent.py:Agent takes the arguments \(gain=1.0\), got .*'gian'"),
     ],
