@@ -21,6 +21,8 @@ import numpy as np
 from wt_gym.envs.record_store import find_record
 from wt_gym.envs.running_record import WINDOWS, rotor_wind, time_scale
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.turbines.mirror import clockwise_image
+from wt_gym.wind import MirroredInflow
 from wt_gym.wind.protocol import PointInflow
 
 if TYPE_CHECKING:
@@ -84,14 +86,21 @@ class RunningStart:
         number, speed = float(rng.random()), self._speed(wind, yaw)
         if speed is None or not self._turbine.cut_in <= speed <= self._turbine.cut_out:
             return None
-        result = find_record(self._turbine, self._level)
+        # a counter-clockwise rotor starts as the image of a clockwise one in the mirrored wind
+        image = clockwise_image(self._turbine)
+        is_mirrored = image is not self._turbine
+        result = find_record(image, self._level)
         if result is None:
             _report_missing(self._turbine.name)
             return None
         file, record = result
-        start = record.start(self._turbine, wind.inflow, speed, yaw, number, azimuth, self._fastest)
+        inflow = MirroredInflow.of(wind.inflow) if is_mirrored else wind.inflow
+        start = record.start(image, inflow, speed, -yaw if is_mirrored else yaw, number, azimuth, self._fastest)
+        if start is None:
+            return None
+        start = start.mirrored() if is_mirrored else start
         same_model = fidelity_of(self._fidelity) == fidelity_of(file.fidelity)
-        return start if same_model or start is None else replace(start, motion=None)
+        return start if same_model else replace(start, motion=None)
 
     def _speed(self, wind: EpisodeWind, yaw: float) -> float | None:
         """Mean speed of the turbulence before the start [m/s]; None where the wind does not change, or has no past.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["EVEN", "ODD", "Channel", "Signals", "channel_table", "parities"]
+__all__ = ["EVEN", "ODD", "TOWER_TOP_PARITIES", "Channel", "Signals", "channel_table", "parities"]
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,9 @@ class Channel:
 
 EVEN, ODD = 1, -1
 """Parities of a signal under the reflection y → −y, see `Channel.parity`."""
+TOWER_TOP_PARITIES = np.array([1.0, -1.0, 1.0, -1.0])
+"""Of displacement and velocity of the tower top, fore-aft and side-side, as a start takes them."""
+TOWER_TOP_PARITIES.flags.writeable = False
 
 _SINGLE = (
     ("time", "s", "Time", EVEN, "Simulated time"),

@@ -14,7 +14,7 @@ from wt_gym.deprecated import renamed_arguments
 from wt_gym.errors import ActionError, InflowError, SimulationError
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
-from wt_gym.simulation.channels import Signals, parities
+from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
 from wt_gym.simulation.compilation import announce_compilation, compile_once
 from wt_gym.simulation.compile_ahead import compile_ahead
 from wt_gym.simulation.drivetrain.drives import Drives, check_damper_step, check_finite
@@ -53,8 +53,6 @@ if TYPE_CHECKING:
     _Arguments = tuple[Turbine, Inflow, Fidelity, int, GeneratorLaw]
 
 __all__ = ["Simulator"]
-
-_TOWER_TOP_PARITIES = np.array([1.0, -1.0, 1.0, -1.0])
 
 
 class Simulator:
@@ -246,7 +244,7 @@ class Simulator:
             tower_top = np.asarray(tower_top, dtype=float)
             if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
                 raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
-            tower_top = tower_top * _TOWER_TOP_PARITIES if self.mirrored else tower_top
+            tower_top = tower_top * TOWER_TOP_PARITIES if self.mirrored else tower_top
         if motion is not None:
             motion = np.asarray(motion, dtype=float)
             size = self.structure.n_motion
@@ -420,7 +418,7 @@ class Simulator:
         to_heading = np.array([[cos, sin], [-sin, cos]])
         velocity = work.rot[nacelle] @ work.v[nacelle]
         top = np.concatenate([to_heading @ work.r[nacelle, :2], to_heading @ velocity[:2]])
-        return top * _TOWER_TOP_PARITIES if self.mirrored else top
+        return top * TOWER_TOP_PARITIES if self.mirrored else top
 
     def motion(self) -> NDArray[np.float64]:
         """Deformation of the structure, its rates and accelerations, in the form of `reset`.

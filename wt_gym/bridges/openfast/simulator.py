@@ -22,7 +22,7 @@ from wt_gym.bridges.openfast.run_folder import ServedController, prepare_run
 from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.wind_file import repeats
 from wt_gym.errors import ActionError, SimulationError
-from wt_gym.simulation.channels import Signals, parities
+from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.tip_twist import choose_fidelity
@@ -50,8 +50,6 @@ COMMANDS = ("bladed", "inputs")
 
 OPTIONS = ("openfast_library", "model", "commands", "duration", "step", "changes", "folder")
 """Arguments of `OpenFASTSimulator` that `Simulator` does not have."""
-
-_TOWER_TOP_PARITIES = np.array([1.0, -1.0, 1.0, -1.0])
 
 
 class OpenFASTSimulator:
@@ -256,7 +254,7 @@ class OpenFASTSimulator:
             tower_top = np.asarray(tower_top, dtype=float)
             if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
                 raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
-            tower_top = tower_top * _TOWER_TOP_PARITIES if self.mirrored else tower_top
+            tower_top = tower_top * TOWER_TOP_PARITIES if self.mirrored else tower_top
         self._stop()
         yaw = -yaw if self.mirrored else yaw
         self.drives.start(pitch, yaw, rotor_speed, generator_torque)
