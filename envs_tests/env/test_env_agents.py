@@ -381,7 +381,7 @@ def test_names_on_the_command_line(trained):
 )
 def test_errors_of_the_user_take_one_line(command, message, tmp_path):
     with pytest.raises(SystemExit) as ended:
-        main([*command, "--out", str(tmp_path / "out")])
+        main([*command, "--out", str(tmp_path / ("out.nc" if command[0] == "simulate" else "out"))])
     error = ended.value.code  # Python prints a text that is given as exit status, and ends with status 1
     assert error.startswith("error: ")
     assert message in error

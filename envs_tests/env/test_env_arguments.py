@@ -35,7 +35,7 @@ NOTHING_IS_ALLOWED = {
     "shear_exponent", "turbulence_class", "wind_wander", "episode_length", "action_components", "action_spans",
     "residual_washout", "reward", "standstill_limit", "observation", "lidar", "render_mode", "generator",
     "roughness_length", "reference_height", "site", "sensor_washout", "starts", "sensors",
-    "power_reference", "dial_weights", "cost_limits", "fault_kinds",
+    "power_reference", "dial_weights", "cost_limits", "fault_kinds", "fidelity",
     *(f"vary_{name}" for name in (*RANGES, *CHOICES)),
 }  # fmt: skip
 ALLOWED = {

@@ -186,7 +186,7 @@ def test_simulate_and_compare_controllers_say_so(monkeypatch, capsys):
     monkeypatch.setattr("wt_gym.envs.simulators.simulation.Simulator", Standing)
     simulate.main(["--wind-speed", "8", "--duration", "30"])
     assert capsys.readouterr().out.count(f"The baseline controller {SENTENCE}") == 1
-    compare_controllers.main(["discon", "--winds", "8", "--seeds", "--duration", "28", "--skip", "2"])
+    compare_controllers.main(["discon", "--wind-speed", "8", "--wind-seeds", "--duration", "28", "--skip", "2"])
     assert capsys.readouterr().out.count(f"discon {SENTENCE}") == 1
 
 

@@ -22,7 +22,7 @@ __all__ = ["Contract", "ContractBroken", "StepResult"]
 _ENDINGS = ("overspeed", "standstill", "tower_strike", "failure")
 _INFO = {
     "time", "wind_speed", "wind_seed", "generator_power", "rotor_speed", "rotor_speed_max", "tip_clearance_min",
-    "saturated",
+    "saturated", "idle_time",
 }  # fmt: skip
 _ROUNDING = 1e-9
 
