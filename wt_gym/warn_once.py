@@ -1,6 +1,6 @@
 """Warnings that are printed once in a process.
 
-Python prints a warning once for each place, but forgets it whenever any library changes the filters of warnings.
+Python prints a warning once for each place, and again after any library has changed the filters of warnings.
 """
 
 from __future__ import annotations
