@@ -34,56 +34,56 @@ def run_agent(pool: AgentPool, job: tuple[str, Wind], config: EvaluationConfig, 
     ----------
     pool : AgentPool
     job : tuple of str and Wind
-        Name of the agent, and the wind that is asked for.
+        Name of the agent, and the requested wind.
     config : EvaluationConfig
     line : ProgressLine
         Shows how far the run is.
     """
-    (name, asked), (env, agent) = job, pool[job[0]]
+    (name, request), (env, agent) = job, pool[job[0]]
     turbine_env, began = turbine_env_of(env), time.monotonic()
 
-    def shown(step: EpisodeStep) -> None:
+    def show_progress(step: EpisodeStep) -> None:
         simulated, elapsed = step.info["time"], time.monotonic() - began
         line.show(
-            f"evaluating {name} at {asked.name}: {simulated:.0f} of {config.duration:.0f} s simulated"
+            f"evaluating {name} at {request.name}: {simulated:.0f} of {config.duration:.0f} s simulated"
             f" in {clock(elapsed)} min ({simulated / max(elapsed, 1e-9):.0f} x real time)",
             final=step.done,
         )
 
-    options = _options(turbine_env, asked, config)
-    replay = config.replay_in(asked)
-    found = play(env, agent, seed=config.seed_in(asked), options=options, replay=replay, on_step=shown)
-    wind = actual_wind(turbine_env, asked, config.winds)
+    options = _options(turbine_env, request, config)
+    replay = config.replay_in(request)
+    result = play(env, agent, seed=config.seed_in(request), options=options, replay=replay, on_step=show_progress)
+    wind = actual_wind(turbine_env, request, config.winds)
     seed = int(turbine_env.episode_wind.wind_seed)
-    metrics = _metrics(found.after_start, turbine_env.turbine, config.skip, found.time)
+    metrics = _metrics(result.after_start, turbine_env.turbine, config.skip, result.time)
     if metrics and turbine_env.options.limits.costs is not None:
-        beyond = violated({name: cost / found.steps for name, cost in found.costs.items()})
-        metrics["limits_violated"] = float(bool(beyond))
+        violations = violated({name: cost / result.steps for name, cost in result.costs.items()})
+        metrics["limits_violated"] = float(bool(violations))
     return Run(
         agent=name,
         wind=wind,
-        data=found.data.assign_attrs(agent=name, wind_speed=wind.speed, wind_seed=seed),
+        data=result.data.assign_attrs(agent=name, wind_speed=wind.speed, wind_seed=seed),
         metrics=metrics,
-        episode_return=found.episode_return,
-        reward_terms=found.reward_terms,
+        episode_return=result.episode_return,
+        reward_terms=result.reward_terms,
         planned_duration=config.duration,
-        duration=found.time,
-        ending=found.ending,
-        failure=found.failure,
-        replay=found.replay,
+        duration=result.time,
+        ending=result.ending,
+        failure=result.failure,
+        replay=result.replay,
     )
 
 
-def _options(env: WindTurbineEnv, asked: Wind, config: EvaluationConfig) -> dict[str, Any]:
-    """How an episode begins: what of the wind that is asked for the environment knows."""
+def _options(env: WindTurbineEnv, request: Wind, config: EvaluationConfig) -> dict[str, Any]:
+    """Reset options for a requested wind, as far as the environment has them."""
     allowed = env.wind.options
     options: dict[str, Any] = {"azimuth": 0.0}
     if "wind_speed" in allowed:
-        options["wind_speed"] = asked.speed
-    if asked.seed is not None and "wind_seed" in allowed:
-        options["wind_seed"] = asked.seed
-    if asked.draw is not None and (pieces := env.wind.windows(config.duration)):
-        file, start = pieces[(asked.draw - 1) % len(pieces)]  # drawn ones would overlap, or be the same
+        options["wind_speed"] = request.speed
+    if request.seed is not None and "wind_seed" in allowed:
+        options["wind_seed"] = request.seed
+    if request.draw is not None and (pieces := env.wind.windows(config.duration)):
+        file, start = pieces[(request.draw - 1) % len(pieces)]  # drawn ones would overlap, or be the same
         options["inflow"] = file.inflow(start)
     return options
 

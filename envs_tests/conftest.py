@@ -3,6 +3,13 @@
 import pytest
 
 from wt_gym.bridges.compiler import CompilerError, find_compiler
+from wt_gym.warn_once import forget_warnings
+
+
+@pytest.fixture(autouse=True)
+def fresh_warnings():
+    """Give in each test the warnings that a process gives once."""
+    forget_warnings()
 
 
 @pytest.fixture(scope="session")

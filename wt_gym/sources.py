@@ -76,8 +76,8 @@ def sources_digest(*modules: str, package: Path = _PACKAGE) -> str:
 def source_files(*modules: str, package: Path = _PACKAGE) -> dict[str, Path]:
     """Files that some modules load, by dotted name; a data file follows the name of its module after a slash.
 
-    Imports count wherever they stand, within functions too, except those under ``TYPE_CHECKING``. What does not count
-    is that Python runs the packages above a module first: they hold nothing but names. A package that imports its
+    Imports count wherever they stand, within functions too, except those under ``TYPE_CHECKING``. The packages
+    above a module, which Python runs first, do not count: they hold nothing but names. A package that imports its
     modules by computed names counts with all of them. Data of a module that asks for ``__file__`` are the files whose
     names stand in its source, and those in such folders.
 
@@ -91,7 +91,7 @@ def source_files(*modules: str, package: Path = _PACKAGE) -> dict[str, Path]:
 
 def _loaded(modules: tuple[str, ...], package: Path) -> tuple[dict[str, Path], dict[str, _Source]]:
     """Files by name, and the sources among them."""
-    known, store = _module_files(package), _Store()
+    paths, store = _module_files(package), _Store()
     files: dict[str, Path] = {}
     sources: dict[str, _Source] = {}
     waiting = list(modules)
@@ -99,11 +99,11 @@ def _loaded(modules: tuple[str, ...], package: Path) -> tuple[dict[str, Path], d
         name = waiting.pop()
         if name in files:
             continue
-        files[name] = path = known[name]
+        files[name] = path = paths[name]
         sources[name] = source = store.source(path)
-        waiting += {_module_of(text, known) for text in source.imports} - _APART - {""}
+        waiting += {_module_of(text, paths) for text in source.imports} - _APART - {""}
         if source.loads_all and path.name == "__init__.py":
-            waiting += [other for other in known if other.rpartition(".")[0] == name]
+            waiting += [other for other in paths if other.rpartition(".")[0] == name]
         files |= {f"{name}/{file.relative_to(path.parent).as_posix()}": file for file in _data(path.parent, source)}
     store.save()
     return dict(sorted(files.items())), sources
@@ -114,17 +114,17 @@ def _module_files(package: Path) -> dict[str, Path]:
     beside = package.parent / "agents"
     in_clone = not (package / "agents" / "pool.py").is_file() and beside.is_dir()
     folders = {package: ("wt_gym",)} | ({beside: ("wt_gym", "agents")} if in_clone else {})
-    found = {}
+    paths = {}
     for folder, prefix in folders.items():
         for path in folder.rglob("*.py"):
             parts = [*prefix, *path.relative_to(folder).with_suffix("").parts]
-            found[".".join(parts[:-1] if path.name == "__init__.py" else parts)] = path
-    return found
+            paths[".".join(parts[:-1] if path.name == "__init__.py" else parts)] = path
+    return paths
 
 
-def _module_of(text: str, known: dict[str, Path]) -> str:
-    """Module that holds what a dotted text names; empty where there is none."""
-    while text and text not in known:
+def _module_of(text: str, paths: dict[str, Path]) -> str:
+    """Module that a dotted text names, itself or by a thing in it; empty where there is none."""
+    while text and text not in paths:
         text = text.rpartition(".")[0]
     return text
 
@@ -132,38 +132,38 @@ def _module_of(text: str, known: dict[str, Path]) -> str:
 def _data(folder: Path, source: _Source) -> Iterator[Path]:
     """Files that a source names, and those in folders without code that it names."""
     for text in source.texts:
-        for found in folder.rglob(text):
-            if found.is_file() and found.suffix != ".py":
-                yield found
-            elif found.is_dir() and not (found / "__init__.py").exists():
-                yield from (file for file in found.rglob("*") if file.is_file())
+        for path in folder.rglob(text):
+            if path.is_file() and path.suffix != ".py":
+                yield path
+            elif path.is_dir() and not (path / "__init__.py").exists():
+                yield from (file for file in path.rglob("*") if file.is_file())
 
 
 class _Store:
-    """What is known of sources by the digest of their bytes, kept for the next process: reading all takes a second."""
+    """Sources by the digest of their bytes, stored for the next process: reading all takes a second."""
 
     def __init__(self) -> None:
         cache_folder = user_cache()
         own = _digest(Path(__file__).read_bytes())[:16]  # another reader may find other things
         self._file = None if cache_folder is None else cache_folder / f"sources-{own}.json"
-        self._known, self._new = self._load(), dict[str, _Source]()
+        self._sources, self._additions = self._load(), dict[str, _Source]()
 
     def source(self, path: Path) -> _Source:
-        """What a file holds."""
+        """Source that a file holds."""
         content = path.read_bytes()
         key = _digest(content)
-        if key not in self._known:
-            self._known[key] = self._new[key] = _source(content.decode("utf-8").replace("\r\n", "\n"))
-        return self._known[key]
+        if key not in self._sources:
+            self._sources[key] = self._additions[key] = _source(content.decode("utf-8").replace("\r\n", "\n"))
+        return self._sources[key]
 
     def save(self) -> None:
-        """Keep what was not known before; where nothing can be written, the next process reads again."""
-        if self._file is None or not self._new:
+        """Write the file if there are additions; where nothing can be written, the next process reads again."""
+        if self._file is None or not self._additions:
             return
-        kept = self._known if len(self._known) <= _MOST_STORED else self._new
+        entries = self._sources if len(self._sources) <= _MOST_STORED else self._additions
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)
-            write_text_whole(self._file, json.dumps(kept))
+            write_text_whole(self._file, json.dumps(entries))
         except OSError as error:
             _log.warning("digests of sources could not be kept in %s (%s)", self._file, error)
 
@@ -185,13 +185,13 @@ def _source(text: str) -> _Source:
     """Read a source."""
     nodes = list(_running(ast.parse(text)))
     names = [name for node in nodes for name in _imported(node)]
-    used = {node.id for node in nodes if isinstance(node, ast.Name)}
+    identifiers = {node.id for node in nodes if isinstance(node, ast.Name)}
     texts = [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
-    named = {one for one in texts if one.replace(".", "").replace("_", "").isalnum()} if "__file__" in used else set()
+    data_names = {text for text in texts if text.replace(".", "").replace("_", "").isalnum()}
     return _Source(
         _digest(code_of(text).encode()),
         tuple(dict.fromkeys(name for name in names if name.partition(".")[0] == "wt_gym")),
-        tuple(sorted(named)),
+        tuple(sorted(data_names)) if "__file__" in identifiers else (),
         any(getattr(node, "id", getattr(node, "attr", "")) == "import_module" for node in nodes),
     )
 
@@ -222,17 +222,17 @@ def code_of(source: str) -> str:
 
     Python 3.12 takes formatted strings apart where earlier versions give one token; without space both are the same.
     """
-    kept, begins = [], True
+    code, begins = [], True
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type in _SILENT or (token.type == tokenize.NEWLINE and begins):  # the latter ends a docstring
             continue
         if token.type in _STATEMENT_BEGINS:
-            kept.append({tokenize.NEWLINE: "\n", tokenize.INDENT: "{", tokenize.DEDENT: "}"}[token.type])
+            code.append({tokenize.NEWLINE: "\n", tokenize.INDENT: "{", tokenize.DEDENT: "}"}[token.type])
             begins = True
         elif not (token.type == tokenize.STRING and begins):
-            kept.append("".join(token.string.split()))
+            code.append("".join(token.string.split()))
             begins = False
-    return "".join(kept)
+    return "".join(code)
 
 
 def _digest(content: bytes) -> str:

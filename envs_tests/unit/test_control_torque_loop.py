@@ -1,6 +1,7 @@
 """The closed loop below rated: linear modes beside the controller that runs, and what replaces unstable numbers."""
 
 import math
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +9,15 @@ import pytest
 
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers.own import own_law
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.operating_point import operating_point, rotor_inertia
 from wt_gym.control.rotor import rotor_of
-from wt_gym.control.torque_loop import growing_mode, torque_loop_modes, winds_below_rated
+from wt_gym.control.speed_loop import LoopMode
+from wt_gym.control.torque_loop import LEAST_GROWTH, growing_mode, torque_loop_modes, winds_below_rated
 from wt_gym.errors import ControllerError
+from wt_gym.runs.steady_check import DURATION
 from wt_gym.turbines import ControlData, load_turbine
 
 CATALOGUE = ("nrel_5mw", "nrel_5mw_monopile", "iea_15mw", "iea_15mw_monopile", "iea_22mw")
@@ -123,6 +127,26 @@ def test_unstable_numbers_are_replaced_with_a_note(heavy_generator):
     rule = make_controller("tsr_tracking:tip_speed_ratio=7.55", turbine).parameters
     assert made.parameters.torque_integral_gain == rule.torque_integral_gain
     np.testing.assert_array_equal(made.parameters.schedule_pitch, wild.min_pitch)
+    assert "published: filter of the speed, least pitch over the wind; by rule: gains of the" in own_law(turbine)
+    assert "published: filter of the speed, torque gains, least pitch" in own_law(heavy_generator)
+
+
+def test_the_note_is_given_once(heavy_generator):
+    wild = replace(heavy_generator.control, torque_proportional_gain=1.0, torque_integral_gain=5e4)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for _ in range(3):
+            make_controller("discon", replace(heavy_generator, control=wild))
+    assert sum("unstable below rated" in str(warning.message) for warning in caught) == 1
+
+
+@pytest.mark.parametrize(("factor", "grows"), [(0.9, False), (1.1, True)])
+def test_a_mode_grows_by_an_e_fold_in_the_check_in_steady_winds(heavy_generator, monkeypatch, factor, grows):
+    """Growth of 0.0004 to 0.001 1/s in the linear model decays in simulations of public models."""
+    slow = LoopMode(WIND, 0.05, -factor / DURATION / 0.05, 0.0)
+    monkeypatch.setattr("wt_gym.control.torque_loop.torque_loop_modes", lambda *_: [slow])
+    assert pytest.approx(1.0 / DURATION) == LEAST_GROWTH
+    assert (growing_mode(heavy_generator, None) is slow) is grows
 
 
 def test_an_unstable_torque_curve_is_refused():

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BASE = frozenset({
     "angles", "attached_flow", "blas_threads", "child_process", "compiled", "constants", "deprecated", "errors",
     "fields", "files", "ids", "kernel_linking", "kernel_self_test", "picture_style", "process_memory", "sources",
-    "tasks", "turbine_records", "user_cache",
+    "tasks", "turbine_records", "user_cache", "warn_once",
 })  # fmt: skip
 """Modules beside the rooms, which any room may use and which use none."""
 

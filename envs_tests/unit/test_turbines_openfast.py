@@ -15,8 +15,8 @@ from openfast_model import DEGREE, Model, principal, with_few_points
 
 from wt_gym.commands.import_ import main
 from wt_gym.control.controllers import make_controller
-from wt_gym.errors import TurbineDefinitionError
-from wt_gym.runs.steady_check import SteadyPoint, steady_winds, verdict
+from wt_gym.errors import SimulationError, TurbineDefinitionError
+from wt_gym.runs.steady_check import SteadyPoint, _run, steady_winds, verdict
 from wt_gym.simulation.state import fingerprint
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
@@ -143,6 +143,7 @@ class TestTheSameTurbine:
         own = turbine.control
         assert (own.speed_shift_per_pitch, own.speed_shift_per_power, own.speed_shift_frequency) == shifts
         assert own.constant_power is False
+        assert "SS_Mode" not in " ".join(turbine.notes)
         made = make_controller("discon", turbine).parameters
         assert made.pitch_to_speed / (made.baseline.max_pitch - made.baseline.min_pitch) == pytest.approx(shifts[0])
         assert made.torque_to_speed == shifts[1]
@@ -687,6 +688,7 @@ class TestCheckInSteadyWinds:
             ({"deviation": 0.03}, "the rotor speed moves by 3.0 % of rated"),
             ({"power": 4.4e6}, "88% of the table's power; 88.0% of rated power"),
             ({"power": 4.9e6}, "98.0% of rated power"),
+            ({"rotor_speed": 0.97 * 12.1 * np.pi / 30}, "97.0% of the table's rotor speed"),
             ({"failure": "simulation failed at 14 s"}, "simulation failed at 14 s"),
         ],
     )
@@ -705,9 +707,19 @@ class TestCheckInSteadyWinds:
         point = SteadyPoint(8.0, 0.9, 0.0, 1.7e6, 4e5, 0.0)
         assert verdict(nrel_5mw, point) == ""
         assert verdict(nrel_5mw, replace(point, power=0.0)) == "0% of blade elements' power"
+        fast = SteadyPoint(18.0, 1.03 * nrel_5mw.drivetrain.rated_rotor_speed, 0.25, 5e6, 4e5, 0.0)
+        assert verdict(nrel_5mw, fast) == "103.0% of the operating point's rotor speed"
+
+    def test_the_fidelity_is_the_default(self, nrel_5mw, monkeypatch):
+        def simulator(turbine, inflow, fidelity=None):
+            raise SimulationError(f"fidelity {fidelity}")
+
+        monkeypatch.setattr("wt_gym.runs.steady_check.Simulator", simulator)
+        with pytest.raises(SimulationError, match="fidelity None"):
+            _run(nrel_5mw, 8.0)
 
 
-def test_tables_of_steady_states(tmp_path):
+def test_tables_of_steady_states(tmp_path, caplog):
     path = tmp_path / "performance.dat"
     path.write_text(
         "# Wind speed (m/s) \t Rotor rotational speed (rpm) \t Pitch angle (deg) \t Rotor electrical power (W) \t Rotor"
@@ -724,6 +736,10 @@ def test_tables_of_steady_states(tmp_path):
     (tmp_path / "model").mkdir()
     assert find_steady_table(tmp_path / "model" / "model.fst", 0.79e6).path == path
     assert find_steady_table(tmp_path / "model" / "model.fst", 1.0e6) is None
+    series = tmp_path / "model" / "openfast.csv"
+    series.write_text("Time [s],Wind speed [m/s],gen power [kW]\n0,8,100\n1,8,100\n", encoding="utf-8")
+    assert find_steady_table(tmp_path / "model" / "model.fst", 0.79e6).path == path
+    assert f"not taken as the table of steady states: {series}" in caplog.text
     plain = tmp_path / "plain.csv"
     plain.write_text(
         "V,Cp,gen power [kW],rotor RPM,blade pitch [deg]\n4,0.4,100,6,4\n8,0.4,800,8,0\n", encoding="utf-8"

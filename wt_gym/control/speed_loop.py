@@ -15,7 +15,6 @@ A controller whose loop has a growing mode is refused; one whose loop is hardly 
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -27,6 +26,7 @@ from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
 from wt_gym.errors import ControllerError
+from wt_gym.warn_once import warn_once
 from wt_gym.wind.iec import REFERENCE_INTENSITY, turbulence_sigma
 
 if TYPE_CHECKING:
@@ -286,7 +286,7 @@ def check_speed_loop(turbine: Turbine, parameters: BaselineParameters) -> LoopRe
     -----
     UserWarning
         If the rotor's mode has less damping than `LEAST_DAMPING`, the tower's less than that of its structure alone, or
-        a gust asks the drives for more than their pitch rate.
+        a gust asks the drives for more than their pitch rate; the same message once in a process.
     """
     if not turbine.drivetrain.takes_torque:
         return None
@@ -295,20 +295,18 @@ def check_speed_loop(turbine: Turbine, parameters: BaselineParameters) -> LoopRe
     if worst is not None and worst.damping < 0.0:
         raise ControllerError(f"{_mode(turbine, parameters, worst)}; it must be positive: {advice}")
     if worst is not None and worst.damping < LEAST_DAMPING:
-        warnings.warn(
-            f"{_mode(turbine, parameters, worst)}; at least {LEAST_DAMPING} is advisable: {advice}", stacklevel=3
-        )
+        warn_once(f"{_mode(turbine, parameters, worst)}; at least {LEAST_DAMPING} is advisable: {advice}", stacklevel=3)
     if tower is not None and tower.damping < turbine.tower.damping_ratio:
         what = f"less than the {turbine.tower.damping_ratio:.3f} of the tower alone"
-        warnings.warn(f"{_mode(turbine, parameters, tower)}, {what}: {advice}", stacklevel=3)
+        warn_once(f"{_mode(turbine, parameters, tower)}, {what}: {advice}", stacklevel=3)
     if report.pitch_rate > 1.0:
-        warnings.warn(
+        warn_once(
             f"the speed loop of {turbine.name} answers a gust with {report.pitch_rate:.1f} times the pitch rate of the "
             f"drives, {math.degrees(turbine.pitch.max_rate):.1f} deg/s, and may swing: {advice}",
             stacklevel=3,
         )
     if report.speed_rise > MOST_SPEED_RISE:
-        warnings.warn(
+        warn_once(
             f"the speed loop of {turbine.name} lets a gust of one standard deviation raise the rotor speed by "
             f"{100 * report.speed_rise:.0f} % of rated, more than {100 * MOST_SPEED_RISE:.0f} %: choose larger gains "
             "or a higher natural_frequency",

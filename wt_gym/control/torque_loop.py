@@ -44,17 +44,23 @@ if TYPE_CHECKING:
     from wt_gym.control.operating_point import OperatingPoint
     from wt_gym.turbines import Turbine
 
-__all__ = ["check_torque_curve", "growing_mode", "growth", "torque_loop_modes", "winds_below_rated"]
+__all__ = ["LEAST_GROWTH", "check_torque_curve", "growing_mode", "growth", "torque_loop_modes", "winds_below_rated"]
 
 _STIFFEST_SHAFT = 8.0
 """Torsional frequency above which a shaft is rigid [Hz], that of `training` (`Fidelity.stiffest_shaft`)."""
 _SPACING = 1.0
-"""Of the winds that are looked at [m/s]."""
+"""Distance of the winds that are checked [m/s]."""
+LEAST_GROWTH = 0.01
+"""Growth from which on a mode counts as growing [1/s].
+
+It is one e-fold in the 100 s of the check in steady winds (`wt_gym.runs.steady_check`). Slower growth is less than the
+error of the linear model: simulations of public models with a growth of 0.001 1/s decay.
+"""
 _NAMES = (
     "rotor", "generator", "twist", "wake", "position", "velocity", "filter", "filter_rate", "estimate", "wind",
     "integral", "torque", "delay", "pitch", "pitch_rate",
 )  # fmt: skip
-"""States."""
+"""Names of the states."""
 _LARGEST_INDUCTION = 0.5
 
 
@@ -77,11 +83,11 @@ def torque_loop_modes(
     ----------
     turbine : Turbine
     parameters : TsrTrackingParameters or BaselineParameters
-        Of a law that tracks the tip-speed ratio, or of one with a torque curve.
+        Numbers of a law that tracks the tip-speed ratio, or of one with a torque curve.
     wind : float
         [m/s].
     estimator : WindEstimator, optional
-        Of a law that tracks the tip-speed ratio.
+        Estimator of a law that tracks the tip-speed ratio.
 
     Returns
     -------
@@ -112,12 +118,18 @@ def growing_mode(
     parameters: TsrTrackingParameters | BaselineParameters,
     estimator: WindEstimator | None = None,
 ) -> LoopMode | None:
-    """Fastest growing mode in the winds of `winds_below_rated`, None where none grows; parameters as those above."""
+    """Fastest growing mode in the winds of `winds_below_rated`, None where none grows by `LEAST_GROWTH`.
+
+    Parameters
+    ----------
+    turbine, parameters, estimator
+        As those of `torque_loop_modes`.
+    """
     modes = [
         mode
         for wind in winds_below_rated(turbine)
         for mode in torque_loop_modes(turbine, parameters, wind, estimator)
-        if mode.damping < 0.0
+        if -mode.damping * mode.frequency >= LEAST_GROWTH
     ]
     return min(modes, key=lambda mode: mode.damping * mode.frequency, default=None)
 

@@ -93,7 +93,7 @@ class IdleClock:
         faults: Iterable[object],
         demanded: float | None,
     ) -> bool:
-        """Whether wind, grid, fault or controller explain that there is no power."""
+        """Return True where wind, grid, fault or controller explain that there is no power."""
         if demanded is not None and demanded < self._least:
             return True
         if not self._cut_in < self._disc.begin(inflow, signals) < self._cut_out:

@@ -20,7 +20,6 @@ lever arms follow the deformation.
 from __future__ import annotations
 
 import math
-import warnings
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -30,6 +29,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.simulation.fidelity import FIDELITIES, Fidelity, fidelity
 from wt_gym.structure.beam import skew
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
+from wt_gym.warn_once import warn_once
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -77,7 +77,7 @@ def choose_fidelity(turbine: Turbine, choice: str | Fidelity | None) -> str | Fi
     """Return the fidelity of a simulation.
 
     Without a choice it is the one that suits the turbine. A name with torsion for blades that hardly twist, or without
-    for others, brings a warning with the twist; a `Fidelity` is taken as it is.
+    for others, brings a warning with the twist, once in a process; a `Fidelity` is taken as it is.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def choose_fidelity(turbine: Turbine, choice: str | Fidelity | None) -> str | Fi
     if other in FIDELITIES:
         twist = rated_tip_twist(turbine)
         if twists != (abs(twist) > NOTABLE_TWIST):
-            warnings.warn(
+            warn_once(
                 f"the blades of {turbine.name!r} twist by {abs(math.degrees(twist)):.2f} deg at rated thrust, "
                 f"{'less' if twists else 'more'} than {math.degrees(NOTABLE_TWIST):g} deg: fidelity {other!r} suits "
                 f"them, got {choice!r}",

@@ -336,7 +336,6 @@ _MODES = {
     "F_NumNotchFilts": "notch filters",
     "CC_Mode": "cable control",
     "StC_Mode": "structural control",
-    "SS_Mode": "smoothing of the set points",
     "SU_Mode": "start-up",
     "SD_Mode": "shut-down",
     "PF_Mode": "faults of the pitch",

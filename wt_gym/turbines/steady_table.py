@@ -7,6 +7,7 @@ model and takes it where its largest power is the rated power of the turbine.
 
 from __future__ import annotations
 
+import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SteadyTable", "find_steady_table", "read_steady_table"]
 
+_log = logging.getLogger(__name__)
 _RPM = np.pi / 30.0
 _COLUMNS = {
     "wind": (r"wind1velx|wind ?speed|v|u", {"m/s": 1.0, "": 1.0}),
@@ -38,7 +40,7 @@ _COLUMNS = {
 """Names of the columns, and factors of their units to SI units; the first two are needed."""
 _ENDINGS = (".csv", ".dat", ".txt")
 _TOLERANCE = 0.05
-"""Of the largest power of a table against rated power [-]."""
+"""Largest deviation of the largest power of a table from rated power, over rated power [-]."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def find_steady_table(model: Path, rated_power: float) -> SteadyTable | None:
     """Return the table that comes with a model, None where there is none.
 
     It is looked for in the folder of the model, the two folders above it, and the folders ``performance`` in these. Of
-    several tables one of OpenFAST goes before others.
+    several tables one of OpenFAST goes before others. A file that `read_steady_table` refuses is skipped with a note.
 
     Parameters
     ----------
@@ -93,7 +95,11 @@ def find_steady_table(model: Path, rated_power: float) -> SteadyTable | None:
     folders = [place for folder in above for place in (folder, folder / "performance") if place.is_dir()]
     files = [file for folder in folders for file in sorted(folder.iterdir()) if file.suffix.lower() in _ENDINGS]
     for file in sorted(files, key=lambda file: "openfast" not in file.name.lower()):  # stable: the nearest first
-        table = read_steady_table(file)
+        try:
+            table = read_steady_table(file)
+        except TurbineDefinitionError as error:  # a time series has the same columns
+            _log.warning("not taken as the table of steady states: %s", error)
+            continue
         if table is not None and abs(table.power.max() / rated_power - 1.0) <= _TOLERANCE:
             return table
     return None
@@ -143,6 +149,6 @@ def _places(header: str) -> tuple[str | None, dict[str, tuple[int, float]]]:
 
 def _name_and_unit(word: str) -> tuple[str, str]:
     """Name of a column and its unit, in lower case: ``Generator Power [kW]``, ``RotSpeed_(rpm)``."""
-    found = re.fullmatch(r"([^(\[]*)[(\[]([^)\]]*)[)\]]", word.strip().lower())
-    name, unit = found.groups() if found else (word.lower(), "")
+    match = re.fullmatch(r"([^(\[]*)[(\[]([^)\]]*)[)\]]", word.strip().lower())
+    name, unit = match.groups() if match else (word.lower(), "")
     return name.replace("_", " ").strip(), unit.strip()

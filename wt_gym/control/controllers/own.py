@@ -8,7 +8,6 @@ that tracks the tip-speed ratio, or a least pitch over the wind (peak shaving), 
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -23,6 +22,7 @@ from wt_gym.control.rotor_table import blade_element_table
 from wt_gym.control.speed_loop import check_speed_loop
 from wt_gym.control.torque_loop import check_torque_curve, growing_mode, growth
 from wt_gym.errors import ControllerError
+from wt_gym.warn_once import warn_once
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -272,9 +272,9 @@ def own_controller(
             tracked["tip_speed_ratio"] = tip_speed_ratio
         if thrust_limit is not None:
             tracked["thrust_limit"] = thrust_limit
-        stable, note = _stable(turbine, made, tuple(tracked.items()))
+        stable, _, note = _stable(turbine, made, tuple(tracked.items()))
         if note:
-            warnings.warn(note, stacklevel=2)
+            warn_once(note, stacklevel=2)
         return TsrTrackingController(stable, _estimator(turbine, stable))
     if thrust_limit is not None:
         raise ValueError(
@@ -311,11 +311,21 @@ def own_law(turbine: Turbine) -> str:
     Parameters
     ----------
     turbine : Turbine
+
+    Raises
+    ------
+    wt_gym.errors.ControllerError
+        If the loop below rated is unstable with published numbers and with those of the rule.
     """
     tracks = tracks_tip_speed_ratio(turbine)
     words = ["tracks the tip-speed ratio with an estimate of the wind" if tracks else "has a torque curve"]
     parts = _PARTS_OF_TRACKING if tracks else _PARTS_OF_CURVE
-    published = [part for part, field in parts.items() if getattr(turbine.control, field, None) is not None]
+    replaced = _stable(turbine, own_parameters(turbine), ())[1] if tracks else ()
+    published = [
+        part
+        for part, field in parts.items()
+        if part not in replaced and getattr(turbine.control, field, None) is not None
+    ]
     by_rule = [part for part in parts if part not in published]
     words += [f"{kind}: {', '.join(made)}" for kind, made in (("published", published), ("by rule", by_rule)) if made]
     return "; ".join(words)
@@ -323,30 +333,29 @@ def own_law(turbine: Turbine) -> str:
 
 _BY_RULE = {
     "torque gains": ("torque_gain", "torque_integral_gain"),
-    "least pitch": ("schedule_wind", "schedule_pitch"),
-    "torque gains and least pitch": ("torque_gain", "torque_integral_gain", "schedule_wind", "schedule_pitch"),
+    "least pitch over the wind": ("schedule_wind", "schedule_pitch"),
 }
-"""What replaces published numbers of an unstable loop, in the order in which it is tried."""
+"""Parts of `_PARTS_OF_TRACKING` that the rule replaces where the loop is unstable, with their numbers."""
 
 
 @lru_cache(maxsize=64)
 def _stable(
     turbine: Turbine, baseline: BaselineParameters, parameters: tuple[tuple[str, float], ...]
-) -> tuple[TsrTrackingParameters, str]:
-    """Numbers of a stable loop, and in words what of them is not as published."""
+) -> tuple[TsrTrackingParameters, tuple[str, ...], str]:
+    """Numbers of a stable loop, the parts that the rule replaces, and a note on these."""
     published = TsrTrackingParameters.published(turbine, baseline, **dict(parameters))
     mode = growing_mode(turbine, published, _estimator(turbine, published))
     if mode is None:
-        return published, ""
+        return published, (), ""
     ratio = published.speed_per_wind * published.table.radius / turbine.drivetrain.gear_ratio
     rule = TsrTrackingParameters.from_turbine(
         turbine, baseline=baseline, table=published.table, **{"tip_speed_ratio": ratio, **dict(parameters)}
     )
     trouble = f"the published controller of {turbine.name} is unstable below rated: {growth(mode)}"
-    for words, names in _BY_RULE.items():
-        made = replace(published, **{name: getattr(rule, name) for name in names})
+    for parts in (*((part,) for part in _BY_RULE), tuple(_BY_RULE)):
+        made = replace(published, **{name: getattr(rule, name) for part in parts for name in _BY_RULE[part]})
         if growing_mode(turbine, made, _estimator(turbine, made)) is None:
-            return made, f"{trouble}; its {words} are replaced by those of the rule"
+            return made, parts, f"{trouble}; its {' and '.join(parts)} are replaced by those of the rule"
     raise ControllerError(f"{trouble}, and stays so with torque gains and least pitch by rule")
 
 
