@@ -2,22 +2,32 @@
 
 import logging
 from dataclasses import replace
+from functools import cache
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
+from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing
 from wt_gym.control import Demand
 from wt_gym.control.controllers import DisconController, make_controller
 from wt_gym.control.controllers.memory import memory_of
 from wt_gym.envs import record_store, running_start
-from wt_gym.envs.record_store import StartFile, dimensions, find_record, recorded_speeds
+from wt_gym.envs.record_store import (
+    StartFile,
+    digest_of_code,
+    digest_of_turbine,
+    dimensions,
+    find_record,
+    recorded_speeds,
+)
 from wt_gym.envs.recording import CATALOG
 from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, StartRecorder
 from wt_gym.envs.running_start import RunningStart
 from wt_gym.simulation import Signals
+from wt_gym.simulation.channels import parities
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
 
 TASK = "wt_gym/LoadReduction-v1"
 LOADS = ("root_flap_moment", "tower_base_fore_aft_moment", "tower_base_side_side_moment")
@@ -195,6 +205,129 @@ def test_a_turbine_without_a_record_starts_at_rest_and_says_so_once(caplog, monk
             begun(env, seed=seed)
     np.testing.assert_allclose(env.simulator.tower_top()[2:], 0.0, atol=1e-9)
     assert caplog.text.count("there is no record of it") == 1
+
+
+@pytest.fixture
+def of_user(turbine, brief, tmp_path, monkeypatch):
+    """Writes a record of the user of a turbine, with changes of its head, where no other is; gives the path."""
+    _, form, rows = brief
+    folder = tmp_path / "running"
+    folder.mkdir()
+    monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path))
+    monkeypatch.setattr(record_store, "_heads", cache(record_store._heads.__wrapped__))
+    for name in ("_read", "_is_of_user", "_digest_of_file"):
+        monkeypatch.setattr(record_store, name, cache(getattr(record_store, name).__wrapped__))
+
+    def write(own, **changes):
+        digests = {"turbine_digest": digest_of_turbine(own), "code": digest_of_code()}
+        head = StartFile(own.name, dimensions(own), "training", "discon", 1.0, form.kind, 45)
+        replace(head, **digests | changes).write(
+            folder / "own.npz", np.array([14.0, 15.0]), np.repeat(rows, 2, axis=0), form, rows[0, 0]
+        )
+        record_store._heads.cache_clear()
+        return folder / "own.npz"
+
+    return write
+
+
+def own_turbine(turbine, **changes):
+    return replace(turbine, name="own", hub=replace(turbine.hub, mass=6e4), **changes)
+
+
+def test_a_record_of_the_user_serves_the_recorded_turbine_at_any_site(turbine, of_user):
+    own = own_turbine(turbine)
+    of_user(own)
+    assert find_record(own, 1.0) is not None
+    assert find_record(own.with_site(air_density=1.1), 1.0) is not None
+    assert find_record(replace(own, hub=replace(own.hub, mass=6.1e4)), 1.0) is None
+
+
+def test_a_record_of_another_program_is_left_aside_and_says_so_once(turbine, of_user, caplog):
+    own = own_turbine(turbine)
+    path = of_user(own, code="another")
+    with caplog.at_level(logging.WARNING):
+        assert [find_record(own, 1.0) for _ in range(2)] == [None, None]
+    assert caplog.text.count(f"the record {path} was made by another version of the program: record again") == 1
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_a_damaged_record_of_the_user_is_left_aside(turbine, of_user, caplog, share):
+    own = own_turbine(turbine)
+    path = of_user(own)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with caplog.at_level(logging.WARNING):
+        assert [find_record(own, 1.0) for _ in range(2)] == [None, None]
+        assert find_record(turbine, 1.0) is not None
+    assert caplog.text.count(f"the record {path} is left aside, it cannot be read") == 1
+
+
+def test_numbers_of_a_record_of_the_user_may_be_damaged_alone(turbine, of_user, caplog):
+    own = own_turbine(turbine)
+    path = of_user(own)
+    content = bytearray(path.read_bytes())
+    place = content.index(b"codes.npy") + 300
+    content[place : place + 50] = bytes(50)
+    path.write_bytes(content)
+    with caplog.at_level(logging.WARNING):
+        assert [find_record(own, 1.0) for _ in range(2)] == [None, None]
+    assert caplog.text.count("is left aside") == 1
+
+
+def test_the_fingerprint_of_a_benchmark_names_a_record_of_the_user(turbine, of_user):
+    own = own_turbine(turbine)
+    before = benchmark_fingerprint(own, "training")
+    of_user(own)
+    after = benchmark_fingerprint(own, "training")
+    assert differing(before, after) == ["start"]
+    assert "start" not in benchmark_fingerprint(turbine, "training")
+
+
+def softer(beam):
+    return replace(beam, stiffness=0.9 * beam.stiffness)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda one: {"blade": replace(one.blade, structure=softer(one.blade.structure))},
+        lambda one: {"blade": replace(one.blade, chord=1.01 * one.blade.chord)},
+        lambda one: {"tower": replace(one.tower, structure=softer(one.tower.structure))},
+        lambda one: {"nacelle": replace(one.nacelle, mass=1.1 * one.nacelle.mass)},
+    ],
+)
+def test_a_turbine_of_the_name_of_another_does_not_take_its_motion(turbine, change):
+    assert find_record(replace(turbine, notes=("a copy",)), 1.0) is not None
+    assert find_record(replace(turbine, **change(turbine)), 1.0) is None
+
+
+def test_a_tower_on_a_monopile_is_not_that_on_land():
+    """They have one name and the same dimensions."""
+    land, monopile = (load_turbine(name) for name in ("iea_15mw", "iea_15mw_monopile"))
+    assert [record_store._is_of_catalog("iea_15mw", one) for one in (land, monopile)] == [True, False]
+
+
+def test_a_counter_clockwise_rotor_starts_as_the_mirror_image(turbine):
+    box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
+    wind = TurbulentInflow(box)
+    winds = (wind, None), (MirroredInflow(wind), {"rotation": "counter-clockwise"})
+    envs = [gym.make("wt_gym/NREL5MW-Turbulent-v1", inflow=inflow, site=site).unwrapped for inflow, site in winds]
+    for env in envs:
+        env.reset(seed=3)
+    one, other = (env.signals for env in envs)
+    assert abs(envs[1].simulator.tower_top()[2:]).max() > 1e-4
+    np.testing.assert_allclose(other.values, one.values * parities(3), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(envs[1].simulator.tower_top(), envs[0].simulator.tower_top() * [1, -1, 1, -1])
+
+
+def test_the_mirror_image_of_a_start_is_reflected(turbine, brief):
+    _, form, rows = brief
+    start = Record(3, 45, np.array([15.0]), rows, form).at(turbine, 0)
+    image = start.mirrored(3)
+    side_side = "tower_base_side_side_moment"
+    assert image.deviations[side_side] == -start.deviations[side_side]
+    np.testing.assert_array_equal(image.deviations["root_flap_moment"], start.deviations["root_flap_moment"])
+    np.testing.assert_array_equal(image.trail.signals, start.trail.signals * parities(3))
 
 
 def test_turbulence_of_the_user_starts_amid_motion_too():

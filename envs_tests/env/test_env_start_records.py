@@ -5,6 +5,7 @@ import pytest
 
 from wt_gym.envs.record_store import FOLDER, StartFile
 from wt_gym.envs.recording import CATALOG, probe
+from wt_gym.turbine_records import RECORDS
 
 
 def test_the_package_has_a_file_for_each_record_and_no_other():
@@ -18,7 +19,18 @@ def test_the_files_are_small():
 @pytest.mark.parametrize("recorded", CATALOG, ids=[recorded.name for recorded in CATALOG])
 def test_a_file_says_of_what_it_is_a_record(recorded):
     head = StartFile.of(FOLDER / f"{recorded.name}.npz")
-    assert (head.controller, head.level, head.fidelity) == (recorded.controller, recorded.level, recorded.fidelity)
+    assert (head.controller, head.level, head.fidelity) == (
+        recorded.controller,
+        recorded.level,
+        recorded.chosen_fidelity,
+    )
+
+
+def test_turbines_are_recorded_at_the_fidelity_of_their_environments():
+    chosen = {recorded.turbine: recorded.chosen_fidelity for recorded in CATALOG}
+    assert chosen["iea_15mw_monopile"] == "training-torsion"
+    for name, record in RECORDS.items():
+        assert record.arguments.get("fidelity", chosen[name]) == chosen[name]
 
 
 @pytest.mark.slow

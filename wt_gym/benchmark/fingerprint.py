@@ -1,4 +1,4 @@
-"""Everything besides task and agent on which the numbers of a run depend: turbine, fidelity and code.
+"""Everything besides task and agent on which the numbers of a run depend: turbine, fidelity, code, record of the start.
 
 Results can be compared only where all of them are the same.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from wt_gym.envs.record_store import user_record_digest
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
 from wt_gym.simulation.tip_twist import suited_fidelity
@@ -38,14 +39,16 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None, *mo
     -------
     dict
         ``turbine``, ``fidelity``, and ``code``: all sources and data that an episode with an agent loads
-        (`wt_gym.sources.sources_digest`).
+        (`wt_gym.sources.sources_digest`). Where episodes start from a record of the user, ``start`` is its digest;
+        the records of the package are part of the code.
     """
     chosen = fidelity_of(suited_fidelity(turbine) if fidelity is None else fidelity)
+    record = user_record_digest(turbine)
     return {
         "turbine": fingerprint(turbine)[:16],
         "fidelity": fingerprint(chosen)[:16],
         "code": sources_digest(*_EPISODE, *modules),
-    }
+    } | ({} if record is None else {"start": record})
 
 
 def differing(first: dict[str, str], second: dict[str, str]) -> list[str]:

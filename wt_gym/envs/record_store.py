@@ -3,32 +3,49 @@
 A file holds a turbine under its default controller at wind speeds from cut-in to cut-out. Each column at a wind speed
 is stored in 16 bits, between its least and its largest value. ``wt-gym record`` makes the files. The start of an
 episode depends on them alone, on every machine. Their ``probe``, the signals of a short run, tells a test that
-the program moves the turbine in another way than the one that recorded it. Turbines of the user have such files in
-their cache.
+the program moves the turbine in another way than the one that recorded it.
+
+Turbines of the user have such files in their cache. No test watches over them: they are taken by the program that
+recorded them alone, for the very turbine that was recorded.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
+import logging
 import math
+import zipfile
+import zlib
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from wt_gym.envs.running_record import ControllerForm, Record
 from wt_gym.files import write_whole
+from wt_gym.simulation.state import fingerprint
+from wt_gym.sources import sources_digest
+from wt_gym.turbine_records import RECORDS
+from wt_gym.turbines import load_turbine
 from wt_gym.user_cache import user_cache
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
-    from wt_gym.turbines import Turbine
+    from wt_gym.turbines import BeamStations, Turbine
 
-__all__ = ["FOLDER", "StartFile", "dimensions", "find_record", "recorded_speeds", "user_folder"]
+__all__ = [
+    "FOLDER", "StartFile", "digest_of_code", "digest_of_turbine", "dimensions", "find_record", "recorded_speeds",
+    "user_folder", "user_record_digest",
+]  # fmt: skip
 
+_log = logging.getLogger(__name__)
+_T = TypeVar("_T")
 FOLDER = Path(__file__).parent / "starts"
 """Folder of the records."""
 BIN = 2.0
@@ -36,6 +53,8 @@ BIN = 2.0
 _LAST_CODE = 65_535
 _SAME = 1e-3
 """Relative difference of dimensions up to which a turbine is the recorded one: a site changes nothing of them."""
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
+"""What reading a file raises that is cut off or none of a record."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +76,8 @@ class StartFile:
         See `wt_gym.envs.running_record.ControllerForm`.
     n_motion : int
         Numbers of the motion of the structure.
+    turbine_digest, code : str
+        Of a record of the user: `digest_of_turbine` and `digest_of_code`.
     """
 
     turbine: str
@@ -66,6 +87,8 @@ class StartFile:
     level: float
     kind: str
     n_motion: int
+    turbine_digest: str = ""
+    code: str = ""
 
     @classmethod
     def of(cls, path: Path) -> StartFile:
@@ -75,8 +98,13 @@ class StartFile:
         return cls(**head | {"dimensions": tuple(head["dimensions"])})
 
     def fits(self, turbine: Turbine) -> bool:
-        """Whether it is a record of a turbine."""
-        return self.turbine == turbine.name and np.allclose(self.dimensions, dimensions(turbine), rtol=_SAME)
+        """Whether name and dimensions are those of a turbine, which may turn in the other sense."""
+        recorded, given = np.abs(self.dimensions), np.abs(dimensions(turbine))
+        return self.turbine == turbine.name and np.allclose(recorded, given, rtol=_SAME)
+
+    def mirrors(self, turbine: Turbine) -> bool:
+        """Whether the recorded rotor turns in the other sense than that of a turbine."""
+        return self.dimensions[0] * dimensions(turbine)[0] < 0.0
 
     def write(
         self, path: Path, speeds: NDArray[np.float64], rows: NDArray[np.float64], form: ControllerForm,
@@ -125,18 +153,99 @@ def find_record(turbine: Turbine, level: float) -> tuple[StartFile, Record] | No
     level : float
         Demanded power over the available one [-]; the record with the nearest level is taken.
     """
-    fitting = [path for path, file in _heads().items() if file.fits(turbine)]
+    path = _path_of(turbine, level)
+    record = None if path is None else _read(path)
+    return None if path is None or record is None else (_heads()[path], record)
+
+
+def user_record_digest(turbine: Turbine) -> str | None:
+    """Digest of the record of the user from which episodes of a turbine start; None where it is another or none."""
+    path = _path_of(turbine, 1.0)
+    return None if path is None or path.parent == FOLDER or _read(path) is None else _digest_of_file(path)
+
+
+def digest_of_turbine(turbine: Turbine) -> str:
+    """Digest of all of a turbine that a site leaves as it is."""
+    return fingerprint(
+        turbine.name, dimensions(turbine)[1:], turbine.n_blades, turbine.blade, turbine.tower, turbine.hub,
+        turbine.nacelle, turbine.drivetrain, turbine.pitch, turbine.control,
+    )[:16]  # fmt: skip
+
+
+@cache
+def digest_of_code() -> str:
+    """Digest of the program that records."""
+    return sources_digest("wt_gym.envs.running_record", "wt_gym.envs.wind_sampler")
+
+
+def _path_of(turbine: Turbine, level: float) -> Path | None:
+    """File of the record of a turbine with the nearest level: one of the package, else one of the user."""
+    named = [path for path, file in _heads().items() if file.fits(turbine)]
+    fitting = [path for path in named if path.parent == FOLDER and _is_of_catalog(path.stem, turbine)]
     if not fitting:
-        return None
-    path = min(fitting, key=lambda one: abs(_heads()[one].level - level))
-    return _heads()[path], _read(path)
+        fitting = [path for path in named if path.parent != FOLDER and _is_of_user(path, turbine)]
+    return min(fitting, key=lambda one: abs(_heads()[one].level - level), default=None)
+
+
+@lru_cache(maxsize=64)
+def _is_of_catalog(stem: str, turbine: Turbine) -> bool:
+    """Whether a turbine has the structure and the blades of that of a record of the package, by the file's name."""
+    name = stem if stem in RECORDS else stem.rpartition("-")[0]  # without the level
+    recorded = load_turbine(name)
+    return recorded is turbine or np.allclose(_structure(recorded), _structure(turbine), rtol=_SAME)
+
+
+def _structure(turbine: Turbine) -> list[float]:
+    """Numbers that tell structures and blades of the same dimensions from one another, as integrals along them."""
+    blade, support = turbine.blade, turbine.tower.support
+    planform = [float(np.trapezoid(np.abs(values), blade.aero_station)) for values in (blade.chord, blade.twist)]
+    below = [0.0] * 4 if support is None else _beam(support.structure)
+    ground = None if support is None else support.foundation
+    return [
+        *planform, *_beam(blade.structure), *_beam(turbine.tower.structure), *below,
+        0.0 if ground is None else float(np.trace(ground)),
+        turbine.hub.mass, turbine.nacelle.mass, turbine.drivetrain.rated_rotor_speed,
+    ]  # fmt: skip
+
+
+def _beam(beam: BeamStations) -> list[float]:
+    """Mass, and integrals of the two bending stiffnesses and of their flexibility."""
+    bending = np.diagonal(beam.stiffness, axis1=1, axis2=2)[:, 3:5].T
+    values = beam.inertia[:, 0, 0], *bending, (1.0 / bending).sum(axis=0)
+    return [float(np.trapezoid(each, beam.station)) for each in values]
+
+
+@lru_cache(maxsize=64)
+def _is_of_user(path: Path, turbine: Turbine) -> bool:
+    """Whether a record of the user is of this turbine, and was made by this program."""
+    head = _heads()[path]
+    if head.turbine_digest != digest_of_turbine(turbine):
+        return False
+    if head.code != digest_of_code():
+        _log.warning("the record %s was made by another version of the program: record again", path)
+        return False
+    return True
 
 
 @lru_cache(maxsize=1)
 def _heads() -> dict[Path, StartFile]:
-    """Files of the package, and of the user."""
-    folders = [FOLDER] + ([] if (own := user_folder()) is None else [own])
-    return {path: StartFile.of(path) for folder in folders for path in sorted(folder.glob("*.npz"))}
+    """Files of the package, and of the user those that can be read."""
+    heads: dict[Path, StartFile] = {path: StartFile.of(path) for path in sorted(FOLDER.glob("*.npz"))}
+    own = user_folder()
+    for path in [] if own is None else sorted(own.glob("*.npz")):
+        head = _unless_damaged(path, StartFile.of)
+        if head is not None:
+            heads[path] = head
+    return heads
+
+
+def _unless_damaged(path: Path, read: Callable[[Path], _T]) -> _T | None:
+    """What is read of a file of the user; None, with a logged line, where that fails."""
+    try:
+        return read(path)
+    except _DAMAGED as error:
+        _log.warning("the record %s is left aside, it cannot be read (%s): record again", path, error)
+        return None
 
 
 def user_folder() -> Path | None:
@@ -146,8 +255,15 @@ def user_folder() -> Path | None:
 
 
 @lru_cache(maxsize=4)
-def _read(path: Path) -> Record:
-    return _heads()[path].read(path)
+def _read(path: Path) -> Record | None:
+    """Record of a file; None where one of the user is damaged."""
+    read = _heads()[path].read
+    return read(path) if path.parent == FOLDER else _unless_damaged(path, read)
+
+
+@cache
+def _digest_of_file(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def _packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.float64], NDArray[np.float64]]:

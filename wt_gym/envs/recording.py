@@ -15,12 +15,21 @@ import numpy as np
 from wt_gym.blas_threads import one_blas_thread
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs.options.wind import WindOptions
-from wt_gym.envs.record_store import StartFile, dimensions, recorded_speeds
+from wt_gym.envs.record_store import (
+    FOLDER,
+    StartFile,
+    digest_of_code,
+    digest_of_turbine,
+    dimensions,
+    recorded_speeds,
+)
 from wt_gym.envs.rewards import available_power
 from wt_gym.envs.running_record import PLAN, Columns, ControllerForm, Instants, RecordingPlan, StartRecorder
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import SimulationError
 from wt_gym.files import write_whole
+from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.tip_twist import suited_fidelity
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import TurbulentInflow
@@ -57,8 +66,8 @@ class RecordedTurbine:
         Name.
     level : float
         Demanded power over the available one [-]; 1: nothing is demanded.
-    fidelity : str
-        Of the runs.
+    fidelity : str, optional
+        Of the runs, by default that which suits the blades (`wt_gym.simulation.tip_twist.suited_fidelity`).
     runs : int
         Winds at a wind speed.
     """
@@ -66,7 +75,7 @@ class RecordedTurbine:
     turbine: str
     controller: str = "discon"
     level: float = 1.0
-    fidelity: str = "training"
+    fidelity: str | None = None
     runs: int = 8
 
     @property
@@ -74,11 +83,22 @@ class RecordedTurbine:
         """Name of the file in the package."""
         return self.turbine if self.level == 1.0 else f"{self.turbine}-{self.level:g}"
 
+    @property
+    def chosen_fidelity(self) -> str:
+        """Fidelity of the runs."""
+        return suited_fidelity(load_turbine(self.turbine)) if self.fidelity is None else self.fidelity
+
+    @property
+    def key(self) -> str:
+        """Digest of all on which the runs depend, besides the program."""
+        turbine = load_turbine(self.turbine)
+        return fingerprint(turbine, self.chosen_fidelity, self.controller, self.level, self.runs, PLAN)[:16]
+
     def recorder(self, speed: float) -> StartRecorder:
         """Recorder at a wind speed [m/s]."""
         turbine = load_turbine(self.turbine)
         power = None if self.level == 1.0 else self.level * available_power(turbine, speed)
-        return StartRecorder(turbine, self.fidelity, make_controller(self.controller, turbine), power)
+        return StartRecorder(turbine, self.chosen_fidelity, make_controller(self.controller, turbine), power)
 
     def inflow(self, speed: float, run: int) -> TurbulentInflow:
         """Wind of a run at a wind speed [m/s]."""
@@ -102,14 +122,7 @@ class RecordedTurbine:
 
 
 CATALOG = (
-    *(
-        RecordedTurbine(
-            name,
-            fidelity=record.arguments.get("fidelity", "training"),
-            runs=_RUNS.get(name, 4),
-        )
-        for name, record in RECORDS.items()
-    ),
+    *(RecordedTurbine(name, runs=_RUNS.get(name, 4)) for name in RECORDS),
     RecordedTurbine("nrel_5mw", "discon+derate_kinetic", 0.85, runs=8),
 )
 """Records of the package: they serve every id of an environment with its default options."""
@@ -131,7 +144,7 @@ def make_record(
     path : pathlib.Path
         Of the file.
     pieces : pathlib.Path
-        Folder of the runs that are done: they are not made again.
+        Folder of the runs that are done: they are not made again. With the file they are removed.
     processes : int
     report : callable
         Gets the number of finished runs, and of all.
@@ -167,11 +180,14 @@ def make_record(
     rows = np.array([result.rows for result in results])
     numbers = form.numbers(memories).reshape(*rows.shape[:2], -1)
     rows = np.concatenate([rows, numbers], axis=-1).reshape(len(speeds), -1, rows.shape[-1] + numbers.shape[-1])
+    digests = ("", "") if path.parent == FOLDER else (digest_of_turbine(turbine), digest_of_code())
     head = StartFile(
-        turbine.name, dimensions(turbine), recorded.fidelity, recorded.controller, recorded.level, form.kind,
-        results[0].rows.shape[1] - Columns.of(turbine.n_blades, 0).memory.start,
+        turbine.name, dimensions(turbine), recorded.chosen_fidelity, recorded.controller, recorded.level, form.kind,
+        results[0].rows.shape[1] - Columns.of(turbine.n_blades, 0).memory.start, *digests,
     )  # fmt: skip
     head.write(path, speeds, rows, form, probe(recorded))
+    for file in files:
+        file.unlink()
 
 
 def _store_run(recorded: RecordedTurbine, speed: float, run: int, file: Path) -> None:

@@ -5,7 +5,8 @@ with an instant of a record of the running turbine (`wt_gym.envs.running_record`
 the motion of tower and blades, and the memory of the base controller. The wake is that of a steady state with the mean
 thrust before (`wt_gym.simulation.Simulator.reset`). At fidelities whose structure is not that of the record the blades
 follow their loads, and the tower swings in its first modes as the recorded one. The wind before the start of the
-episode decides on the instant.
+episode decides on the instant. A rotor that turns in the other sense than the recorded one starts as its mirror image
+in the mirrored wind.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ import numpy as np
 from wt_gym.envs.record_store import find_record
 from wt_gym.envs.running_record import WINDOWS, rotor_wind, time_scale
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.turbines.mirror import clockwise_image
 from wt_gym.wind import MirroredInflow
 from wt_gym.wind.protocol import PointInflow
 
@@ -94,11 +94,11 @@ class RunningStart:
             _report_missing(self._turbine.name)
             return None
         file, record = result
-        inflow = MirroredInflow.of(wind.inflow) if is_mirrored else wind.inflow
-        start = record.start(image, inflow, speed, -yaw if is_mirrored else yaw, number, azimuth, self._fastest)
-        if start is None:
-            return None
-        start = start.mirrored() if is_mirrored else start
+        mirrored = file.mirrors(self._turbine)
+        inflow, yaw = (MirroredInflow.of(wind.inflow), -yaw) if mirrored else (wind.inflow, yaw)
+        start = record.start(self._turbine, inflow, speed, yaw, number, azimuth, self._fastest)
+        if start is not None and mirrored:
+            start = start.mirrored(self._turbine.n_blades)
         same_model = fidelity_of(self._fidelity) == fidelity_of(file.fidelity)
         return start if same_model else replace(start, motion=None)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wt_gym.control.controllers.memory import Memory, memory_of, remember
 from wt_gym.simulation import Signals
-from wt_gym.simulation.channels import TOWER_TOP_PARITIES, parities
+from wt_gym.simulation.channels import parities
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -113,6 +113,21 @@ class Start:
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
     memory: ControllerMemory | None = None
     trail: Trail | None = None
+
+    def mirrored(self, n_blades: int) -> Start:
+        """Start of the mirror image of the turbine in the mirrored wind, see `wt_gym.simulation.reflection`.
+
+        The motion stays: it is that of the clockwise image, as in snapshots. So does the memory of a controller that
+        acts on rotor and pitch alone.
+        """
+        signs = parities(n_blades)
+        of = Signals(signs, n_blades)
+        return replace(
+            self,
+            tower_top=None if self.tower_top is None else self.tower_top * np.array([1.0, -1.0, 1.0, -1.0]),
+            deviations={name: deviation * of[name] for name, deviation in self.deviations.items()},
+            trail=None if self.trail is None else replace(self.trail, signals=self.trail.signals * signs),
+        )
 
     def start(self, controller: Controller, readings: Readings, demand: Demand) -> None:
         """Start a controller from the present demand, with the memory that fits it.
