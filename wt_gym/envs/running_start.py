@@ -86,10 +86,7 @@ class RunningStart:
         number, speed = float(rng.random()), self._speed(wind, yaw)
         if speed is None or not self._turbine.cut_in <= speed <= self._turbine.cut_out:
             return None
-        # a counter-clockwise rotor starts as the image of a clockwise one in the mirrored wind
-        image = clockwise_image(self._turbine)
-        is_mirrored = image is not self._turbine
-        result = find_record(image, self._level)
+        result = find_record(self._turbine, self._level)
         if result is None:
             _report_missing(self._turbine.name)
             return None
@@ -100,7 +97,7 @@ class RunningStart:
         if start is not None and mirrored:
             start = start.mirrored(self._turbine.n_blades)
         same_model = fidelity_of(self._fidelity) == fidelity_of(file.fidelity)
-        return start if same_model else replace(start, motion=None)
+        return start if same_model or start is None else replace(start, motion=None)
 
     def _speed(self, wind: EpisodeWind, yaw: float) -> float | None:
         """Mean speed of the turbulence before the start [m/s]; None where the wind does not change, or has no past.

@@ -144,19 +144,6 @@ class Start:
         if self.memory is not None:
             self.memory.put(controller)
 
-    def mirrored(self) -> Start:
-        """Start of the mirror image of the turbine; a motion of the structure is that of the clockwise image anyway."""
-        n_blades = len(self.pitch)
-        signs = parities(n_blades)
-        by_name = Signals(signs, n_blades)
-        trail = self.trail and replace(self.trail, signals=self.trail.signals * signs)
-        return replace(
-            self,
-            tower_top=None if self.tower_top is None else self.tower_top * TOWER_TOP_PARITIES,
-            deviations={name: deviation * by_name[name] for name, deviation in self.deviations.items()},
-            trail=trail,
-        )
-
     def averaged(self, signals: Signals) -> Signals:
         """Signals with the running means in place of the present values of the loads.
 
