@@ -34,6 +34,7 @@ _APART = {
 }
 """Modules that change no number of an episode; what only they import does not count either."""
 _SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER}
+_FORMATTED = getattr(tokenize, "FSTRING_MIDDLE", None)
 _STATEMENT_BEGINS = {tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
 _MOST_STORED = 4000
 
@@ -230,7 +231,10 @@ def code_of(source: str) -> str:
             code.append({tokenize.NEWLINE: "\n", tokenize.INDENT: "{", tokenize.DEDENT: "}"}[token.type])
             begins = True
         elif not (token.type == tokenize.STRING and begins):
-            code.append("".join(token.string.split()))
+            text = token.string
+            if token.type == _FORMATTED:  # whose doubled braces are single ones here
+                text = text.replace("{", "{{").replace("}", "}}")
+            code.append("".join(text.split()))
             begins = False
     return "".join(code)
 

@@ -176,3 +176,8 @@ def test_all_that_an_episode_has_loaded_counts():
     }  # the turbine counts by its values; the package holds wrappers and vectors beside the environment
     packages = {name for name, path in source_files(*done.stdout.split()).items() if path.name == "__init__.py"}
     assert set(done.stdout.split()) - counted - apart - packages == {"wt_gym.tasks"}
+
+
+def test_formatted_strings_are_the_same_code_to_every_python():
+    """Tokens of Python 3.12 have a single brace for a doubled one, those of earlier versions the whole string."""
+    assert code_of('f"{{a}} {b:{c}}"\nx = f"{{a}} {b:{c}}"\n').endswith('x=f"{{a}}{b:{c}}"\n')
