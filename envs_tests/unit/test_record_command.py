@@ -12,7 +12,7 @@ from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.memory import memory_of
 from wt_gym.envs import recording
 from wt_gym.envs.record_store import StartFile, digest_of_code, digest_of_turbine, recorded_speeds
-from wt_gym.envs.running_record import PLAN, Columns, Instants
+from wt_gym.envs.running_record import PLAN, Instants, RowLayout
 from wt_gym.turbines import load_turbine
 
 
@@ -34,7 +34,7 @@ def test_finished_runs_are_not_made_again(tmp_path, monkeypatch):
     recorded = recording.RecordedTurbine("nrel_5mw")
     turbine = load_turbine("nrel_5mw")
     memory, rng = memory_of(make_controller("discon", turbine)), np.random.default_rng(0)
-    n_columns = Columns.of(3, 2).memory.start
+    n_columns = RowLayout.of(3, 2).memory.start
     speeds = recorded_speeds(turbine)
     for speed in speeds:
         for run in range(recorded.runs):

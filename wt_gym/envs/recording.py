@@ -24,7 +24,7 @@ from wt_gym.envs.record_store import (
     recorded_speeds,
 )
 from wt_gym.envs.rewards import available_power
-from wt_gym.envs.running_record import PLAN, Columns, ControllerForm, Instants, RecordingPlan, StartRecorder
+from wt_gym.envs.running_record import PLAN, ControllerForm, Instants, RecordingPlan, RowLayout, StartRecorder
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import SimulationError
 from wt_gym.files import write_whole
@@ -183,7 +183,7 @@ def make_record(
     digests = ("", "") if path.parent == FOLDER else (digest_of_turbine(turbine), digest_of_code())
     head = StartFile(
         turbine.name, dimensions(turbine), recorded.chosen_fidelity, recorded.controller, recorded.level, form.kind,
-        results[0].rows.shape[1] - Columns.of(turbine.n_blades, 0).memory.start, *digests,
+        results[0].rows.shape[1] - RowLayout.of(turbine.n_blades, 0).memory.start, *digests,
     )  # fmt: skip
     head.write(path, speeds, rows, form, probe(recorded))
     for file in files:

@@ -40,8 +40,16 @@ if TYPE_CHECKING:
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "PLAN", "WINDOWS", "Columns", "ControllerForm", "Instants", "Record", "RecordingPlan", "StartRecorder",
-    "rotor_wind", "time_scale",
+    "PLAN",
+    "WINDOWS",
+    "ControllerForm",
+    "Instants",
+    "Record",
+    "RecordingPlan",
+    "RowLayout",
+    "StartRecorder",
+    "rotor_wind",
+    "time_scale",
 ]  # fmt: skip
 
 
@@ -95,7 +103,7 @@ def time_scale(turbine: Turbine) -> float:
     return min(1.0, 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / _SLOW_TURN)
 
 
-class Columns(NamedTuple):
+class RowLayout(NamedTuple):
     """Places of the parts of an instant.
 
     Attributes
@@ -129,8 +137,8 @@ class Columns(NamedTuple):
     memory: slice
 
     @classmethod
-    def of(cls, n_blades: int, n_motion: int) -> Columns:
-        """Columns for so many blades and numbers of the motion of the structure."""
+    def of(cls, n_blades: int, n_motion: int) -> RowLayout:
+        """RowLayout for so many blades and numbers of the motion of the structure."""
         n_signals, n_means = (sum(_width(name, n_blades) for name in names) for names in (_RECORDED, AVERAGED))
         counts = n_signals, n_signals, 4, n_means, 2, _N_KNOWN, 1, n_motion
         ends = np.cumsum(counts).tolist()
@@ -144,7 +152,7 @@ class Instants(NamedTuple):
     Attributes
     ----------
     rows : numpy.ndarray, shape (n_instants, n_columns)
-        See `Columns`; without the memory of the controller.
+        See `RowLayout`; without the memory of the controller.
     memories : list of Memory
         Of the controller.
     """
@@ -283,7 +291,7 @@ class Record:
     speeds : numpy.ndarray, shape (n_speeds,)
         Mean wind speeds [m/s].
     rows : numpy.ndarray, shape (n_speeds, n_instants, n_columns)
-        See `Columns`.
+        See `RowLayout`.
     controller : ControllerForm
         Of the controller that ran.
     """
@@ -293,7 +301,7 @@ class Record:
         controller: ControllerForm,
     ):  # fmt: skip
         self._n_blades, self._speeds, self._controller = n_blades, speeds, controller
-        self._columns = columns = Columns.of(n_blades, n_motion)
+        self._columns = columns = RowLayout.of(n_blades, n_motion)
         self._has_motion = n_motion > 0
         self._history = rows[:, :, columns.history]
         followed = [_followed(at_speed, n_blades) for at_speed in rows]
@@ -456,7 +464,7 @@ def _of_blades(n_blades: int) -> list[NDArray[np.int_]]:
 
 
 def _places(name: str, n_blades: int) -> NDArray[np.int_]:
-    """Columns of a recorded signal, of the blades together."""
+    """RowLayout of a recorded signal, of the blades together."""
     first = sum(_width(other, n_blades) for other in itertools.takewhile(lambda other: other != name, _RECORDED))
     return np.arange(first, first + _width(name, n_blades))
 
