@@ -64,7 +64,8 @@ class ControllerMemory:
         values, sizes = memory_of(inner)
         if not np.array_equal(sizes, self.memory.sizes):
             return
-        fixed = np.repeat(~self.changing, sizes)
+        # a number that the first step sets, as the step of a filter, is none before
+        fixed = np.repeat(~self.changing, sizes) & ~np.isnan(values)
         if np.allclose(values[fixed], self.memory.values[fixed], rtol=1e-6, atol=0.0, equal_nan=True):
             remember(inner, self.memory, self.changing)
 

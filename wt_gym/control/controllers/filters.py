@@ -68,12 +68,12 @@ class SecondOrderLowPass:
                 f"{frequency!r} rad/s and {damping_ratio!r}"
             )
         self.frequency, self.damping_ratio = float(frequency), float(damping_ratio)
-        self.value, self._rate = math.nan, 0.0
-        self._step, self._transition = math.nan, (1.0, 0.0, 0.0, 1.0)
+        self.reset(math.nan)
 
     def reset(self, value: float) -> float:
-        """Start in steady state at a value."""
+        """Start in steady state at a value, as a new filter does: nothing of former steps stays."""
         self.value, self._rate = float(value), 0.0
+        self._step, self._transition = math.nan, (math.nan,) * 4
         return self.value
 
     def update(self, value: float, dt: float) -> float:
