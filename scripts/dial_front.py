@@ -17,8 +17,9 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import use_venv  # noqa: F401 - finds packages and interpreter
+
+import numpy as np
 
 from wt_gym.agents.dial_front import PARTS, SETTINGS, TURNED, cost_parts, covered
 

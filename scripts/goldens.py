@@ -1,4 +1,4 @@
-#!/usr/bin/env python
+#!/usr/bin/env python3
 """Digests of what the package computes, to see that a change of the code changes no number.
 
     scripts/goldens.py write before.json        # before a change
@@ -24,9 +24,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import use_venv  # noqa: F401 - finds packages and interpreter
+
 import gymnasium as gym
 import numpy as np
-import use_venv  # noqa: F401 - takes the interpreter with the packages
 
 import wt_gym
 from wt_gym.agents.export.discon import export_discon

@@ -13,8 +13,9 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import use_venv  # noqa: F401 - finds packages and interpreter
+
+import numpy as np
 
 from wt_gym.analysis.change import relative_change
 

@@ -19,8 +19,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import use_venv  # noqa: F401 - finds packages and interpreter
+
+import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

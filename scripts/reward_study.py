@@ -22,8 +22,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import use_venv  # noqa: F401 - finds packages and interpreter
+
+import numpy as np
 from scipy.stats import spearmanr
 
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS

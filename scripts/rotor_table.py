@@ -1,13 +1,12 @@
-#!/usr/bin/env python
+#!/usr/bin/env python3
 """Measure the table of power and thrust coefficients of a turbine, which controllers with a wind estimate read."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import use_venv  # noqa: F401 - finds packages and interpreter
 
 from wt_gym.commands.program import FIDELITIES_HELP
 from wt_gym.control.rotor_measurement import measure_rotor

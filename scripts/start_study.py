@@ -18,6 +18,8 @@ from functools import cache
 from multiprocessing import get_context
 from typing import Any
 
+import use_venv  # noqa: F401 - finds packages and interpreter
+
 import numpy as np
 
 TERMS = ("blade_fatigue", "tower_fore_aft_fatigue", "tower_side_side_fatigue")

@@ -10,27 +10,30 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "scripts"
 TOOL = "fuzz.py"
+TOOLS = [path.name for path in sorted(SCRIPTS.glob("*.py")) if "\nimport use_venv" in path.read_text(encoding="utf-8")]
 BARE = [sys.executable, "-I", "-S"]  # an interpreter without any package
 
 
 @pytest.fixture
 def clone(tmp_path):
     (tmp_path / "scripts").mkdir()
-    for name in (TOOL, "use_venv.py"):
+    for name in (*TOOLS, "use_venv.py"):
         shutil.copy(SCRIPTS / name, tmp_path / "scripts")
     return tmp_path
 
 
-def start(clone, *options):
+def start(clone, *options, tool=TOOL):
     # -I leaves the script's folder out of the path, where an ordinary start has it
     code = f"import runpy, sys; sys.path.insert(0, {str(clone / 'scripts')!r}); sys.argv = sys.argv[1:]; "
     code += "runpy.run_path(sys.argv[0], run_name='__main__')"
-    command = [*BARE, "-c", code, clone / "scripts" / TOOL, *options]
+    command = [*BARE, "-c", code, clone / "scripts" / tool, *options]
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd="/")
 
 
-def test_without_packages_one_line_says_what_to_do(clone):
-    done = start(clone)
+@pytest.mark.parametrize("tool", TOOLS)
+def test_without_packages_one_line_says_what_to_do(clone, tool):
+    """The interpreter is looked for before any package is imported."""
+    done = start(clone, tool=tool)
     assert done.returncode == 1
     assert done.stderr.startswith("error: gymnasium, numba, stable_baselines3 not installed; run scripts/test once")
     assert done.stderr.count("\n") == 1
