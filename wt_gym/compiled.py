@@ -191,7 +191,7 @@ def set_stamp(dispatcher: Any, way: str) -> bool:
 
 
 def _readable_index(file: Any, load: Callable[[], dict[Any, str]]) -> dict[Any, str]:
-    """What of a kernel is on disk, by types of arguments; nothing where it is damaged or has unknown types.
+    """Compiled forms of a kernel on disk, by types of arguments; none where it is damaged or has unknown types.
 
     Types are kept by their names. A program may call a kernel with types of its own, which no other can read.
     """

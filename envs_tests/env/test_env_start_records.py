@@ -23,12 +23,12 @@ def test_a_file_says_of_what_it_is_a_record(recorded):
     assert (head.controller, head.level, head.fidelity) == (
         recorded.controller,
         recorded.level,
-        recorded.chosen_fidelity,
+        recorded.run_fidelity,
     )
 
 
 def test_turbines_are_recorded_at_the_fidelity_of_their_environments():
-    chosen = {recorded.turbine: recorded.chosen_fidelity for recorded in CATALOG}
+    chosen = {recorded.turbine: recorded.run_fidelity for recorded in CATALOG}
     assert chosen["iea_15mw_monopile"] == "training-torsion"
     for name, record in RECORDS.items():
         assert record.arguments.get("fidelity", chosen[name]) == chosen[name]

@@ -69,7 +69,7 @@ def test_turbines_of_one_name_get_a_file_each(tmp_path, monkeypatch):
     made = []
 
     def make_record(recorded, path, pieces, *_):
-        made.append((path, pieces, recorded.chosen_fidelity))
+        made.append((path, pieces, recorded.run_fidelity))
         path.touch()
 
     monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path))

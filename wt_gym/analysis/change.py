@@ -18,10 +18,9 @@ _NEVER_RELATIVE = ("overspeed_count", "tip_clearance_min")
 
 
 def is_relative(key: str, reference: ArrayLike) -> bool:
-    """Whether changes of a metric against some references are shares of these.
+    """Return True if changes of a metric against some references are shares of these.
 
-    They are, unless the metric is a count or a margin with a sign, or a reference rounds to
-    zero in the unit shown.
+    They are, unless the metric is a count or a margin with a sign, or a reference rounds to zero in the unit shown.
 
     Parameters
     ----------

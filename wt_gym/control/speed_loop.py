@@ -43,6 +43,7 @@ __all__ = [
     "checked_winds",
     "gust_pitch_rate",
     "gust_speed_rise",
+    "modes_of_loop",
     "speed_loop_modes",
 ]
 
@@ -104,6 +105,24 @@ def speed_loop_modes(turbine: Turbine, parameters: BaselineParameters, wind: flo
         The least damped first. A growing mode that does not oscillate has the damping -1.
     """
     matrix, mass, inertia = _matrix(turbine, parameters, wind)
+    return modes_of_loop(matrix, wind, (0, inertia), (2, mass))
+
+
+def modes_of_loop(
+    matrix: NDArray[np.float64], wind: float, rotor: tuple[int, float], tower: tuple[int, float]
+) -> list[LoopMode]:
+    """Oscillating and growing modes of a closed loop, the least damped first.
+
+    Parameters
+    ----------
+    matrix : numpy.ndarray, shape (n, n)
+        State matrix.
+    wind : float
+        [m/s].
+    rotor, tower : tuple of int and float
+        Places of the speed of the rotor and of the velocity of the tower top among the states, with the inertia
+        [kg m^2] and the mass [kg] that move with them.
+    """
     values, vectors = np.linalg.eig(matrix)
     modes = []
     for value, vector in zip(values, vectors.T, strict=True):
@@ -111,8 +130,9 @@ def speed_loop_modes(turbine: Turbine, parameters: BaselineParameters, wind: flo
         growing = value.real > 1e-9 * max(size, 1.0)
         if not (value.imag > 1e-9 or (growing and abs(value.imag) <= 1e-9)):
             continue
-        tower, rotor = mass * abs(vector[2]) ** 2, inertia * abs(vector[0]) ** 2
-        modes.append(LoopMode(wind, float(size), float(-value.real / size), tower / max(tower + rotor, 1e-300)))
+        energies = [inertia * abs(vector[place]) ** 2 for place, inertia in (tower, rotor)]
+        share = energies[0] / max(sum(energies), 1e-300)
+        modes.append(LoopMode(wind, float(size), float(-value.real / size), share))
     return sorted(modes, key=lambda mode: mode.damping)
 
 

@@ -30,7 +30,7 @@ import numpy as np
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
-from wt_gym.control.speed_loop import INTERVAL, LoopMode
+from wt_gym.control.speed_loop import INTERVAL, LoopMode, modes_of_loop
 from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
@@ -100,17 +100,8 @@ def torque_loop_modes(
         matrix = plant.with_torque_curve(parameters)  # type: ignore[arg-type]  # as documented
     else:
         matrix = plant.with_estimate(parameters, estimator)  # type: ignore[arg-type]  # as documented
-    values, vectors = np.linalg.eig(matrix)
-    modes = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        size = abs(value)
-        growing = value.real > 1e-9 * max(size, 1.0)
-        if not (value.imag > 1e-9 or (growing and abs(value.imag) <= 1e-9)):
-            continue
-        tower = plant.mass * abs(vector[_NAMES.index("velocity")]) ** 2
-        rotor = plant.inertia * abs(vector[_NAMES.index("rotor")]) ** 2
-        modes.append(LoopMode(wind, float(size), float(-value.real / size), tower / max(tower + rotor, 1e-300)))
-    return sorted(modes, key=lambda mode: mode.damping)
+    rotor, tower = (_NAMES.index("rotor"), plant.inertia), (_NAMES.index("velocity"), plant.top.mass)
+    return modes_of_loop(matrix, wind, rotor, tower)
 
 
 def growing_mode(
@@ -180,7 +171,6 @@ class _Plant:
         self.steady, (self.frozen, induction) = rotor.slopes(*where), rotor.frozen_torque_slopes(*where)
         self.lag = 1.1 / (1.0 - 1.3 * min(induction, _LARGEST_INDUCTION)) * rotor.radius / self.wind
         self.top, self.inertia = tower_top(turbine), rotor_inertia(turbine)
-        self.mass = self.top.mass
         self.generator = drivetrain.gear_ratio**2 * drivetrain.generator_inertia
         reduced = 1.0 / (1.0 / self.generator + 1.0 / (self.inertia - self.generator))
         self.rigid = math.sqrt(drivetrain.spring / reduced) > 2.0 * math.pi * _STIFFEST_SHAFT

@@ -85,7 +85,7 @@ def _controller(env: Any) -> str:
 
 
 def _conditions(env: Any) -> str:
-    """What is drawn or asked for beside the wind."""
+    """Faults, variation, power reference and dial, where there are any."""
     options = env.options
     parts = [
         "" if options.faults.kinds is None else f"faults: {', '.join(options.faults.kinds)}",

@@ -54,7 +54,7 @@ _LAST_CODE = 65_535
 _SAME = 1e-3
 """Relative difference of dimensions up to which a turbine is the recorded one: a site changes nothing of them."""
 _DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
-"""What reading a file raises that is cut off or none of a record."""
+"""Errors of reading a file that is cut off or none of a record."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +98,13 @@ class StartFile:
         return cls(**head | {"dimensions": tuple(head["dimensions"])})
 
     def fits(self, turbine: Turbine) -> bool:
-        """Whether name and dimensions are those of a turbine, which may turn in the other sense."""
-        recorded, given = np.abs(self.dimensions), np.abs(dimensions(turbine))
-        return self.turbine == turbine.name and np.allclose(recorded, given, rtol=_SAME)
+        """Return True if name and dimensions are those of a turbine, which may turn in the other sense."""
+        return self.turbine == turbine.name and np.allclose(
+            np.abs(self.dimensions), np.abs(dimensions(turbine)), rtol=_SAME
+        )
 
     def mirrors(self, turbine: Turbine) -> bool:
-        """Whether the recorded rotor turns in the other sense than that of a turbine."""
+        """Return True if the recorded rotor turns in the other sense than that of a turbine."""
         return self.dimensions[0] * dimensions(turbine)[0] < 0.0
 
     def write(
@@ -189,7 +190,7 @@ def _path_of(turbine: Turbine, level: float) -> Path | None:
 
 @lru_cache(maxsize=64)
 def _is_of_catalog(stem: str, turbine: Turbine) -> bool:
-    """Whether a turbine has the structure and the blades of that of a record of the package, by the file's name."""
+    """Return True if structure and blades of a turbine are those of the record of the package with this file name."""
     name = stem if stem in RECORDS else stem.rpartition("-")[0]  # without the level
     recorded = load_turbine(name)
     return recorded is turbine or np.allclose(_structure(recorded), _structure(turbine), rtol=_SAME)
@@ -217,7 +218,7 @@ def _beam(beam: BeamStations) -> list[float]:
 
 @lru_cache(maxsize=64)
 def _is_of_user(path: Path, turbine: Turbine) -> bool:
-    """Whether a record of the user is of this turbine, and was made by this program."""
+    """Return True if a record of the user is of this turbine, and was made by this program."""
     head = _heads()[path]
     if head.turbine_digest != digest_of_turbine(turbine):
         return False
@@ -240,7 +241,7 @@ def _heads() -> dict[Path, StartFile]:
 
 
 def _unless_damaged(path: Path, read: Callable[[Path], _T]) -> _T | None:
-    """What is read of a file of the user; None, with a logged line, where that fails."""
+    """Content of a file of the user; None, with a logged line, where it cannot be read."""
     try:
         return read(path)
     except _DAMAGED as error:

@@ -84,7 +84,7 @@ class RecordedTurbine:
         return self.turbine if self.level == 1.0 else f"{self.turbine}-{self.level:g}"
 
     @property
-    def chosen_fidelity(self) -> str:
+    def run_fidelity(self) -> str:
         """Fidelity of the runs."""
         return suited_fidelity(load_turbine(self.turbine)) if self.fidelity is None else self.fidelity
 
@@ -92,13 +92,13 @@ class RecordedTurbine:
     def key(self) -> str:
         """Digest of all on which the runs depend, besides the program."""
         turbine = load_turbine(self.turbine)
-        return fingerprint(turbine, self.chosen_fidelity, self.controller, self.level, self.runs, PLAN)[:16]
+        return fingerprint(turbine, self.run_fidelity, self.controller, self.level, self.runs, PLAN)[:16]
 
     def recorder(self, speed: float) -> StartRecorder:
         """Recorder at a wind speed [m/s]."""
         turbine = load_turbine(self.turbine)
         power = None if self.level == 1.0 else self.level * available_power(turbine, speed)
-        return StartRecorder(turbine, self.chosen_fidelity, make_controller(self.controller, turbine), power)
+        return StartRecorder(turbine, self.run_fidelity, make_controller(self.controller, turbine), power)
 
     def inflow(self, speed: float, run: int) -> TurbulentInflow:
         """Wind of a run at a wind speed [m/s]."""
@@ -182,7 +182,7 @@ def make_record(
     rows = np.concatenate([rows, numbers], axis=-1).reshape(len(speeds), -1, rows.shape[-1] + numbers.shape[-1])
     digests = ("", "") if path.parent == FOLDER else (digest_of_turbine(turbine), digest_of_code())
     head = StartFile(
-        turbine.name, dimensions(turbine), recorded.chosen_fidelity, recorded.controller, recorded.level, form.kind,
+        turbine.name, dimensions(turbine), recorded.run_fidelity, recorded.controller, recorded.level, form.kind,
         results[0].rows.shape[1] - RowLayout.of(turbine.n_blades, 0).memory.start, *digests,
     )  # fmt: skip
     head.write(path, speeds, rows, form, probe(recorded))

@@ -9,7 +9,7 @@ import numpy as np
 
 from wt_gym.control.controllers.memory import Memory, memory_of, remember
 from wt_gym.simulation import Signals
-from wt_gym.simulation.channels import parities
+from wt_gym.simulation.channels import TOWER_TOP_PARITIES, parities
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -125,7 +125,7 @@ class Start:
         of = Signals(signs, n_blades)
         return replace(
             self,
-            tower_top=None if self.tower_top is None else self.tower_top * np.array([1.0, -1.0, 1.0, -1.0]),
+            tower_top=None if self.tower_top is None else self.tower_top * TOWER_TOP_PARITIES,
             deviations={name: deviation * of[name] for name, deviation in self.deviations.items()},
             trail=None if self.trail is None else replace(self.trail, signals=self.trail.signals * signs),
         )

@@ -60,7 +60,7 @@ class Channel:
 EVEN, ODD = 1, -1
 """Parities of a signal under the reflection y → −y, see `Channel.parity`."""
 TOWER_TOP_PARITIES = np.array([1.0, -1.0, 1.0, -1.0])
-"""Of displacement and velocity of the tower top, fore-aft and side-side, as a start takes them."""
+"""Parities of displacement and velocity of the tower top, fore-aft and side-side, as a start takes them."""
 TOWER_TOP_PARITIES.flags.writeable = False
 
 _SINGLE = (

@@ -136,7 +136,7 @@ def _at_rest(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fide
 
 
 def _compile_start(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fidelity) -> None:
-    """What a start calls beyond structure and air, by starting, and what asks for the wind of a step."""
+    """Compile the start beyond structure and air, by starting, and the wind of a step."""
     started = _at_rest(simulator, turbine, fidelity)
     started.reset(rotor_speed=turbine.drivetrain.rated_rotor_speed)
     started.coupling.wind.compile()

@@ -31,7 +31,7 @@ _OPENFAST_UNITS = {
 _OTHER_UNITS = {
     "YawVzn": (180.0 / math.pi, "deg/s"), "RtAeroPwr": (1.0, "W"), "RtAeroMxh": (1.0, "N-m"), "RtAeroFxh": (1.0, "N"),
 }  # fmt: skip
-"""Of outputs in other units: a rate of an angle, and those of AeroDyn."""
+"""Factor and unit of outputs in other units: a rate of an angle, and those of AeroDyn."""
 _FORMAT, _NAME_LENGTH = 4, 20
 """OpenFAST's ``FileFmtID_ChanLen_In``: 16-bit numbers at even times, with the length of names before all else."""
 _COUNTS, _DIGITS = 65_000.0, 2.0**23

@@ -47,7 +47,7 @@ _SECTIONS = 60
 """Along the blade; the twist changes by less than 2 % with twice as many."""
 _PITCH_STEP = math.radians(0.5)
 _PITCH_RANGE = math.radians(12.0)
-"""Of the pitch angles among which that of rated power is looked for."""
+"""Range of the pitch angles among which that of rated power is looked for [rad]."""
 _LEAST_PITCH = math.radians(-5.0)
 """Where the turbine's data have none."""
 _TORSION = "-torsion"

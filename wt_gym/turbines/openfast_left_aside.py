@@ -18,9 +18,9 @@ _LONGEST = 9000.0
 """Times of events [s] and cut-off frequencies [Hz] from which on they stand for never (9999.9 in most models)."""
 
 _INITIAL = (
-    *("OoPDefl", "IPDefl", "BlPitch(1)", "BlPitch(2)", "BlPitch(3)", "Azimuth", "RotSpeed", "NacYaw", "TTDspFA"),
-    *("TTDspSS", "PtfmSurge", "PtfmSway", "PtfmHeave", "PtfmRoll", "PtfmPitch", "PtfmYaw"),
-)
+    "OoPDefl", "IPDefl", "BlPitch(1)", "BlPitch(2)", "BlPitch(3)", "Azimuth", "RotSpeed", "NacYaw", "TTDspFA",
+    "TTDspSS", "PtfmSurge", "PtfmSway", "PtfmHeave", "PtfmRoll", "PtfmPitch", "PtfmYaw",
+)  # fmt: skip
 _BLADE_MODES = ("FlapDOF1", "FlapDOF2", "EdgeDOF")
 _PLATFORM = ("PtfmSgDOF", "PtfmSwDOF", "PtfmHvDOF", "PtfmRDOF", "PtfmPDOF", "PtfmYDOF")
 _SUPPORT = {
@@ -73,20 +73,9 @@ _DELAYS = ("TPCOn", "TimGenOn")
 """Times at which what runs here from the beginning starts."""
 _EVENTS = ("TPitManS(1)", "TPitManS(2)", "TPitManS(3)", "TimGenOf", "THSSBrDp", "TYawManS")
 _AERODYNAMICS = (
-    *(
-        "Wake_Mod",
-        "WakeMod",
-        "BEM_Mod",
-        "AFAeroMod",
-        "UA_Mod",
-        "UAMod",
-        "DBEMT_Mod",
-        "Skew_Mod",
-        "SkewMod",
-        "TwrPotent",
-    ),
-    *("TwrShadow", "TipLoss", "HubLoss", "TanInd", "AIDrag", "TIDrag", "SectAvg", "AoA34"),
-)
+    "Wake_Mod", "WakeMod", "BEM_Mod", "AFAeroMod", "UA_Mod", "UAMod", "DBEMT_Mod", "Skew_Mod", "SkewMod", "TwrPotent",
+    "TwrShadow", "TipLoss", "HubLoss", "TanInd", "AIDrag", "TIDrag", "SectAvg", "AoA34",
+)  # fmt: skip
 _CONTROL_MODES = {
     "PCMode": {0: "the model holds the pitch (BlPitch); here a controller moves the blades"},
     "VSContrl": {0: "the model's generator has no control of its speed; here a controller gives its torque"},

@@ -44,7 +44,7 @@ _HELD: dict[str, Callable[[Any], bool]] = {
     "min_rotor_speed": lambda value: value > 0.0,  # 0 means unknown in windIO files
     "max_yaw_rate": lambda value: value <= _LARGEST_YAW_RATE,
 }
-"""Whether a windIO file holds an own field of a turbine."""
+"""True where a windIO file holds a field of a turbine, by its name."""
 _NO_MU = [0.0] * 6
 """windIO's mu, which the schema requires; the ratio beside it is what is read."""
 

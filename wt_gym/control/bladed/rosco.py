@@ -198,7 +198,7 @@ class RoscoController(BladedController):
 
     @property
     def in_production(self) -> bool:
-        """Whether it never stops the turbine: with ``start_stop`` the library does not tell its stages."""
+        """True unless it may stop the turbine: with ``start_stop`` the library does not tell its stages."""
         return self._start_stop is None
 
     def runs_in(self, wind: float) -> bool:

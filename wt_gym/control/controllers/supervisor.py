@@ -289,7 +289,7 @@ class Supervisor:
 
     @property
     def in_production(self) -> bool:
-        """Whether the demand is that of the base controller, as it is or held back."""
+        """True while the demand is that of the base controller, as it is or held back."""
         return self.state_index in (_PRODUCTION, _SOFT)
 
     @property

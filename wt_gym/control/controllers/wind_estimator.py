@@ -104,9 +104,10 @@ class WindEstimator:
         table: RotorTable | None = None,
         reads_generator: bool = False,
     ) -> WindEstimator:
-        """Of a turbine, by default with its table (`rotor_table.rotor_table`) and the bandwidth of `bandwidth_of`.
+        """Make the estimator of a turbine.
 
-        With ``reads_generator`` it reads the speed of the generator too, by its share in the inertia.
+        By default it has the table of `rotor_table.rotor_table` and the bandwidth of `bandwidth_of`. With
+        ``reads_generator`` it reads the speed of the generator too, by its share in the inertia.
         """
         drivetrain, inertia = turbine.drivetrain, rotor_inertia(turbine)
         generator = drivetrain.gear_ratio**2 * drivetrain.generator_inertia
