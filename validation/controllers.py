@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, case
-from wt_gym.agents.comparison import Case, change, inflow_of, run_cases, table
 from wt_gym.control.controllers import WindEstimator, make_controller
+from wt_gym.experiment.comparison import Case, change, inflow_of, run_cases, table
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine

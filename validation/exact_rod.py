@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from wt_gym.errors import WtGymError
+from wt_gym.base.errors import WtGymError
 from wt_gym.structure.beam import skew
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from scipy.linalg import eigh
 
 from validation.case import CaseResult, Check, case
 from wt_gym.analysis.metrics import run_metrics
+from wt_gym.base.ids import present_id
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.ids import present_id
 from wt_gym.simulation import FIDELITIES, Recorder
 from wt_gym.simulation.model.assembly import assemble
 from wt_gym.simulation.model.equilibrium import elastic_equilibrium

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import ellipj, ellipk
 
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.multibody.integrators.stability import hamming_matrix
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem

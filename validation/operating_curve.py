@@ -8,7 +8,7 @@ import numpy as np
 
 from validation.case import CaseResult, Curve, Figure, absolute, case, worst
 from validation.tree_tools import read_table
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element

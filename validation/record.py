@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import wt_gym
-from wt_gym.files import write_text_whole
+from wt_gym.base.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

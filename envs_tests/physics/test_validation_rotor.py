@@ -21,7 +21,7 @@ from validation.unsteady_airfoil import theodorsen
 from validation.wind_step import ROTOR_SPEED
 from validation.wind_step import WIND as STEP
 from wt_gym.aerodynamics import TRAINING
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
 from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element

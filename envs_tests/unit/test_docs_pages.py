@@ -23,14 +23,6 @@ import pytest
 import wt_gym
 from validation.case import load_cases
 from wt_gym.aerodynamics import AeroOptions
-from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
-from wt_gym.agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
-from wt_gym.agents.loadcases.cases import CASES, plan_of
-from wt_gym.agents.loadcases.study import LoadCaseConfig
-from wt_gym.agents.names import controller_of, is_controller_name
-from wt_gym.agents.training.config import TrainingConfig
-from wt_gym.agents.training.hyperparameters import ALGORITHMS, read_hyperparameters
-from wt_gym.agents.training.selection import SELECTION_WIND_SEEDS
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
 from wt_gym.benchmark import load_task, task_names
@@ -38,6 +30,14 @@ from wt_gym.commands import COMMANDS, loadcases, module_of
 from wt_gym.commands.training_options import config_from
 from wt_gym.control.controllers import CONTROLLERS, make_controller
 from wt_gym.control.controllers import controller as contract
+from wt_gym.experiment.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
+from wt_gym.experiment.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
+from wt_gym.experiment.loadcases.cases import CASES, plan_of
+from wt_gym.experiment.loadcases.study import LoadCaseConfig
+from wt_gym.experiment.names import controller_of, is_controller_name
+from wt_gym.learning.training.config import TrainingConfig
+from wt_gym.learning.training.hyperparameters import ALGORITHMS, read_hyperparameters
+from wt_gym.learning.training.selection import SELECTION_WIND_SEEDS
 from wt_gym.multibody.arrays import Work
 from wt_gym.runs.definition import digest
 from wt_gym.runs.playing import run_controller
@@ -327,7 +327,7 @@ def public_modules():
     said = text_of("docs/versions.md").split("**Public interface.**")[1].split("in `__all__`")[0]
     names = re.findall(r"`(wt_gym\.[a-z.]+)`", said)
     assert len(names) >= 8
-    return {name for name in names if name == "wt_gym.agents" or import_module(name).__all__}, {*names}
+    return {name for name in names if import_module(name).__all__}, {*names}
 
 
 @statement
@@ -358,8 +358,8 @@ def what_ray_needs():
 
 def test_nothing_imports_ray_that_does_not_ask_for_it():
     program = (
-        "import sys, wt_gym.agents.train, wt_gym.agents.evaluation, wt_gym.runs.executors, "
-        "wt_gym.agents.training.search, wt_gym.agents.benchmark_runs; sys.exit('ray' in sys.modules)"
+        "import sys, wt_gym.learning.train, wt_gym.experiment.evaluation, wt_gym.runs.executors, "
+        "wt_gym.learning.training.search, wt_gym.experiment.benchmark_runs; sys.exit('ray' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0
 
