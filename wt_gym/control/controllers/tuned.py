@@ -1,8 +1,8 @@
 """Parameters that a search found: the reference that learned control is compared with.
 
 The records of `wt_gym.experiment.tuning` lie in ``data/tuned*.json`` with the cost, the winds, the seeds and every
-trial; docs/baselines.md says what they are worth. They were found on the NREL 5-MW. On another turbine the numbers without
-a dimension are the same, and times go with the turn of the rotor.
+trial; docs/baselines.md says what they are worth. They were found on the NREL 5-MW. On another turbine the numbers
+without a dimension are the same, and times go with the turn of the rotor.
 """
 
 from __future__ import annotations
