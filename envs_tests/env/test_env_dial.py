@@ -95,7 +95,7 @@ def test_a_seed_repeats_the_dial_and_an_option_of_the_reset_fixes_it(shaken):
     assert len({tuple(dial.values()) for dial in dials[0]}) >= 3
     fixed = [info["dial"] for *_, info in run(env, options={"dial": {"travel": 4.0}})[1:]]
     assert all(dial == {"fatigue": 0.5, "power": 0.5, "travel": 2.0} for dial in fixed)
-    with pytest.raises(ValueError, match="dial_weights must have the names"):
+    with pytest.raises(ValueError, match="dial_weights must be one of"):
         env.reset(options={"dial": {"wear": 1.0}})
     with pytest.raises(ValueError, match="dial must be left out of a reset without dial_weights"):
         WindTurbineEnv(inflow="steady", wind_speed=12.0).reset(options={"dial": {"travel": 4.0}})
@@ -116,7 +116,7 @@ def test_the_dial_is_turned_from_the_next_observation_on(shaken):
         found.append((observation[-1], info["reward_terms"]["actuator_use"] / plain[k]["actuator_use"]))
     assert [value for value, _ in found] == pytest.approx([0.0] * 10 + [1.0] * 30, abs=1e-6)
     assert [ratio for _, ratio in found] == pytest.approx([1.0] * 11 + [2.0] * 29)
-    with pytest.raises(ValueError, match="dial_weights must have the names"):
+    with pytest.raises(ValueError, match="dial_weights must be one of"):
         env.set_dial(wear=2.0)
     with pytest.raises(ValueError, match="the environment must have dial_weights"):
         WindTurbineEnv(inflow="steady", wind_speed=12.0).set_dial(travel=4.0)
@@ -350,18 +350,3 @@ def test_an_evaluation_counts_the_runs_beyond_a_limit():
     head, _, resting, moving, *_ = results_table(found)
     place = [cell.strip() for cell in head.split("|")].index("beyond a limit")
     assert [line.split("|")[place].strip() for line in (resting, moving)] == ["0.0 %", "+100.0 %"]
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"rotor": 1.1}, "cost_limits must have the names pitch_travel, rotor_speed"),
-        ({"rotor_speed": 0.0}, r"cost_limits\['rotor_speed'\] must be positive"),
-        ({"rotor_speed": float("inf")}, r"cost_limits\['rotor_speed'\] must be positive"),
-        ({"rotor_speed": "1"}, "must be a number"),
-        ({}, "cost_limits must have at least one of"),
-    ],
-)
-def test_limits_without_meaning_are_refused(given, message):
-    with pytest.raises(ValueError, match=message):
-        WindTurbineEnv(inflow="steady", wind_speed=12.0, cost_limits=given)

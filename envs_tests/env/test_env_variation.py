@@ -470,15 +470,8 @@ def test_a_vector_of_turbines_is_single_ones():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"variation": {"pitch_gain": (1.2, 0.8)}}, ValueError, r"vary_pitch_gain must be a number or a range"),
-        ({"variation": {"pitch_gain": 0.0}}, ValueError, "within 0.2 to 3, got 0.0"),
-        ({"variation": {"drive_lag": "fast"}}, ValueError, r"vary_drive_lag must be .* to 5 s, got 'fast'"),
-        ({"variation": {"plants": 0}}, ValueError, r"vary_plants must be a whole number from 1 to 64, got 0"),
         ({"variation": {"pitch": 1.0}}, ValueError, "variation has no option 'pitch'"),
         ({"variation": "training"}, ValueError, "variation must be a Variation, a mapping or one of train, held_back"),
-        ({"variation": {"turbulence_class": ("D",)}}, InflowError, "D"),
-        ({"variation": {"turbulence_class": ()}}, ValueError, r"vary_turbulence_class must have names"),
-        ({"sensors": "nobody"}, ValueError, r"sensors must be one of \('agent', 'all'\) or None, got 'nobody'"),
         (
             {"sensors": "all", "sensor_delay": 200.0},
             ValueError,

@@ -54,6 +54,8 @@ __all__ = [
     "Option",
     "Options",
     "add_options",
+    "as_pair",
+    "as_tuple",
     "check_duration",
     "check_flag",
     "check_mapping",
@@ -61,6 +63,7 @@ __all__ = [
     "check_number",
     "check_whole_steps",
     "chosen_options",
+    "not_empty",
     "option",
     "option_record",
     "options_of",
@@ -386,6 +389,8 @@ class Options:
     """Classes whose objects have a form in JSON, their arguments, by the fields that take them."""
     error: ClassVar[type[ValueError]] = ValueError
     """Class of the errors about values."""
+    switch: ClassVar[str] = ""
+    """Field without which, where it is None, the others have no meaning."""
     _declared: ClassVar[tuple[Option, ...]]
     _given: frozenset[str]
 
@@ -413,7 +418,10 @@ class Options:
 
     def __repr__(self) -> str:
         """Say what was given."""
-        given = [f"{name}={value!r:.100}".replace("\n", " ") for name, value in self.given.items()]
+        given = [
+            f"{name}={repr(value) if isinstance(value, Options) else shown(value)}"
+            for name, value in self.given.items()
+        ]
         return f"{type(self).__name__}({', '.join(given)})"
 
     @property
@@ -578,6 +586,23 @@ def plain_value(name: str, value: Any) -> Any:
     if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
         return {key: plain_value(f"{name}[{key!r}]", part) for key, part in value.items()}
     raise ValueError(f"{name} must be a number, a text, a list or a mapping for a form in JSON, got {shown(value)}")
+
+
+def as_pair(value: float | tuple[float, float]) -> tuple[float, float]:
+    """Low and high end of a number or of two in order, as the `Option.check` of such an option."""
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def as_tuple(value: str | tuple[str, ...]) -> tuple[str, ...]:
+    """Several names of one or several, as the `Option.check` of such an option."""
+    return (value,) if isinstance(value, str) else tuple(value)
+
+
+def not_empty(value: T) -> T:
+    """Refuse a sequence or a mapping of nothing, as the `Option.check` of such an option."""
+    if not value:
+        raise ValueError(f"must have at least one, got {shown(value)}")
+    return value
 
 
 def check_number(name: str, value: Any, unit: str = "", *, finite: bool = True) -> float:

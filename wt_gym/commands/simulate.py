@@ -95,7 +95,7 @@ COLUMNS = (
 
 def check(arguments: argparse.Namespace) -> None:
     """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
-    from wt_gym.envs.arguments import check_duration
+    from wt_gym.base.options import check_duration
     from wt_gym.envs.options.wind import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
     from wt_gym.envs.simulators import simulator_maker
     from wt_gym.simulation.fidelity import fidelity

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.envs.options.dial import DIAL_NAMES, checked_dial
+from wt_gym.base.options import options_of
+from wt_gym.envs.options.dial import DIAL_NAMES, DialOptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from typing import Self
 
-    from wt_gym.envs.options.dial import DialOptions
 
 __all__ = ["DIALED", "DRAWN", "DialCourse", "DialDraws", "dialed", "factor_of", "scaled"]
 
@@ -33,6 +33,7 @@ DIALED = {
 """Reward terms by the factor that they get."""
 DRAWN = 3600.0
 """Length of a drawn course [s]; its last factors are held."""
+_WEIGHTS = options_of(DialOptions)[0]
 _KIND = {term: DIAL_NAMES.index(name) for name, terms in DIALED.items() for term in terms}
 
 
@@ -87,8 +88,8 @@ class DialCourse:
 
     @classmethod
     def of(cls, given: Any) -> Self:
-        """Course of constant factors by name, or of rows of time and factors, checked by `checked_dial`."""
-        checked = checked_dial(given)
+        """Course of constant factors by name, or of rows of time and factors, checked as of `DialOptions.weights`."""
+        checked = _WEIGHTS.checked(given)
         if isinstance(checked, str):
             raise ValueError(f"dial_weights must be a mapping or rows here, got {checked!r}")
         if isinstance(checked, dict):
@@ -134,7 +135,7 @@ class DialDraws:
             If what is chosen has no meaning.
         """
         own = np.random.default_rng(int(rng.integers(2**63)))
-        given = checked_dial(self._options.weights if chosen is None else chosen)
+        given = _WEIGHTS.checked(self._options.weights if chosen is None else chosen)
         if not isinstance(given, str):
             return DialCourse.of(given)
         times, factors = [0.0], [self._drawn(given, own)]
@@ -145,7 +146,7 @@ class DialDraws:
 
     def factors(self, rng: np.random.Generator) -> tuple[float, ...]:
         """Draw factors as they hold between two changes, or those of a moment of a course that is given."""
-        given = checked_dial(self._options.weights)
+        given = _WEIGHTS.checked(self._options.weights)
         if isinstance(given, str):
             return self._drawn(given, rng)
         course = DialCourse.of(given)

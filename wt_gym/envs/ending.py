@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import gymnasium as gym
 
-from wt_gym.envs.arguments import check_whole_steps
+from wt_gym.base.options import check_whole_steps
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from wt_gym.base.angles import wrapped
+from wt_gym.base.options import shown
 from wt_gym.control import Lidar
 from wt_gym.control.controllers.wind_estimator import WindEstimator
-from wt_gym.envs.arguments import shown
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.envs.observable import DEFAULT_GROUPS, OBSERVATION_GROUPS, RESIDUAL_GROUPS, Observable
 from wt_gym.envs.observation_kernels import read_signals

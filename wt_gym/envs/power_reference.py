@@ -24,14 +24,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.envs.options.grid import checked_reference
+from wt_gym.base.options import options_of
+from wt_gym.envs.options.grid import GridOptions
 from wt_gym.envs.rewards.power import available_power
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Self
 
-    from wt_gym.envs.options.grid import GridOptions
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.turbines import Turbine
 
@@ -49,6 +49,7 @@ REGULATION_STEP = 2.0
 """Between values of a regulation signal [s]."""
 FAST, SLOW = 2.0 * math.pi / 60.0, 2.0 * math.pi / 900.0
 """Corner frequencies of a regulation signal [rad/s]: of its low-pass and its high-pass filter."""
+_REFERENCE = options_of(GridOptions)[0]
 _DEVIATION = 0.5
 """Standard deviation of a regulation signal before it is cut off, over the span [-]."""
 
@@ -107,7 +108,7 @@ def _rows_of_file(path: str) -> Any:
     bad = next((line for line in lines if len(line) != 2 or not _numeric(line)), None)
     if bad is not None or not lines:
         raise ValueError(f"power_reference: {path} must hold rows of time [s] and power [W], got {bad or 'none'}")
-    return checked_reference([[float(value) for value in line] for line in lines])
+    return _REFERENCE.checked([[float(value) for value in line] for line in lines])
 
 
 def _numeric(line: list[str]) -> bool:
@@ -139,7 +140,7 @@ class PowerReferenceDraws:
         self._given = self._choice(options.reference)
 
     def _choice(self, reference: Any) -> PowerReference | tuple[str, ...]:
-        checked = checked_reference(reference)
+        checked = _REFERENCE.checked(reference)
         self._options.check_span(checked)
         if isinstance(checked, str):
             checked = _rows_of_file(checked)

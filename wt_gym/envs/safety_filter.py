@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 
-from wt_gym.envs.arguments import check_number
+from wt_gym.base.options import check_number
 from wt_gym.envs.options.limits import PITCH_TRAVEL
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.turbines.clearance import unloaded_clearance

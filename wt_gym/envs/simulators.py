@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym import simulation
 from wt_gym.base.errors import did_you_mean
-from wt_gym.envs.arguments import shown
+from wt_gym.base.options import shown
 
 if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity

@@ -12,6 +12,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from wt_gym.base.errors import ControllerError, SimulationError
+from wt_gym.base.options import check_whole_steps, shown
 from wt_gym.control import ActionMap, Lidar
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller, starting_part
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
@@ -22,7 +23,6 @@ from wt_gym.control.controllers.yaw import yaw_drive_of
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs import rewards
-from wt_gym.envs.arguments import check_whole_steps, shown
 from wt_gym.envs.costs import Costs
 from wt_gym.envs.description import describe
 from wt_gym.envs.dial import DialCourse, DialDraws, dialed
@@ -39,8 +39,8 @@ from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.options.environment import (
     RENDER_MODES,
     EnvOptions,
+    environment_options,
     named_arguments,
-    options_of,
     plain_spec,
     signature,
 )
@@ -95,7 +95,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
     action_space: spaces.Box
 
     def __init__(self, *positional: Any, **arguments: Any):
-        self._make(options_of(named_arguments(positional, arguments)))
+        self._make(environment_options(named_arguments(positional, arguments)))
 
     @classmethod
     def of(cls, options: EnvOptions) -> Self:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from wt_gym.base.errors import ActionError, InflowError
-from wt_gym.envs.arguments import check_whole_steps
+from wt_gym.base.options import check_whole_steps
 from wt_gym.envs.instruments import DRIFTING, Instruments, InstrumentTable
 from wt_gym.envs.observable import Observable
 from wt_gym.envs.options.observations import MOST_READINGS

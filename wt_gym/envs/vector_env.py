@@ -17,9 +17,9 @@ from gymnasium.vector.utils import batch_space
 
 from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import did_you_mean
-from wt_gym.envs.arguments import shown
+from wt_gym.base.options import shown
 from wt_gym.envs.description import describe
-from wt_gym.envs.options.environment import options_of, plain_spec
+from wt_gym.envs.options.environment import environment_options, plain_spec
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             if number is not None and not (isinstance(number, int | np.integer) and number >= 1):
                 raise ValueError(f"{name} must be a whole number of at least 1, got {shown(number)}")
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
-        options = options_of(kwargs)
+        options = environment_options(kwargs)
         self.envs = [WindTurbineEnv.of(options)]
         options = replace(options, turbine=self.envs[0].turbine)
         self.envs += [WindTurbineEnv.of(options) for _ in range(num_envs - 1)]

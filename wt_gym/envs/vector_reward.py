@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
-from wt_gym.envs.arguments import shown
+from wt_gym.base.options import shown
 from wt_gym.envs.dial import DIALED, factor_of
 from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import turbine_env_of

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from wt_gym.base.errors import InflowError
-from wt_gym.envs.arguments import real_number, real_numbers, shown
+from wt_gym.base.options import real_number, real_numbers, shown
 from wt_gym.envs.options.wind import (
     EVALUATION_WIND_SEEDS,
     FASTEST_WIND,

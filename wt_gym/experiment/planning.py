@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.envs.arguments import check_number, shown
+from wt_gym.base.options import check_number, shown
 from wt_gym.envs.turbine_env import turbine_env_of
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ import numpy as np
 from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.options import shown
 from wt_gym.bridges.openfast import PointLidar, find_driver, find_library, read_outputs, run_driver
 from wt_gym.control import Lidar
 from wt_gym.control.bladed import BladedController
@@ -21,7 +22,6 @@ from wt_gym.control.controllers.power_tracking import LEAST_SHARE
 from wt_gym.control.starting_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
 from wt_gym.deployment.export.openfast_folder import demanded_power, export_openfast
-from wt_gym.envs.arguments import shown
 from wt_gym.envs.options.environment import flat_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.constant import ConstantAgent

@@ -11,11 +11,11 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.base.options import shown
 from wt_gym.bridges.openfast import PointLidar, ServedController, write_driver_run
 from wt_gym.control import Lidar
 from wt_gym.control.controllers import parse_name
 from wt_gym.deployment.export.discon import export_discon
-from wt_gym.envs.arguments import shown
 from wt_gym.envs.options import flat_arguments
 from wt_gym.envs.options.grid import checked_reference
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of

@@ -4,7 +4,13 @@ from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
 from wt_gym.envs.options.dial import DialOptions
 from wt_gym.envs.options.electrical import ElectricalOptions
-from wt_gym.envs.options.environment import EnvOptions, env_arguments, flat_arguments, options_of, registered_arguments
+from wt_gym.envs.options.environment import (
+    EnvOptions,
+    env_arguments,
+    environment_options,
+    flat_arguments,
+    registered_arguments,
+)
 from wt_gym.envs.options.faults import FaultOptions
 from wt_gym.envs.options.grid import GridOptions
 from wt_gym.envs.options.limits import LimitOptions
@@ -27,7 +33,7 @@ __all__ = [
     "Variation",
     "WindOptions",
     "env_arguments",
+    "environment_options",
     "flat_arguments",
-    "options_of",
     "registered_arguments",
 ]

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any, Self
 import gymnasium as gym
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.envs.arguments import check_number, shown
+from wt_gym.base.options import Option, Options, option, option_record, options_of, plain_value, section, shown
 from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
 from wt_gym.envs.options.dial import DialOptions
 from wt_gym.envs.options.electrical import ElectricalOptions
 from wt_gym.envs.options.faults import FaultOptions
 from wt_gym.envs.options.grid import GridOptions
-from wt_gym.envs.options.group import Described, OptionGroup, described, option, option_group, plain_value, section
 from wt_gym.envs.options.limits import LimitOptions
 from wt_gym.envs.options.observations import ObservationOptions
 from wt_gym.envs.options.rewards import RewardOptions
@@ -43,9 +42,9 @@ __all__ = [
     "argument_default",
     "documentation",
     "env_arguments",
+    "environment_options",
     "flat_arguments",
     "named_arguments",
-    "options_of",
     "plain_spec",
     "registered_arguments",
     "signature",
@@ -54,9 +53,7 @@ __all__ = [
 STARTS = ("running", "steady")
 """What state an episode in turbulence begins with."""
 RENDER_MODES = ("rgb_array",)
-MOST_STARTS = 1_000_000
-"""Numbered beginnings."""
-GROUPS: dict[str, type[OptionGroup]] = {
+GROUPS: dict[str, type[Options]] = {
     group.title: group
     for group in (
         WindOptions,
@@ -77,65 +74,58 @@ _BASE = "controller"  # the one argument that takes a group or the value of a fi
 _ID = "env_id"
 
 
-@option_group
-class EnvOptions(OptionGroup):
+@option_record
+class EnvOptions(Options):
     """Everything that an environment is made of; its groups are `GROUPS`."""
 
     title = "environment"
 
     turbine: str | Path | Turbine = option(
-        "str, path or Turbine",
-        "Name in the catalogue, a windIO file, an OpenFAST model (.fst), or a turbine",
-        default="nrel_5mw",
+        "Name in the catalogue, a windIO file, an OpenFAST model (.fst), or a turbine", default="nrel_5mw"
     )
     generator: str | None = option(
-        '{"torque", "damper"}, optional',
         "A torque that is demanded, or the damper of the turbine, M = c Ω, which takes no demand; default: what the "
         "turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the "
         "rated power (`wt_gym.turbines.damper.with_damper`), and of a base controller only pitch and yaw act",
         default=None,
+        choices=GENERATORS,
     )
     site: Mapping[str, Any] | None = option(
-        "mapping, optional",
         "Numbers of the site that replace those of the turbine: ``air_density`` [kg/m^3], ``cut_in``, ``cut_out`` "
         "[m/s], ``iec_class``, ``turbulence_class``, and ``controller_air_density``, the density that the controller "
         "is designed for, by default that of the turbine (`wt_gym.turbines.site.with_site`)",
         default=None,
+        kind="mapping, optional",
     )
     fidelity: str | Fidelity | None = option(
-        "str or Fidelity, optional",
-        'Of the simulator: ``"training"``, ``"engineering"``, either with ``"-torsion"`` behind it for blades that '
-        'twist, ``"reference"``, another of `wt_gym.simulation.FIDELITIES` or your own; default: '
+        'Fidelity of the simulator: ``"training"``, ``"engineering"``, either with ``"-torsion"`` behind it for blades '
+        'that twist, ``"reference"``, another of `wt_gym.simulation.FIDELITIES` or your own; default: '
         '``"training-torsion"`` where the tips twist by more than 0.5 deg at rated thrust, else ``"training"``',
         default=None,
     )
     control_dt: float = option(
-        "float", "Control step", default=0.2, unit="s", allowed="a multiple of the aerodynamic step of the simulator"
+        "Control step, a multiple of the aerodynamic step of the simulator", default=0.2, unit="s", low=0.0, above=True
     )
     start: str = option(
-        '{"running", "steady"}',
-        'What an episode in turbulence begins with, see "Starting state"',
-        default="running",
+        'What an episode in turbulence begins with, see "Starting state"', default="running", choices=STARTS
     )
     starts: int | None = option(
-        "int, optional",
         "Number of beginnings, each a wind, a time in it and a state of the turbine, that episodes are drawn from; "
         'None: every episode has another one. ``reset(options={"start_number": 3})`` chooses one, from 0',
         default=None,
-        allowed=f"1 to {MOST_STARTS}",
+        low=1,
+        high=1_000_000,
     )
     simulator: str | Mapping[str, Any] | Callable[..., Any] = option(
-        '{"wt_gym", "openfast"}, mapping or callable',
         "What simulates the turbine: this package; OpenFAST (`wt_gym.bridges.openfast.OpenFASTSimulator`, slow, "
         'without pictures and snapshots), with further arguments of it in a mapping beside ``"name"``; or a function '
         "(turbine, inflow, fidelity) that makes a `wt_gym.simulation.contract.TurbineSimulator`. Running starts are "
         "those of this package in any case",
         default="wt_gym",
+        kind="{'wt_gym', 'openfast'}, mapping or callable",
     )
     render_mode: str | None = option(
-        '{"rgb_array"}, optional',
-        "Picture of turbine and wake with the recent course of the key signals",
-        default=None,
+        "Picture of turbine and wake with the recent course of the key signals", default=None, choices=RENDER_MODES
     )
     wind: WindOptions = WindOptions()
     actions: ActionOptions = ActionOptions()
@@ -150,74 +140,32 @@ class EnvOptions(OptionGroup):
     variation: Variation = Variation()
 
     def check(self) -> None:
-        """Refuse unknown names and numbers of the wrong type."""
-        if self.render_mode is not None and self.render_mode not in RENDER_MODES:
-            raise ValueError(
-                f"render_mode must be one of {list(RENDER_MODES)} or None, got {self.render_mode!r}"
-                f"{did_you_mean(self.render_mode, RENDER_MODES)}"
-            )
-        if self.start not in STARTS:
-            raise ValueError(
-                f"start must be one of {STARTS}, got {shown(self.start)}{did_you_mean(self.start, STARTS)}"
-            )
-        self._set_all(check_number, "control_dt", unit="s")
-        if self.control_dt <= 0.0:
-            raise ValueError(f"control_dt must be positive, got {self.control_dt!r} s")
-        starts = self.starts
-        is_count = isinstance(starts, int) and not isinstance(starts, bool) and 1 <= starts <= MOST_STARTS
-        if starts is not None and not is_count:
-            raise ValueError(f"starts must be a whole number from 1 to {MOST_STARTS} or None, got {shown(starts)}")
-        if self.generator is not None and self.generator not in GENERATORS:
-            raise ValueError(
-                f"generator must be one of {GENERATORS} or None, got {self.generator!r}"
-                f"{did_you_mean(self.generator, GENERATORS)}"
-            )
+        """Refuse an unknown fidelity, and options of a feature that is off."""
         if self.fidelity is not None:
             fidelity_of(self.fidelity)
-        if self.grid.reference is None and (alone := [name for name in self.grid.given if name != "reference"]):
-            names = ", ".join(f"power_reference_{name}" for name in alone)
-            raise ValueError(f"{names} must be left out, or given with a power_reference: nothing is asked for")
-        if self.dial.weights is None and (alone := [name for name in self.dial.given if name != "weights"]):
-            names = ", ".join(f"dial_{name}" for name in alone)
-            raise ValueError(f"{names} must be left out, or given with dial_weights: there is no dial")
-        if self.faults.kinds is None and (alone := [name for name in self.faults.given if name != "kinds"]):
-            names = ", ".join(f"fault_{name}" for name in alone)
-            raise ValueError(f"{names} must be left out, or given with fault_kinds: nothing breaks")
+        for group in (getattr(self, title) for title in GROUPS):
+            if group.switch and getattr(group, group.switch) is None and (alone := group.given.keys() - {group.switch}):
+                flat = {one.name: one.flat for one in options_of(group)}
+                names = ", ".join(flat[name] for name in flat if name in alone)
+                raise ValueError(f"{names} must be left out, or given with {flat[group.switch]}, got it without")
 
     @property
     def given(self) -> dict[str, Any]:
         """Options that were given, groups among them."""
         groups = {title: getattr(self, title) for title in GROUPS}
-        return self._plain_given | {title: group for title, group in groups.items() if group.given}
-
-    @property
-    def _plain_given(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in _PLAIN if name in self._given}
-
-    def as_dict(self) -> dict[str, Any]:
-        """Options that were given, as values of JSON: groups as mappings. `from_dict` makes equal options of it.
-
-        Raises
-        ------
-        ValueError
-            If an object has no form in JSON; the message names its option.
-        """
-        return {
-            name: value.as_dict() if isinstance(value, OptionGroup) else plain_value(name, value)
-            for name, value in self.given.items()
-        }
+        return super().given | {title: group for title, group in groups.items() if group.given}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Options of a mapping of arguments of the environment, see `options_of`."""
+        """Options of a mapping of arguments of the environment, see `environment_options`."""
         return cls(**_fields_of(flat_arguments(values)))
 
 
-_FLAT: dict[str, tuple[str, Described]] = {
-    one.flat: (title, one) for title, group in GROUPS.items() for one in described(group)
+_FLAT: dict[str, tuple[str, Option]] = {
+    one.flat: (title, one) for title, group in GROUPS.items() for one in options_of(group)
 }
 """Group and field of every flat name."""
-_PLAIN = {one.name: one for one in described(EnvOptions)}
+_PLAIN = {one.name: one for one in options_of(EnvOptions)}
 
 
 def env_arguments() -> tuple[str, ...]:
@@ -230,7 +178,7 @@ def argument_default(name: str) -> Any:
     return _PLAIN[name].default if name in _PLAIN else _FLAT[name][1].default
 
 
-def options_of(arguments: Mapping[str, Any]) -> EnvOptions:
+def environment_options(arguments: Mapping[str, Any]) -> EnvOptions:
     """Options of arguments of the environment.
 
     Parameters
@@ -251,7 +199,7 @@ def options_of(arguments: Mapping[str, Any]) -> EnvOptions:
 def _fields_of(flat: Mapping[str, Any]) -> dict[str, Any]:
     fields: dict[str, Any] = {name: flat[name] for name in _PLAIN if name in flat}
     for title, group in GROUPS.items():
-        fields[title] = group(**{one.name: flat[one.flat] for one in described(group) if one.flat in flat})
+        fields[title] = group(**{one.name: flat[one.flat] for one in options_of(group) if one.flat in flat})
     return fields
 
 
@@ -263,7 +211,7 @@ def named_arguments(positional: tuple[Any, ...], named: Mapping[str, Any]) -> di
     TypeError
         If there are too many of them, or one is named too.
     """
-    names = ("turbine", *(one.flat for one in described(WindOptions)))
+    names = ("turbine", *(one.flat for one in options_of(WindOptions)))
     if len(positional) > len(names):
         raise TypeError(f"the environment takes at most {len(names)} arguments without names, got {len(positional)}")
     placed = dict(zip(names, positional, strict=False))
@@ -314,7 +262,7 @@ def flat_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
             flat[title] = registered[title]  # the mapping stood in its place
         value = arguments[title]
         given = value.given if isinstance(value, group) else group.named(value)
-        for one in described(group):
+        for one in options_of(group):
             if one.name not in given:
                 continue
             if one.flat in flat and not _same(registered, one.flat, flat[one.flat]):
@@ -345,7 +293,7 @@ def registered_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str,
 
 
 def _is_group(value: Any) -> bool:
-    return isinstance(value, Mapping | OptionGroup)
+    return isinstance(value, Mapping | Options)
 
 
 def _registered(env_id: Any) -> Mapping[str, Any]:
@@ -370,7 +318,7 @@ def documentation(indent: str = "    ") -> str:
     for title, group in GROUPS.items():
         about = (group.__doc__ or "").strip().partition("\n")[0]
         entries.append((title, f"{group.__name__} or mapping", f"{about} Its options:"))
-        for one in described(group):
+        for one in options_of(group):
             entries.append((f"{title}.{one.name}, or {one.flat}", one.kind, one.text))
     return section(entries, indent)
 
@@ -379,5 +327,5 @@ def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
     """Put mappings of what was given in the place of groups, in what an environment was made of; they have a JSON."""
     if spec is not None:
         kwargs = spec.kwargs
-        spec.kwargs = {name: value.given if isinstance(value, OptionGroup) else value for name, value in kwargs.items()}
+        spec.kwargs = {name: value.given if isinstance(value, Options) else value for name, value in kwargs.items()}
     return spec

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from wt_gym.base.errors import did_you_mean
-from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
-from wt_gym.envs.options.group import OptionGroup, option, option_group
+from wt_gym.base.options import Options, as_pair, as_tuple, not_empty, option, option_record, shown
 
 __all__ = ["FAULT_KINDS", "GRID_KINDS", "NO_FAULT", "SIZES", "FaultOptions"]
 
@@ -23,54 +20,39 @@ SIZES = ("train", "held_back")
 """Ranges that the sizes of faults are drawn from."""
 
 
-@option_group
-class FaultOptions(OptionGroup):
-    """What breaks in an episode, see `wt_gym.envs.fault_draws`."""
+def _checked_kinds(kinds: str | tuple[str, ...]) -> tuple[str, ...]:
+    names, known = FAULT_KINDS if kinds == ALL else as_tuple(kinds), (*FAULT_KINDS, *GRID_KINDS)
+    if wrong := [name for name in names if name not in known]:
+        raise ValueError(f"must be among {', '.join(known)}, got {shown(wrong[0])}{did_you_mean(wrong[0], known)}")
+    return not_empty(names)
+
+
+@option_record
+class FaultOptions(Options):
+    """Faults of an episode, see `wt_gym.envs.fault_draws`."""
 
     title = "faults"
+    switch = "kinds"
 
-    kinds: Sequence[str] | None = option(
-        "str or sequence of str, optional",
+    kinds: str | tuple[str, ...] | None = option(
         f'Kinds of faults; each episode draws one of them: {", ".join(FAULT_KINDS)}; "all" of them; and '
         f"{', '.join(GRID_KINDS)}. None: nothing breaks",
         default=None,
         flat="fault_kinds",
+        kind="str or sequence of str, optional",
+        check=_checked_kinds,
     )
     sizes: str = option(
-        '{"train", "held_back"}',
         "Range that the size of a fault is drawn from: that for training, or one beyond it for tests",
         default="train",
         flat="fault_sizes",
+        choices=SIZES,
     )
-    time: float | Sequence[float] = option(
-        "float or (float, float)",
+    time: float | tuple[float, float] = option(
         "When the fault begins; a range is drawn from. Ice is there from the start of the episode",
         default=(5.0, 20.0),
         flat="fault_time",
         unit="s",
-        allowed="at least 0",
+        low=0.0,
+        check=as_pair,
     )
-
-    def check(self) -> None:
-        """Refuse unknown kinds and times without meaning."""
-        if self.kinds is not None:
-            given = FAULT_KINDS if self.kinds == ALL else self.kinds
-            kinds = check_names("fault_kinds", (given,) if isinstance(given, str) else given)
-            if not kinds or len(set(kinds)) < len(kinds):
-                raise ValueError(f"fault_kinds must have names, each once, got {shown(kinds)}")
-            for name in kinds:
-                if name not in (known := (*FAULT_KINDS, *GRID_KINDS)):
-                    raise ValueError(
-                        f"fault_kinds must be among {', '.join(known)}, got {name!r}{did_you_mean(name, known)}"
-                    )
-            self._set("kinds", kinds)
-        if self.sizes not in SIZES:
-            raise ValueError(
-                f"fault_sizes must be one of {', '.join(SIZES)}, got {shown(self.sizes)}"
-                f"{did_you_mean(self.sizes, SIZES)}"
-            )
-        single, ends = real_number(self.time), real_numbers(self.time)
-        low, high = (single, single) if single is not None else ends if len(ends) == 2 else (-1.0, -1.0)
-        if not 0.0 <= low <= high < float("inf"):
-            raise ValueError(f"fault_time must be a number or a range (low, high) from 0 s on, got {shown(self.time)}")
-        self._set("time", (float(low), float(high)))

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from wt_gym.base.errors import InflowError, did_you_mean
-from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
-from wt_gym.envs.options.group import OptionGroup, option, option_group
+from wt_gym.base.options import Options, not_empty, option, option_record, shown
 from wt_gym.wind import Inflow
 from wt_gym.wind.described import SUFFIXES, is_wind_path
-from wt_gym.wind.iec import reference_intensity
+from wt_gym.wind.iec import REFERENCE_INTENSITY
 
 __all__ = [
     "EVALUATION_WIND_SEEDS",
@@ -108,15 +107,29 @@ def own_winds(given: Any) -> tuple[Any, ...]:
     return several
 
 
-@option_group
-class WindOptions(OptionGroup):
-    """Which winds episodes have, see `wt_gym.envs.wind_sampler.WindSampler`."""
+def _checked_return_period(years: int) -> int:
+    if years not in (1, 50):
+        raise InflowError(f"must be 1 or 50 years, got {years!r}")
+    return years
+
+
+def _checked_wander(wander: tuple[float, ...]) -> tuple[float, float]:
+    deviation, time_constant = wander if len(wander) == 2 else (np.nan, np.nan)
+    if not (0.0 <= deviation <= np.pi and time_constant >= FASTEST_WANDERING):
+        raise InflowError(
+            f"must be a deviation of 0 to pi rad and a time constant of at least {FASTEST_WANDERING:g} s, got {wander}"
+        )
+    return deviation, time_constant
+
+
+@option_record
+class WindOptions(Options):
+    """Winds of episodes, see `wt_gym.envs.wind_sampler.WindSampler`."""
 
     title = "wind"
+    error = InflowError
 
-    inflow: str | os.PathLike[str] | Inflow | Mapping[str, Any] | Sequence[Any] | Callable[..., Any] = option(
-        '{"steady", "turbulent", "path", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, mapping, sequence, '
-        "callable",
+    inflow: str | os.PathLike[str] | Inflow | Mapping[str, Any] | tuple[Any, ...] | Callable[..., Any] = option(
         "Steady sheared wind, IEC turbulence, turbulence whose mean speed rises and falls along a path, gusts of "
         "IEC 61400-1 (see ``gusts``), the IEC extreme wind model (EWM) steady or turbulent, for a parked turbine, "
         "or inflows of your own: one, several to draw from, or a function of a random generator. Files of wind are "
@@ -125,103 +138,112 @@ class WindOptions(OptionGroup):
         "periodic so that the episode is over before the record is; a series is met from its beginning. The mean "
         "speed of an own inflow must hold at the hub: another height, by more than 1 %, is a warning",
         default="steady",
+        kind=f"{{{', '.join(map(repr, KINDS))}}}, Inflow, path, mapping, sequence, callable",
     )
-    speed: float | Sequence[float] | None = option(
-        "float or (float, float)",
+    speed: float | tuple[float, float] | None = option(
         "Mean wind speed at hub height, or the range from which it is drawn uniformly at each reset; of a path that in "
         "which it rises and falls; extreme winds have that of the turbine's class, own inflows their own",
         default=(6.0, 18.0),
         flat="wind_speed",
         unit="m/s",
-        allowed=f"0 to {FASTEST_WIND:g}, of turbulence and gusts from {SLOWEST_TURBULENCE:g} on",
+        allowed=f"a number or two in order, 0 to {FASTEST_WIND:g} m/s, of turbulence and gusts from "
+        f"{SLOWEST_TURBULENCE:g} on",
     )
     shear_exponent: float | None = option(
-        "float, optional",
-        f"Of the power-law profile, before gusts too; default {NORMAL_SHEAR}, and 0.11 in extreme winds",
+        f"Exponent of the power-law profile, before gusts too; default {NORMAL_SHEAR}, and 0.11 in extreme winds",
         default=None,
         unit="-",
     )
     turbulence_class: str | None = option(
-        '{"A+", "A", "B", "C"}, optional', "Turbulence class of IEC 61400-1; default: that of the turbine", default=None
+        "Turbulence class of IEC 61400-1; default: that of the turbine",
+        default=None,
+        choices=tuple(REFERENCE_INTENSITY),
     )
-    seeds: Sequence[int] = option(
-        "sequence of int",
+    seeds: tuple[int, ...] = option(
         "Turbulence seeds to draw from; `EVALUATION_WIND_SEEDS` are disjoint from the default ones",
         default=TRAINING_WIND_SEEDS,
         flat="wind_seeds",
-        allowed="at least one of 0 to 2^63 - 1",
+        low=0,
+        high=LARGEST_WIND_SEED,
+        check=not_empty,
     )
-    direction: float | Sequence[float] = option(
-        "float or (float, float)",
+    direction: float | tuple[float, float] = option(
         "Direction of the wind at the start against the nacelle, or the range it is drawn from",
         default=0.0,
         flat="wind_direction",
         unit="rad",
-        allowed="-pi to pi",
+        low=-np.pi,
+        high=np.pi,
     )
-    wander: Sequence[float] | None = option(
-        "(float, float), optional",
+    wander: tuple[float, ...] | None = option(
         "Standard deviation and time constant with which the direction wanders from then on: an Ornstein-Uhlenbeck "
         "process, drawn for 1200 s, after which the direction stays",
         default=None,
         flat="wind_wander",
         unit="rad, s",
-        allowed=f"0 to pi, at least {FASTEST_WANDERING:g}",
+        kind="(float, float), optional",
+        allowed=f"two numbers, 0 to pi and at least {FASTEST_WANDERING:g}",
+        check=_checked_wander,
     )
-    swing: Sequence[float] = option(
-        "(float, float)",
+    swing: tuple[float, float] = option(
         "Shortest and longest time in which the mean speed of a path rises or falls through its whole range",
         default=(200.0, 400.0),
         flat="wind_swing",
         unit="s",
-        allowed=f"at least {FASTEST_SWING:g}",
+        low=FASTEST_SWING,
     )
     turbulence_model: str = option(
-        '{"NTM", "ETM"}', 'Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``', default="NTM"
+        'Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``',
+        default="NTM",
+        choices=TURBULENCE_MODELS,
     )
-    return_period: int = option("{50, 1}", "Of extreme winds, in years", default=50)
+    return_period: int = option(
+        "Return period of extreme winds in years, 1 or 50", default=50, low=1, high=50, check=_checked_return_period
+    )
     roughness_length: float | None = option(
-        "float, optional",
-        "Of the ground: the profile is then logarithmic instead of a power law",
+        "Roughness length of the ground: the profile is then logarithmic instead of a power law",
         default=None,
         unit="m",
-        allowed="positive",
+        low=0.0,
+        above=True,
     )
     reference_height: float | None = option(
-        "float, optional",
         "Height at which ``speed`` holds instead of hub height, for example the gradient height of a boundary layer; "
         "the speed V = V_ref (z/z_ref)^a, or V_ref ln(z/z0)/ln(z_ref/z0), that the profile has at the hub is that of "
         "operating points, cut-in, cut-out and ``info``",
         default=None,
         unit="m",
+        low=0.0,
+        above=True,
     )
     turbulence: str = option(
-        '{"kaimal", "mann"}',
         "Spectra of turbulent winds: Kaimal's with an exponential coherence, or Mann's uniform shear model, both with "
         "the parameters of IEC 61400-1 (``docs/wind.md``)",
         default="kaimal",
+        choices=TURBULENCE,
     )
-    gusts: Sequence[str] = option(
-        'sequence of {"EOG", "EDC", "ECD", "EWS", "ETM"}',
+    gusts: tuple[str, ...] = option(
         'What ``inflow="gusts"`` draws, each once: extreme operating gust, extreme direction change, coherent gust '
         "with direction change, wind shear (vertical or horizontal, together twice as often as each of the others), "
         "and turbulence of the extreme turbulence model, with seed and time as those of turbulent winds",
         default=TRANSIENTS,
+        choices=GUSTS,
+        check=not_empty,
     )
 
     @property
     def made_here(self) -> bool:
-        """Whether the winds are made by the environment, none of your own."""
+        """Winds that the environment makes, none of the user's."""
         return isinstance(self.inflow, str) and self.inflow in KINDS
 
     @property
     def extreme(self) -> bool:
-        """Whether they are extreme winds, in which turbines are parked."""
+        """Extreme winds, in which turbines are parked."""
         return isinstance(self.inflow, str) and self.inflow in EXTREME
 
     @property
     def turbulent(self) -> bool:
-        """Whether some of them are turbulence that is made by the environment."""
+        """Some of the winds are turbulence that is made by the environment."""
         if not isinstance(self.inflow, str):
             return False
         return self.inflow in ("turbulent", "path", "extreme-turbulent") or (
@@ -229,114 +251,28 @@ class WindOptions(OptionGroup):
         )
 
     def check(self) -> None:
-        """Refuse what has no meaning, and what the kind of wind would ignore.
-
-        Raises
-        ------
-        InflowError
-        """
-        self._check_inflow()
-        self._check_direction()
-        self._check_profile()
-        if self.turbulence_class is not None:
-            reference_intensity(self.turbulence_class)  # refuses an unknown class, also where it plays no part
-        if not isinstance(self.seeds, Iterable):
-            raise InflowError(f"wind_seeds must be a sequence of integers, got {self.seeds!r}")
-        self._set("seeds", tuple(checked_wind_seed(seed) for seed in self.seeds))
-        if not self.seeds:
-            raise InflowError("wind_seeds must name at least one seed")
-        self._check_gusts()
-        self._check_swing()
-        self._check_turbulence()
-        if self.made_here and not self.extreme:
-            self._check_speed()
-
-    def _check_inflow(self) -> None:
-        given = self.inflow
-        if not self.made_here and not callable(given):
-            winds = own_winds(given)
-            if isinstance(given, Iterable) and not isinstance(given, str | Mapping | Inflow):
-                self._set("inflow", winds)
-
-    def _check_direction(self) -> None:
-        ends = real_numbers(self.direction)
-        if len(ends) not in (1, 2) or not all(abs(end) <= np.pi for end in ends) or ends[0] > ends[-1]:
-            raise InflowError(
-                f"wind_direction must be an angle or a range (low, high) within +-pi rad, got {self.direction!r}"
-            )
-        if self.wander is None:
-            return
-        given = real_numbers(self.wander)
-        deviation, time_constant = given if len(given) == 2 else (np.nan, np.nan)
-        if not (0.0 <= deviation <= np.pi and FASTEST_WANDERING <= time_constant < np.inf):
-            raise InflowError(
-                f"wind_wander must be a deviation of 0 to pi rad and a time constant of at least {FASTEST_WANDERING:g} "
-                f"s, got {self.wander!r}"
-            )
-
-    def _check_profile(self) -> None:
+        """Refuse what the kind of wind would ignore."""
         made = self.made_here and not self.extreme
-        if self.roughness_length is not None:
-            if not made:
-                raise InflowError(f"roughness_length belongs to {_MADE}")
-            if self.shear_exponent is not None:
-                raise InflowError(
-                    "shear_exponent (power law) and roughness_length (logarithmic) exclude each other; "
-                    f"got {self.shear_exponent!r} and {self.roughness_length!r}"
-                )
-        if self.reference_height is not None:
-            if real_number(self.reference_height) is None:
-                raise InflowError(f"reference_height must be a number in m, got {shown(self.reference_height)}")
-            if not made:
-                raise InflowError(f"reference_height belongs to {_MADE}")
-
-    def _check_gusts(self) -> None:
-        names = check_names("gusts", self.gusts)
-        if not names or len(set(names)) < len(names) or not set(names) <= set(GUSTS):
-            raise InflowError(f"gusts must name some of {GUSTS}, each once, got {shown(names)}")
-        if set(names) != set(TRANSIENTS) and self.inflow != "gusts":
-            raise InflowError(f"gusts={names} belongs to inflow='gusts'")
-        self._set("gusts", names)
-
-    def _check_swing(self) -> None:
-        given = real_numbers(self.swing)
-        if len(given) != 2 or not FASTEST_SWING <= given[0] <= given[1] < np.inf:
+        if not self.made_here and not callable(self.inflow):
+            winds = own_winds(self.inflow)
+            if isinstance(self.inflow, Iterable) and not isinstance(self.inflow, str | Mapping | Inflow):
+                self._set("inflow", winds)
+        if made and self.speed is None:
+            raise InflowError(f"wind_speed must be a number or two in order in m/s for {_MADE}, got None")
+        if self.roughness_length is not None and self.shear_exponent is not None:
             raise InflowError(
-                f"wind_swing must be two times (shortest, longest) of at least {FASTEST_SWING:g} s, got {self.swing!r}"
+                "shear_exponent (power law) and roughness_length (logarithmic) exclude each other; "
+                f"got {self.shear_exponent!r} and {self.roughness_length!r}"
             )
-
-    def _check_turbulence(self) -> None:
-        if self.turbulence_model not in TURBULENCE_MODELS:
-            raise InflowError(
-                f"turbulence_model must be one of {TURBULENCE_MODELS}, got {self.turbulence_model!r}"
-                f"{did_you_mean(self.turbulence_model, TURBULENCE_MODELS)}"
-            )
-        if self.turbulence_model != "NTM" and self.inflow not in ("turbulent", "path"):
-            raise InflowError(
-                f"turbulence_model={self.turbulence_model!r} belongs to the inflows 'turbulent' and 'path'"
-            )
-        if isinstance(self.return_period, bool):
-            raise InflowError(f"return_period must be 1 or 50 years, got {self.return_period!r}")
-        if self.turbulence not in TURBULENCE:
-            raise InflowError(
-                f"turbulence must be one of {TURBULENCE}, got {self.turbulence!r}"
-                f"{did_you_mean(self.turbulence, TURBULENCE)}"
-            )
-        if self.turbulence != "kaimal" and not self.turbulent:
-            raise InflowError(
-                f"turbulence={self.turbulence!r} belongs to the inflows 'turbulent' and 'extreme-turbulent', and to "
-                "'gusts' with ETM among them"
-            )
-        if self.return_period != 50 and not self.extreme:
-            raise InflowError(f"return_period belongs to the inflows {EXTREME}")
-
-    def _check_speed(self) -> None:
-        """Numbers in order; which of them can be had at the hub is the sampler's to say."""
-        ends = tuple(self.speed) if isinstance(self.speed, tuple | np.ndarray) else (self.speed,)
-        if len(ends) not in (1, 2):
-            raise InflowError(f"wind_speed must be a number or a pair (low, high) in m/s, got {self.speed!r}")
-        low, high = real_number(ends[0]), real_number(ends[-1])
-        if low is None or high is None:
-            raise InflowError(f"wind_speed must be a number in m/s, got {shown(ends[0] if low is None else ends[-1])}")
-        if low > high:
-            raise InflowError(f"wind_speed must be a range (low, high) with low <= high, got {self.speed!r} m/s")
+        of_turbulence = "the inflows 'turbulent' and 'extreme-turbulent', and to 'gusts' with ETM among them"
+        for name, alone, belongs, winds_text in (
+            ("roughness_length", None, made, _MADE),
+            ("reference_height", None, made, _MADE),
+            ("gusts", TRANSIENTS, self.inflow == "gusts", "inflow='gusts'"),
+            ("turbulence_model", "NTM", self.inflow in ("turbulent", "path"), "the inflows 'turbulent' and 'path'"),
+            ("turbulence", "kaimal", self.turbulent, of_turbulence),
+            ("return_period", 50, self.extreme, f"the inflows {EXTREME}"),
+        ):
+            value = getattr(self, name)
+            if value != alone and not belongs and not (name == "gusts" and set(value) == set(TRANSIENTS)):
+                raise InflowError(f"{name}={value!r} belongs to {winds_text}")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.envs.arguments import check_mapping, check_number, shown
+from wt_gym.base.options import check_mapping, check_number, shown
 from wt_gym.envs.rewards.damage import Damage
 from wt_gym.envs.rewards.extremes import ExtremeLoads
 from wt_gym.envs.rewards.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
