@@ -19,7 +19,7 @@ from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.coordinates import ALL_DOFS
 from wt_gym.structure.substructure import add_chain, cut_beam
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.beam import inertia_matrix
+from wt_gym.turbines.blade import inertia_matrix
 
 THRUST = 0.8e6
 """Flapwise load on the blade [N]."""

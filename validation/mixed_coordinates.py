@@ -23,8 +23,8 @@ from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes
-from wt_gym.turbines.beam import inertia_matrix
-from wt_gym.turbines.nada_turbine import nada_data
+from wt_gym.turbines.blade import inertia_matrix
+from wt_gym.turbines.catalogue import nada_data
 
 NADA = "Nada & Al-Shahrani 2019, Mech. Sci. 10, 35–46"
 STEP = 5e-5

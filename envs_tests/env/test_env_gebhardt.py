@@ -14,9 +14,8 @@ from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import catalogue, load_turbine
-from wt_gym.turbines.catalogue import turbine_file
-from wt_gym.turbines.damper import with_damper
-from wt_gym.turbines.gebhardt_turbine import GENERATOR_DAMPER
+from wt_gym.turbines.catalogue import GENERATOR_DAMPER, turbine_file
+from wt_gym.turbines.variants import with_damper
 from wt_gym.wind import SteadyInflow
 
 IDS = ("wt_gym/Gebhardt45m-Steady-v1", "wt_gym/Gebhardt45m-Turbulent-v1")

@@ -23,7 +23,7 @@ from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.recorder import Recorder
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.mirror import mirrored
+from wt_gym.turbines.variants import mirrored
 from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
 from wt_gym.wind.protocol import PointInflow
 

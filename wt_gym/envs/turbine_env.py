@@ -58,9 +58,8 @@ from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
-from wt_gym.turbines.damper import with_generator
-from wt_gym.turbines.electrical import LossShares, with_electrical
-from wt_gym.turbines.site import with_site
+from wt_gym.turbines.model import with_site
+from wt_gym.turbines.variants import LossShares, with_electrical, with_generator
 
 if TYPE_CHECKING:
     from typing import Self

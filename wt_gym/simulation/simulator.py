@@ -28,8 +28,7 @@ from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.measurement import Measurement
 from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
-from wt_gym.turbines.damper import with_generator
-from wt_gym.turbines.mirror import clockwise_image
+from wt_gym.turbines.variants import clockwise_image, with_generator
 from wt_gym.wind import MirroredInflow
 from wt_gym.wind.described import is_described, wind_from
 from wt_gym.wind.protocol import require_cover
@@ -71,7 +70,7 @@ class Simulator:
         Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
     generator : "torque", "damper" or GeneratorLaw, optional
         What loads the rotor: a torque that is demanded, which is what most turbines have; the damper of the turbine,
-        see `wt_gym.turbines.damper.with_damper`; or a law, see `wt_gym.simulation.drivetrain.drives`.
+        see `wt_gym.turbines.variants.with_damper`; or a law, see `wt_gym.simulation.drivetrain.drives`.
 
     Attributes
     ----------

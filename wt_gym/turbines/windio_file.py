@@ -1,11 +1,33 @@
-"""Reading of windIO files: safe loading, check of keys and values, access by key path with clear errors."""
+"""Reading of windIO files: safe loading, check of keys and values, access by key path with clear errors.
+
+Contents of windIO files that were read and found valid before: reading and checking one again takes seconds.
+
+Kept as JSON in ``$WT_GYM_CACHE/turbines`` or the user's cache directory, by the digest of the file and the version of
+windIO whose schema it fits. A file here that does not match its own digest is ignored and made again.
+
+Keys and values of a windIO file against windIO's schema: foreign keys are left aside, wrong values are refused.
+
+The schema is a list of what windIO knows. What it does not know belongs to another tool, or is a typing error: it is
+taken out and named in a note, with the known key that it resembles. Values are held against the schema only in the
+parts that a turbine is built from, so that a flaw in the composite layers does not cost the turbine. Which keys a
+turbine cannot do without is for its readers to say.
+"""
+
+from __future__ import annotations
 
 import codecs
+import contextlib
+import difflib
+import hashlib
 import json
+import logging
+import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +35,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.turbines import file_cache
+from wt_gym.base.files import whole_file
+from wt_gym.base.user_cache import user_cache
 from wt_gym.turbines.checks import check_array, check_ascending, check_number, fail, short
-from wt_gym.turbines.windio_keys import check_values, take_out_foreign_keys
-from wt_gym.turbines.windio_layouts import adopt_layout
-from wt_gym.turbines.windio_versions import to_version_2
+from wt_gym.turbines.windio_layouts import adopt_layout, to_version_2
 
 __all__ = ["Node", "WindioFile", "read_windio", "within"]
 
@@ -32,7 +53,6 @@ class Node:
 
     Parameters
     ----------
-    data : dict
     path : str
         Dotted key path of ``data`` in the file, empty for the top level.
     """
@@ -54,7 +74,7 @@ class Node:
             node = node[part]
         return True
 
-    def at(self, key: str, hint: str = "a mapping") -> "Node":
+    def at(self, key: str, hint: str = "a mapping") -> Node:
         """Return the mapping under the dotted ``key``.
 
         Raises
@@ -72,7 +92,7 @@ class Node:
             node = Node(value, node.where(part))
         return node
 
-    def items(self, key: str) -> list["Node"]:
+    def items(self, key: str) -> list[Node]:
         """Return the mappings of the list under ``key``."""
         entries = self._get(key, "a list of mappings")
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
@@ -156,13 +176,8 @@ def read_windio(path: Path, content: bytes) -> WindioFile:
 
     Parameters
     ----------
-    path : Path
     content : bytes
         Of the file.
-
-    Returns
-    -------
-    WindioFile
 
     Raises
     ------
@@ -170,7 +185,7 @@ def read_windio(path: Path, content: bytes) -> WindioFile:
         If the file cannot be read, is not a YAML or JSON file, is not for windIO 1 or 2, or a value that is used does
         not fit the schema. One error, naming the key path; further violations are counted.
     """
-    known = file_cache.load(content)
+    known = load(content)
     if known is not None:
         return WindioFile(Node(known["data"]), True, tuple(known["notes"]), known["resembling"])
     data, alone = _load(path, content)
@@ -184,7 +199,7 @@ def read_windio(path: Path, content: bytes) -> WindioFile:
     check_values(data)
     notes += foreign.notes()
     if alone:
-        file_cache.store(content, {"data": data, "notes": notes, "resembling": foreign.resembling})
+        store(content, {"data": data, "notes": notes, "resembling": foreign.resembling})
     return WindioFile(Node(data), alone, tuple(notes), foreign.resembling)
 
 
@@ -320,3 +335,254 @@ def _check_extent(data: Any) -> None:
 
     if count(data, 0) > _MOST_ENTRIES:
         raise TurbineDefinitionError(f"more than {_MOST_ENTRIES} entries once its aliases are written out")
+
+
+_FORMAT = 5  # raise when what is checked before a file counts as valid changes
+_KEPT = 100  # files, of some 0.5 MB each
+_log = logging.getLogger(__name__)
+
+
+def load(content: bytes) -> dict[str, Any] | None:
+    """Return what a file of this content holds, or None if it has not been read before."""
+    path = _path(content)
+    if path is None:
+        return None
+    try:
+        digest, _, text = path.read_text(encoding="utf-8").partition("\n")
+    except FileNotFoundError:
+        return None
+    except (OSError, UnicodeDecodeError) as error:
+        _log.warning("cached turbine %s is unreadable (%s); its file is read again", path, error)
+        return None
+    if digest != _digest(text):
+        _log.warning("cached turbine %s is damaged; its file is read again", path)
+        return None
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError):
+        data = None
+    if not isinstance(data, dict):
+        _log.warning("cached turbine %s holds no turbine; its file is read again", path)
+        return None
+    return data
+
+
+def store(content: bytes, data: dict[str, Any]) -> None:
+    """Keep what a file holds; without a word if JSON has no such thing, with a warning if it cannot be written."""
+    path = _path(content)
+    if path is None or not _is_plain(data):
+        return
+    try:
+        text = json.dumps(data)
+    except ValueError:  # integers of thousands of digits
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as partial:
+            partial.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
+        _prune(path.parent)
+    except OSError as error:
+        _log.warning("turbine could not be cached in %s (%s)", path.parent, error)
+
+
+def _prune(folder: Path) -> None:
+    """Remove the files that were written first beyond those that are kept."""
+    age = {}
+    for path in folder.glob("*.json"):
+        with contextlib.suppress(FileNotFoundError):  # another process may prune at the same time
+            age[path] = path.stat().st_mtime
+    for path in sorted(age, key=lambda one: age[one])[: max(len(age) - _KEPT, 0)]:
+        path.unlink(missing_ok=True)
+
+
+def _path(content: bytes) -> Path | None:
+    folder = user_cache()
+    if folder is None:
+        return None
+    try:
+        schema = version("windIO")
+    except PackageNotFoundError:
+        return None
+    digest = hashlib.sha256(content)
+    digest.update(f"\0{_FORMAT}\0{schema}".encode())
+    return folder / "turbines" / f"{digest.hexdigest()[:32]}.json"
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether JSON gives back just this: no dates, no keys but texts, no numbers that are none."""
+    if isinstance(value, dict):
+        return all(type(key) is str for key in value) and all(map(_is_plain, value.values()))
+    if isinstance(value, list):
+        return all(map(_is_plain, value))
+    if type(value) is float:
+        return math.isfinite(value)
+    return value is None or type(value) in (str, int, bool)
+
+
+SCHEMA = "turbine/turbine_schema.yaml"
+
+_ADDED = {
+    "components": ("RNA",),
+    "components.blade.structure.elastic_properties.structural_damping": ("damping_ratio",),
+    "components.tower.structure.elastic_properties.structural_damping": ("damping_ratio",),
+    "components.drivetrain.elastic_properties": ("spring_constant", "damping_coefficient", "inertia_tt"),
+    "components.yaw.elastic_properties": ("spring_constant", "damping_coefficient"),
+}
+"""Keys that this package reads in addition to the schema's, by their parent's path."""
+
+_UNCHECKED = (
+    "airfoils",  # thousands of numbers, which their reader checks one by one
+    "comments",
+    "components.blade.outer_shape.surface",
+    "components.blade.structure",
+    "components.floating_platform",
+    "components.jacket",
+    "components.monopile",
+    "components.mooring",
+    "components.drivetrain.bedplate",
+    "components.drivetrain.hss",
+    "components.drivetrain.nose",
+    "components.drivetrain.other_components",
+    "materials",
+    "outputs",
+)
+"""Parts whose values are not held against the schema: nothing is built from them, or their reader checks them."""
+
+_ALIKE = 0.8
+"""Likeness of two keys, from 0 to 1, from which one is taken for a typing error of the other."""
+
+
+@dataclass
+class ForeignKeys:
+    """Keys that windIO does not know.
+
+    Attributes
+    ----------
+    by_parent : dict
+        Key path of the mapping (``[*]`` for any entry of a list) and the foreign keys in it.
+    resembling : dict
+        Key path that windIO knows and the file lacks, and the foreign key beside it that resembles it.
+    """
+
+    by_parent: dict[str, list[str]] = field(default_factory=dict)
+    resembling: dict[str, str] = field(default_factory=dict)
+
+    def notes(self) -> list[str]:
+        """Return a sentence for every mapping with foreign keys."""
+        sentences = []
+        for parent, keys in self.by_parent.items():
+            where = parent or "top level"
+            found = {known.removeprefix(f"{parent}.") if parent else known: key
+                     for known, key in self.resembling.items() if known.rpartition(".")[0] == parent}  # fmt: skip
+            alike = "".join(f"; {key} resembles {known}, which is missing" for known, key in found.items())
+            sentences.append(f"{where}: keys that windIO does not know are left aside: {', '.join(keys)}{alike}")
+        return sentences
+
+
+def take_out_foreign_keys(data: dict[str, Any]) -> ForeignKeys:
+    """Remove the keys that windIO's schema does not know from the content of a file, in place."""
+    found = ForeignKeys()
+    _scan(data, _schema(), "", found)
+    return found
+
+
+def check_values(data: dict[str, Any]) -> None:
+    """Hold the values of the parts that a turbine is built from against windIO's schema."""
+    from jsonschema import Draft7Validator
+
+    checked = _without(data, "")
+    errors = sorted(Draft7Validator(_optional(_schema())).iter_errors(checked), key=lambda error: error.json_path)
+    if not errors:
+        return
+    path, message = errors[0].json_path.removeprefix("$").lstrip("."), errors[0].message
+    if len(message) > 300:
+        # The offending value comes first and may be a whole table; what is allowed stands at the end.
+        message = f"{message[:100]} ... {message[-180:]}"
+    more = f" (and {len(errors) - 1} more violations of the schema)" if len(errors) > 1 else ""
+    raise TurbineDefinitionError(f"{path or 'top level'}: {message}{more}")
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    # windIO pulls in xarray and netCDF4, most of a second: only those who read a new file pay for it.
+    import windIO
+    from windIO.schemas import schemaPath
+
+    out: dict[str, Any] = windIO.load_yaml(schemaPath / SCHEMA)
+    return out
+
+
+def _optional(schema: Any) -> Any:
+    """Return a schema that requires no keys, without its name, by which references would be looked up elsewhere."""
+    if isinstance(schema, dict):
+        return {
+            key: _optional(value)
+            for key, value in schema.items()
+            if not (key == "required" and isinstance(value, list)) and key != "$id"
+        }
+    return [_optional(value) for value in schema] if isinstance(schema, list) else schema
+
+
+def _without(value: Any, path: str) -> Any:
+    """Return a copy of the nested mappings without the parts that are not checked and without empty entries."""
+    if not isinstance(value, dict):
+        return value
+    places = {key: f"{path}.{key}" if path else str(key) for key in value}
+    return {
+        key: _without(entry, places[key])
+        for key, entry in value.items()
+        if places[key] not in _UNCHECKED and entry is not None
+    }
+
+
+def _alternatives(schema: Any) -> list[dict[str, Any]]:
+    """Return the schemas that describe a value: the one given, or the alternatives that it names."""
+    if not isinstance(schema, dict):
+        return []
+    if "$ref" in schema:
+        target: Any = _schema()
+        for part in schema["$ref"].removeprefix("#/").split("/"):
+            target = target[part]
+        return _alternatives(target)
+    found = [schema] if "properties" in schema or "items" in schema else []
+    for key in ("oneOf", "anyOf", "allOf"):
+        for option in schema.get(key, ()):
+            found += _alternatives(option)
+    return found
+
+
+def _scan(value: Any, schema: Any, path: str, found: ForeignKeys) -> None:
+    options = _alternatives(schema)
+    if isinstance(value, list):
+        items = [option["items"] for option in options if isinstance(option.get("items"), dict)]
+        if items and any(isinstance(entry, (dict, list)) for entry in value):
+            for entry in value:
+                _scan(entry, {"anyOf": items}, f"{path}[*]", found)
+        return
+    known: dict[str, list[Any]] = {}
+    # Where windIO admits keys of others, they stay unnamed unless they look like typing errors.
+    open_to_others = any(option.get("additionalProperties") is True for option in options)
+    for option in options:
+        for key, part in option.get("properties", {}).items():
+            known.setdefault(key, []).append(part)
+    if not isinstance(value, dict) or not known:
+        return
+    for key in _ADDED.get(path, ()):
+        known[key] = [{}]
+    foreign = [key for key in value if key not in known]
+    for key in foreign:
+        missing = [name for name in known if value.get(name) is None]
+        alike = difflib.get_close_matches(str(key), missing, 1, _ALIKE)
+        for name in alike:
+            found.resembling[f"{path}.{name}" if path else name] = str(key)
+        if alike or not open_to_others:
+            keys = found.by_parent.setdefault(path, [])
+            if str(key) not in keys:
+                keys.append(str(key))
+        del value[key]
+    for key, entry in value.items():
+        _scan(entry, {"anyOf": known[key]}, f"{path}.{key}" if path else str(key), found)

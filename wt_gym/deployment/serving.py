@@ -1,38 +1,134 @@
-"""An agent of residual actions behind ROSCO's interface: readings in, offsets on the pitch of each blade out."""
+"""What a name on the command line of the server means.
+
+An agent of residual actions behind ROSCO's interface: readings in, offsets on the pitch of each blade out.
+
+A class of the user that gives set points, as users of ROSCO write them for its server.
+
+Which agents ROSCO's interface has room for: what it sends of what they observe, what it takes of what they do.
+
+The time of messages whose times have seven digits: exact where they come at even intervals.
+"""
 
 from __future__ import annotations
 
 import logging
 import math
 import re
-from typing import TYPE_CHECKING, Any
+from dataclasses import astuple, fields
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from wt_gym.base.errors import ActionError
-from wt_gym.bridges.rosco import Message, SetPoints
-from wt_gym.bridges.rosco.messages import FIRST_CALL
+from wt_gym.base.errors import ActionError, ControllerError
+from wt_gym.bridges.rosco import FIRST_CALL, MOST_BLADES, READINGS, SET_POINTS, Message, SetPoints
 from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.coleman import harmonic_of_blades, to_blades
+from wt_gym.control.controllers.own_class import load_class
 from wt_gym.control.residual import ResidualPitch
-from wt_gym.deployment.serving.clock import MessageClock
-from wt_gym.deployment.serving.expressible import check_expressible
 from wt_gym.envs.observations import RESIDUAL_GROUPS, Observer
+from wt_gym.envs.options.environment import flat_arguments, registered_arguments
 from wt_gym.envs.readers import ObservationContext
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.experiment.names import env_choices_of, read_name
+from wt_gym.experiment.pool import load_agent, load_model
+from wt_gym.experiment.trained_environment import training_arguments
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.drivetrain.drives import pitch_delay
+from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
+    from wt_gym.bridges.rosco import Answers
+    from wt_gym.control.controllers import Name
     from wt_gym.envs.episode import Agent
-    from wt_gym.envs.turbine_env import WindTurbineEnv
+    from wt_gym.envs.layout import EnvLayout
 
-__all__ = ["ServedAgent"]
+__all__ = ["OwnSetPoints", "ServedAgent", "answers_of", "check_expressible"]
 
 _log = logging.getLogger(__name__)
+_NOT_RUN = {
+    "controller": "discon", "start": "steady", "sensor_noise": 0.0, "relative_reward": False, "episode_length": None,
+}  # fmt: skip
+"""Of an environment that tells what an agent sees and does, but is not run: ROSCO is its base controller."""
+
+_OF_THE_CONTROLLER = ("disturbance_", "linear_pitch_", "model_", "dead_band_")
+"""Beginnings of the names of channels that a base controller knows and ROSCO does not."""
+
+
+def answers_of(
+    choice: str, env_id: str | None = None, turbine: str | None = None, lead: float | None = None
+) -> Answers:
+    """What answers turbines under ROSCO.
+
+    Parameters
+    ----------
+    choice : str
+        A trained agent, a class of yours with ``predict`` or with ``update_setpoints``, ``"zero"`` or ``"random"``.
+    env_id : str, optional
+        Environment of a class or word, by default `DEFAULT_ENV`; that of a trained agent is the one of its training.
+    turbine : str, optional
+        Of a class or word.
+    lead : float, optional
+        As of `ServedAgent`.
+
+    Raises
+    ------
+    wt_gym.base.errors.ControllerError
+        For a controller, or an agent for which ROSCO's interface has no room.
+    ValueError
+        If there is no such agent, or an environment is given to one that has its own.
+    """
+    name = read_name(choice)
+    if name.kind == "trained":
+        if env_id is not None or turbine is not None:
+            raise ValueError("environment and turbine are those of the agent's training; they must be left out")
+        return _trained(name, lead)
+    if name.kind == "class":
+        maker = load_class(name.target)
+        if callable(getattr(maker, "update_setpoints", None)):
+            return OwnSetPoints(lambda: maker(**name.parameters))
+        if not callable(getattr(maker, "predict", None)):
+            raise ControllerError(
+                f"a class that is served must have predict, of an agent, or update_setpoints, got {name.target}"
+            )
+    elif name.kind == "controller":
+        raise ControllerError(
+            f"ROSCO's interface takes offsets on ROSCO's own demands; the controller {name.text} gives the demands "
+            "themselves. What is served must be an agent of residual actions, or a class with update_setpoints"
+        )
+    given: dict[str, Any] = {} if turbine is None else {"turbine": turbine}
+    if name.kind == "word":  # which looks at nothing
+        given |= {"observation": ["rotor_speed"], "action_components": ["pitch"], "residual_fade": False}
+    env = _environment(registered_arguments(env_id or DEFAULT_ENV, given | env_choices_of(choice)))
+    return ServedAgent(lambda: load_agent(choice, env.layout), env, lead)
+
+
+def _environment(arguments: Mapping[str, Any]) -> WindTurbineEnv:
+    flat = flat_arguments(arguments)
+    base = flat.get("controller", "discon")
+    _log.info("ROSCO is the base controller; in the agent's environment it is %s", base)
+    return WindTurbineEnv(**(flat | _NOT_RUN))
+
+
+def _trained(name: Name, lead: float | None) -> ServedAgent:
+    from wt_gym.experiment.trained_agent import model_card  # torch takes seconds to import
+
+    agent = load_model(name)
+    card = model_card(name.target, name.parameters.get("env")).get("env_kwargs", {})
+    inside = [seen for seen in (agent.record or {}).get("observation", ()) if str(seen).startswith(_OF_THE_CONTROLLER)]
+    if inside:
+        raise ControllerError(
+            f"the agent must see what ROSCO sends, got {', '.join(inside[:3])} and the like, which its own base "
+            "controller knows; export it instead (wt-gym export), with that controller"
+        )
+    env = _environment(training_arguments(agent.record, card, name.target))
+    agent.enter(env.layout)
+    return ServedAgent(lambda: agent, env, lead)
+
+
 _LONGEST_GAP = 10.0
 """Gap between messages, in control steps, after which an agent begins afresh."""
 
@@ -137,8 +233,6 @@ class _Turbine:
     ----------
     message : Message
         The first one.
-    agent : Agent
-    env : WindTurbineEnv
     lead : float, optional
         See `ServedAgent`.
     """
@@ -285,3 +379,171 @@ class _Turbine:
             offsets *= self._n_blades
         first, second, third = [*offsets, 0.0, 0.0][:3]
         return SetPoints(pitch_offset_1=first, pitch_offset_2=second, pitch_offset_3=third)
+
+
+_DEGREES = tuple(field.name for field in (*READINGS, *SET_POINTS) if field.unit == "deg")
+
+
+class GivesSetPoints(Protocol):
+    """What ROSCO's server takes as a wind-farm controller."""
+
+    def update_setpoints(
+        self, turbine_id: int, current_time: float, measurements: Mapping[str, float], /
+    ) -> Mapping[str, float]:
+        """Set points by ROSCO's names and in its units from readings by its names; what is left out is neutral."""
+        ...
+
+
+def readings_by_name(message: Message) -> dict[str, float]:
+    """Readings by ROSCO's names and in its units."""
+    values: list[float] = []
+    for value in astuple(message):
+        values += value if isinstance(value, tuple) else [value]
+    named = {field.name: float(value) for field, value in zip(READINGS, values, strict=True)}
+    return named | {name: math.degrees(named[name]) for name in _DEGREES if name in named}
+
+
+class OwnSetPoints:
+    """Set points of a class with ``update_setpoints(id, time, measurements)``, one object for all turbines.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the object.
+
+    Raises
+    ------
+    wt_gym.base.errors.ControllerError
+        If it has no such method.
+    """
+
+    def __init__(self, make: Callable[[], Any]):
+        self._own: GivesSetPoints = make()
+        if not callable(getattr(self._own, "update_setpoints", None)):
+            raise ControllerError(f"{self._own!r} must have update_setpoints(id, time, measurements)")
+
+    def answer(self, message: Message) -> SetPoints:
+        """Set points for a turbine from its readings.
+
+        Raises
+        ------
+        wt_gym.base.errors.ControllerError
+            If one has another name, or is not finite.
+        """
+        given = self._own.update_setpoints(message.turbine_id, message.time, readings_by_name(message))
+        names = {field.name: own.name for field, own in zip(SET_POINTS, fields(SetPoints), strict=True)}
+        if unknown := [name for name in given if name not in names]:
+            raise ControllerError(f"set points must be among {', '.join(names)}, got {', '.join(unknown)}")
+        if wrong := [f"{name} = {value!r}" for name, value in given.items() if not math.isfinite(value)]:
+            raise ControllerError(f"set points must be finite, got {', '.join(wrong)}")
+        return SetPoints(**{names[k]: math.radians(v) if k in _DEGREES else float(v) for k, v in given.items()})
+
+    def forget(self, turbine_id: int) -> None:
+        """Turbines are remembered by the object alone."""
+
+
+SENT = (
+    "rotor_speed", "generator_speed", "generator_power", "generator_torque", "wind_speed", "yaw_error", "azimuth_sin",
+    "azimuth_cos", "nacelle_acceleration_fore_aft",
+    *(f"root_out_of_plane_moment_{part}" for part in (1, 2, 3, "mean", "tilt", "yaw")),
+)  # fmt: skip
+"""Channels that are among the readings, or follow from them."""
+_OWN = re.compile(r"pitch_offset_\d|residual_mean|previous_.+")
+"""Channels of what the agent itself asked for."""
+
+
+def missing_channels(layout: EnvLayout) -> list[str]:
+    """Channels of an observation that ROSCO does not send, each once, whatever its age."""
+    names = dict.fromkeys(name.partition("@")[0] for name in layout.observation.names)
+    return [name for name in names if name not in SENT and not _OWN.fullmatch(name)]
+
+
+def check_expressible(env: WindTurbineEnv) -> None:
+    """Refuse what cannot act through ROSCO's interface.
+
+    Parameters
+    ----------
+    env : WindTurbineEnv
+        That an agent acts in.
+
+    Raises
+    ------
+    wt_gym.base.errors.ControllerError
+        With all reasons.
+    """
+    layout, action, reasons = env.layout, env.layout.action, []
+    if layout.turbine.n_blades > MOST_BLADES:
+        reasons.append(f"it has set points for at most {MOST_BLADES} blades, the turbine has {layout.turbine.n_blades}")
+    if action.mode != "residual":
+        reasons.append(
+            f"it takes offsets on its own demands: action_mode must be 'residual', got {action.mode!r} actions, which "
+            "are the demands themselves"
+        )
+    if "yaw" in action.components:
+        reasons.append("it takes an offset of the yaw error and no yaw rate: action_components must leave out 'yaw'")
+    if "torque" in action.components:
+        reasons.append(
+            "it takes a torque offset, but version 2.10 does not apply it: action_components must leave out 'torque'"
+        )
+    if action.mode == "residual" and env.operation.residual is not None and env.operation.residual.fades:
+        reasons.append("it does not send the pitch, by which residual_fade fades the offsets: it must be False")
+    if missing := missing_channels(layout):
+        reasons.append(
+            f"of the observation it does not send {', '.join(missing)}; what follows from its {len(READINGS)} readings "
+            f"is {', '.join(SENT)}"
+        )
+    if reasons:
+        raise ControllerError(f"ROSCO's interface cannot serve this agent: {'; '.join(reasons)}")
+
+
+_EVEN = 0.05
+"""By which share an interval may differ from the one before and still be the same."""
+
+
+def rounding(time: float) -> float:
+    """Greatest error of a time as ROSCO writes it, half a unit of its seventh digit [s]."""
+    return 0.5 * 10.0 ** (math.floor(math.log10(abs(time))) - 6) if time else 0.0
+
+
+class MessageClock:
+    """Time and interval of messages.
+
+    Parameters
+    ----------
+    time : float
+        Of the first message [s].
+
+    Attributes
+    ----------
+    time : float
+        Of the last message [s].
+    interval : float or None
+        Between messages [s]; None before the second one.
+    """
+
+    def __init__(self, time: float):
+        self.time = self._begin = time
+        self.interval: float | None = None
+        self._count = 0
+
+    def continues(self, time: float, longest: float) -> bool:
+        """Whether a time lies behind the last one by at most so much [s], as far as its digits tell."""
+        return (
+            -2.0 * rounding(time)
+            <= time - self.time
+            <= max(longest, 10.0 * (self.interval or 0.0)) + 2.0 * rounding(time)
+        )
+
+    def tick(self, time: float) -> bool:
+        """Take the time of a message; whether the interval is a new one."""
+        elapsed = time - self.time
+        if self.interval is not None and abs(elapsed - self.interval) <= _EVEN * self.interval + 2.0 * rounding(time):
+            self._count += 1
+            if abs(self._begin + self._count * self.interval - time) > rounding(time) + rounding(self._begin):
+                self.interval = (time - self._begin) / self._count  # which more messages tell more exactly
+            self.time = self._begin + self._count * self.interval
+            return False
+        if elapsed <= 2.0 * rounding(time):  # the same message again
+            return False
+        self.interval, self._begin, self._count, self.time = elapsed, self.time, 1, time
+        return True

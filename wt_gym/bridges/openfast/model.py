@@ -3,30 +3,38 @@
 The files are written from tables of their keywords. The PyPI package ``openfast_io`` does not serve here: its writer
 puts out what its reader has read, needs the several hundred entries of a whole model for it, and makes neither mode
 shapes nor tables of sections and polars from the numbers of a turbine, which is all the work there is.
+
+Blade and tower of a turbine as ElastoDyn has them: beams that bend in two planes and do nothing else.
+
+Mode shapes of ElastoDyn: polynomials that vanish with their slope at the clamped end and are one at the free end.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import eigh
 
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.bridges.openfast.input_text import plain_line, write_lines
-from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
-from wt_gym.turbines.mirror import clockwise_image
+from wt_gym.turbines.variants import clockwise_image
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
-    from wt_gym.turbines import Polar, Turbine
+    from wt_gym.turbines import BeamStations, Polar, Turbine
 
-__all__ = ["PRIMARY", "steps_of", "time_step_of", "write_inflow", "write_model"]
+__all__ = [
+    "POWERS", "PRIMARY", "TopBody", "bending_shapes", "blade_sections", "steps_of", "time_step_of", "tower_sections",
+    "write_model",
+]  # fmt: skip
 
 PRIMARY = "turbine.fst"
 """Name of the primary file of a model that is written here."""
@@ -79,7 +87,6 @@ def write_model(turbine: Turbine, folder: str | Path) -> Path:
 
     Parameters
     ----------
-    turbine : Turbine
     folder : str or Path
         Made if it is not there; files of the same names in it are replaced.
 
@@ -404,7 +411,6 @@ def write_inflow(path: Path, changes: Mapping[str, object]) -> None:
 
     Parameters
     ----------
-    path : Path
     changes : mapping
         Values of keywords in place of the usual ones.
     """
@@ -481,3 +487,246 @@ def _row(values: Iterable[float]) -> str:
 
 def _shape(name: str, coefficients: np.ndarray) -> list[tuple[str, object]]:
     return [(f"{name}({power})", float(value)) for power, value in zip(range(2, 7), coefficients, strict=True)]
+
+
+_EVEN = 0.02
+"""Difference of both bending stiffnesses, over their mean, below which a section has no axes of its own."""
+_MOST_STATIONS = 60
+
+
+@dataclass(frozen=True)
+class BladeSections:
+    """ElastoDyn's blade.
+
+    Attributes
+    ----------
+    fraction : ndarray (n,)
+        Along the blade, from 0 to 1 (BlFract).
+    twist : ndarray (n,)
+        Of the axes of bending [rad] (StrcTwst).
+    mass, flap, edge : ndarray (n,)
+        [kg/m], [N m²], [N m²].
+    flap_shapes : ndarray (2, 5)
+    edge_shape : ndarray (5,)
+    frequencies : ndarray (3,)
+        Flap 1, flap 2, edge 1 of the blade without twist, turning at rated speed [Hz].
+    """
+
+    fraction: NDArray[np.float64]
+    twist: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    flap: NDArray[np.float64]
+    edge: NDArray[np.float64]
+    flap_shapes: NDArray[np.float64]
+    edge_shape: NDArray[np.float64]
+    frequencies: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TowerSections:
+    """ElastoDyn's tower.
+
+    Attributes
+    ----------
+    fraction : ndarray (n,)
+        From the base to the top, 0 to 1 (HtFract).
+    mass, fore_aft, side_side : ndarray (n,)
+        [kg/m], [N m²], [N m²].
+    fore_aft_shapes, side_side_shapes : ndarray (2, 5)
+    frequencies : ndarray (4,)
+        Fore-aft 1, 2 and side-side 1, 2 under a rigid rotor and nacelle [Hz].
+    """
+
+    fraction: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    fore_aft: NDArray[np.float64]
+    side_side: NDArray[np.float64]
+    fore_aft_shapes: NDArray[np.float64]
+    side_side_shapes: NDArray[np.float64]
+    frequencies: NDArray[np.float64]
+
+
+def blade_sections(turbine: Turbine) -> BladeSections:
+    """Sections and mode shapes of the blade.
+
+    The bending stiffness is that of a section on which neither an axial force nor a torque acts; its principal axes
+    give the structural twist. Mass and stiffness of a curved blade are laid out along z: the mass is kept, the twist
+    and the offsets of the centers of mass are lost.
+    """
+    blade = turbine.blade
+    z = _thinned(np.interp(blade.structure.station, blade.axis_station, blade.axis[:, 2]), blade.length)
+    station = np.interp(z, blade.axis[:, 2], blade.axis_station)
+    stretch = np.gradient(station, z)
+    mass = blade.structure.inertia_at(station)[:, 0, 0] * stretch
+    flap, edge, twist = _principal(bending_matrices(blade.structure, station), blade.twist_at(z))
+    radius, speed = turbine.hub.radius + z, turbine.drivetrain.rated_rotor_speed
+    outboard = _from_the_end(z, mass * radius)
+    shapes, flaps = bending_shapes(z, mass, flap, 2, pull=speed**2 * outboard)
+    edges, edge_1 = bending_shapes(z, mass, edge, 1, pull=speed**2 * outboard)
+    in_plane = np.sqrt(max(edge_1[0] ** 2 - (speed / (2.0 * np.pi)) ** 2, 0.0))  # the centrifugal force softens it
+    return BladeSections(z / blade.length, twist, mass, flap, edge, shapes, edges[0], np.array([*flaps, in_plane]))
+
+
+def tower_sections(turbine: Turbine) -> TowerSections:
+    """Sections and mode shapes of the tower, under the weight of what stands on it.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the tower stands on a monopile, for which ElastoDyn alone has no model.
+    """
+    tower = turbine.tower
+    if tower.support is not None:
+        raise TurbineDefinitionError(
+            f"{turbine.name}: the tower stands on a monopile; a model is written for towers clamped at their base, "
+            "give a model of your own (model='turbine.fst')"
+        )
+    station = _thinned(tower.structure.station, tower.length)
+    mass = tower.structure.inertia_at(station)[:, 0, 0]
+    bending = bending_matrices(tower.structure, station)
+    fore_aft, side_side = bending[:, 1, 1], bending[:, 0, 0]
+    body = _top_body(turbine)
+    weight = GRAVITY * (body.mass + _from_the_end(station, mass))
+    first, slow = bending_shapes(station, mass, fore_aft, 2, pull=-weight, top=body)
+    second, slower = bending_shapes(station, mass, side_side, 2, pull=-weight, top=body)
+    frequencies = np.concatenate([slow, slower])
+    return TowerSections(station / tower.length, mass, fore_aft, side_side, first, second, frequencies)
+
+
+def bending_matrices(structure: BeamStations, station: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Stiffness (n, 2, 2) against curvatures about x and y of sections without axial force and torque [N m²]."""
+    stiffness = structure.stiffness_at(station)
+    if structure.shear_rigid:
+        return np.linalg.inv(np.linalg.inv(stiffness[:, 2:, 2:])[:, 1:3, 1:3])
+    return np.linalg.inv(np.linalg.inv(stiffness)[:, 3:5, 3:5])
+
+
+def _principal(
+    bending: NDArray[np.float64], along: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Flapwise and edgewise stiffness and the angle of their axes, the one next to the twist of the chord."""
+    xx, xy, yy = bending[:, 0, 0], bending[:, 0, 1], bending[:, 1, 1]
+    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    size = np.hypot(half, xy)
+    angle = -0.5 * np.arctan2(xy, half)  # of the stiffer axis from x, counted as twist: clockwise about z
+    twist = along + (angle - along + np.pi / 4) % (np.pi / 2) - np.pi / 4
+    even = size < 0.5 * _EVEN * mean
+    twist = np.where(even, along, twist)
+    # the matrix in axes turned by minus the twist
+    edge = mean + half * np.cos(2.0 * twist) - xy * np.sin(2.0 * twist)
+    flap = 2.0 * mean - edge
+    return flap, edge, twist
+
+
+def _top_body(turbine: Turbine) -> TopBody:
+    """Rotor and nacelle as one rigid body on the tower."""
+    nacelle, hub, n = turbine.nacelle, turbine.hub, turbine.n_blades
+    m0, m1, m2 = (turbine.blade.structure.mass_moment(k) for k in range(3))
+    radius = hub.radius
+    rotor = n * m0 + hub.mass
+    shaft = nacelle.tower_top_to_shaft + nacelle.overhang * np.sin(nacelle.tilt)
+    disc = 0.5 * n * (m2 + 2.0 * radius * m1 + radius**2 * m0) + hub.inertia_transverse
+    mass = rotor + nacelle.mass + nacelle.yaw_bearing_mass
+    height = (rotor * shaft + nacelle.mass * nacelle.cm[2]) / mass
+    about = disc + rotor * (shaft - height) ** 2 + nacelle.inertia[1, 1]
+    about += nacelle.mass * (nacelle.cm[2] - height) ** 2 + nacelle.yaw_bearing_mass * height**2
+    return TopBody(float(mass), float(height), float(about))
+
+
+def _from_the_end(x: NDArray[np.float64], density: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Integral of a density from each point to the end, exact for one that is linear between the points."""
+    parts = 0.5 * (density[1:] + density[:-1]) * np.diff(x)
+    return np.append(np.cumsum(parts[::-1])[::-1], 0.0)
+
+
+def _thinned(points: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    """Stations of a table, no more than ElastoDyn's tables comfortably hold, from 0 to the length."""
+    points = np.unique(np.round(points, 9))
+    if points.size > _MOST_STATIONS:
+        points = np.linspace(0.0, length, _MOST_STATIONS)
+    points[0], points[-1] = 0.0, length
+    return points
+
+
+POWERS = np.arange(2, 7)
+"""Powers of the relative height in ElastoDyn's shapes."""
+_POINTS = 2000
+
+
+class TopBody:
+    """Rigid body on the free end of a beam.
+
+    Parameters
+    ----------
+    mass : float
+        [kg].
+    height : float
+        Of its center of mass above the end of the beam [m].
+    inertia : float
+        About the axis of bending through the center of mass [kg m²].
+    """
+
+    def __init__(self, mass: float, height: float, inertia: float):
+        self.mass, self.height, self.inertia = mass, height, inertia
+
+
+def bending_shapes(
+    station: ArrayLike,
+    mass: ArrayLike,
+    stiffness: ArrayLike,
+    count: int,
+    *,
+    pull: ArrayLike | None = None,
+    top: TopBody | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest modes of a clamped Euler-Bernoulli beam in the space of ElastoDyn's polynomials.
+
+    The modes are those of the Rayleigh-Ritz method with the functions x², …, x⁶, x = s/L: the best that ElastoDyn can
+    represent, so that no fit follows. With the axial force N its potential is ½ ∫ (EI w''² + N w'²) ds.
+
+    Parameters
+    ----------
+    station : array (n,)
+        Distance from the clamped end [m], from 0 on; properties are linear between.
+    mass : array (n,)
+        Per length [kg/m].
+    stiffness : array (n,)
+        Bending stiffness [N m²].
+    count : int
+        Modes, at most five.
+    pull : array (n,), optional
+        Axial force [N], positive in tension.
+
+    Returns
+    -------
+    shapes : ndarray (count, 5)
+        Coefficients of x², …, x⁶, with sum one.
+    frequencies : ndarray (count,)
+        [Hz].
+    """
+    station = np.asarray(station, dtype=float)
+    length = station[-1]
+    edges = np.linspace(0.0, 1.0, _POINTS + 1)
+    x, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+    density, rigidity = (
+        np.interp(x * length, station, np.asarray(values, dtype=float)) for values in (mass, stiffness)
+    )
+    value = x[:, None] ** POWERS
+    slope = POWERS * x[:, None] ** (POWERS - 1) / length
+    curvature = POWERS * (POWERS - 1) * x[:, None] ** (POWERS - 2) / length**2
+    inertia = _product(value, density * width * length)
+    spring = _product(curvature, rigidity * width * length)
+    if pull is not None:
+        spring += _product(slope, np.interp(x * length, station, np.asarray(pull, dtype=float)) * width * length)
+    if top is not None:
+        turn = POWERS / length
+        move = 1.0 + top.height * turn
+        inertia += top.mass * np.outer(move, move) + top.inertia * np.outer(turn, turn)
+    squares, vectors = eigh(spring, inertia)
+    shapes = vectors[:, :count].T
+    return shapes / shapes.sum(axis=1, keepdims=True), np.sqrt(np.maximum(squares[:count], 0.0)) / (2.0 * np.pi)
+
+
+def _product(functions: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Integrals of the products of functions (n_points, n) with weights (n_points,)."""
+    return functions.T @ (weight[:, None] * functions)
