@@ -52,8 +52,9 @@ from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.clearance import unloaded_clearance
 from wt_gym.turbines.mirror import mirrored
 from wt_gym.turbines.openfast import read_openfast
-from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, bts
-from wt_gym.wind.turning import TurningInflow
+from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind.files import BtsContent, read_bts
+from wt_gym.wind.inflow import TurningInflow
 
 
 def has_compiler():
@@ -242,7 +243,7 @@ class TestWind:
         wind = TurbulentInflow(box, SteadyInflow(14.0, 90.0, shear_exponent=0.2), time_offset=offset)
         file = InputFile(write_wind(wind, turbine, tmp_path, 600.0))
         assert file.number("WindType") == 3
-        read = TurbulentInflow(TurbulenceBox.from_bts(tmp_path / "wind.bts"))
+        read = TurbulentInflow(read_bts(tmp_path / "wind.bts"))
         assert read.box.periodic
         hub = np.array([[0.0, 0.0, 90.0], [-5.0, 0.0, 90.0], [0.0, box.spacing_y, 90.0 + box.spacing_z]])
         times = np.arange(1.0, 130.0, 0.37)
@@ -278,8 +279,8 @@ class TestWind:
 
     def test_written_and_read_are_the_same(self, turbine, tmp_path):
         content = sampled(SteadyInflow(12.0, 90.0, veer=-0.002), turbine, 600.0)
-        bts.write(tmp_path / "a.bts", content)
-        np.testing.assert_allclose(bts.read(tmp_path / "a.bts").grid, content.grid, atol=1e-3)
+        content.write(tmp_path / "a.bts")
+        np.testing.assert_allclose(BtsContent.read(tmp_path / "a.bts").grid, content.grid, atol=1e-3)
 
 
 class TestPitchPath:

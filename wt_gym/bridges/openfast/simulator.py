@@ -30,8 +30,8 @@ from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
 from wt_gym.turbines.mirror import clockwise_image
 from wt_gym.wind import MirroredInflow
-from wt_gym.wind.described import is_described, wind_from
-from wt_gym.wind.protocol import require_cover
+from wt_gym.wind.files import is_described, wind_from
+from wt_gym.wind.inflow import require_cover
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -12,7 +12,7 @@ from wt_gym.bridges.openfast.mode_shapes import POWERS
 from wt_gym.bridges.openfast.run_folder import RunStart
 from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
-from wt_gym.wind.protocol import start_speed
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -27,7 +27,7 @@ from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.experiment.pool import load_model
 from wt_gym.runs.playing import play
-from wt_gym.wind.protocol import start_speed
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -23,7 +23,7 @@ from wt_gym.experiment.pool import load_model
 from wt_gym.experiment.trained_agent import model_card
 from wt_gym.experiment.trained_environment import training_arguments
 from wt_gym.tasks import DEFAULT_ENV
-from wt_gym.wind.protocol import start_speed
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
