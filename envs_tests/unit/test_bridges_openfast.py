@@ -49,8 +49,9 @@ from wt_gym.turbines import PitchSystem, catalogue, load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.openfast import read_openfast
 from wt_gym.turbines.variants import mirrored, unloaded_clearance
-from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, bts
-from wt_gym.wind.turning import TurningInflow
+from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind.files import BtsContent
+from wt_gym.wind.inflow import TurningInflow
 
 
 def has_compiler():
@@ -275,8 +276,8 @@ class TestWind:
 
     def test_written_and_read_are_the_same(self, turbine, tmp_path):
         content = sampled(SteadyInflow(12.0, 90.0, veer=-0.002), turbine, 600.0)
-        bts.write(tmp_path / "a.bts", content)
-        np.testing.assert_allclose(bts.read(tmp_path / "a.bts").grid, content.grid, atol=1e-3)
+        content.write(tmp_path / "a.bts")
+        np.testing.assert_allclose(BtsContent.read(tmp_path / "a.bts").grid, content.grid, atol=1e-3)
 
 
 class TestPitchPath:

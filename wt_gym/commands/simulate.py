@@ -162,7 +162,7 @@ def steady_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> 
 def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Inflow:
     """Wind of the options: of a speed [m/s], or of a description."""
     from wt_gym.wind import TurbulenceBox, TurbulentInflow, wind_from
-    from wt_gym.wind.protocol import require_cover
+    from wt_gym.wind.inflow import require_cover
 
     if not isinstance(speed, float):
         inflow = wind_from(speed, turbine.hub_height, turbine.rotor_diameter)

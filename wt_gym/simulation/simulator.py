@@ -30,8 +30,8 @@ from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.variants import clockwise_image, with_generator
 from wt_gym.wind import MirroredInflow
-from wt_gym.wind.described import is_described, wind_from
-from wt_gym.wind.protocol import require_cover
+from wt_gym.wind.files import is_described, wind_from
+from wt_gym.wind.inflow import require_cover
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -62,7 +62,7 @@ class Simulator:
     turbine : str, path or Turbine
         Name in the catalogue, path of a windIO file or OpenFAST model (.fst), or a turbine.
     inflow : Inflow, path or mapping
-        Undisturbed wind, or what describes it (`wt_gym.wind.described`). A turbulence box must reach around the rotor.
+        Undisturbed wind, or what describes it (`wt_gym.wind.files`). A turbulence box must reach around the rotor.
     fidelity : str or Fidelity, optional
         "training", "engineering", "reference" or another of `FIDELITIES`, or one of your own; by default
         "training-torsion" where the blades twist, else "training" (`wt_gym.simulation.tip_twist`).

@@ -29,8 +29,8 @@ from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.variants import clockwise_image, with_generator
 from wt_gym.wind import MirroredInflow
-from wt_gym.wind.described import is_described, wind_from
-from wt_gym.wind.protocol import require_cover
+from wt_gym.wind.files import is_described, wind_from
+from wt_gym.wind.inflow import require_cover
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

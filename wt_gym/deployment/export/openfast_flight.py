@@ -42,7 +42,7 @@ from wt_gym.experiment.trained_agent import model_card
 from wt_gym.experiment.trained_environment import training_arguments
 from wt_gym.runs.playing import play
 from wt_gym.tasks import DEFAULT_ENV
-from wt_gym.wind.protocol import start_speed
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

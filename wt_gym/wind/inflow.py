@@ -1,31 +1,19 @@
-"""What every inflow offers: the undisturbed wind at any points and time."""
+"""The contract of an inflow, the undisturbed wind at any points and time, and inflows made of another one."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import InflowError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-__all__ = [
-    "Inflow",
-    "PointInflow",
-    "WrappedInflow",
-    "fill_velocity",
-    "read_only",
-    "require_cover",
-    "require_number",
-    "start_speed",
-    "velocity_ahead",
-]
+from wt_gym.base.types import Array
 
 _N_RINGS = 8
 _N_AZIMUTHS = 24
@@ -47,7 +35,7 @@ class Inflow(Protocol):
     def description(self) -> str:
         """One line that tells a person what wind this is."""
 
-    def velocity(self, points: NDArray[np.float64], time: float) -> NDArray[np.float64]:
+    def velocity(self, points: Array, time: float) -> Array:
         """Wind velocity [m/s], shape (..., 3), at points [m] of shape (..., 3), to be read only, and a time [s]."""
 
 
@@ -65,9 +53,9 @@ class PointInflow:
         @property
         def description(self) -> str: ...
 
-        def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int: ...
+        def _fill(self, rows: Array, time: float, out: Array) -> int: ...
 
-    def velocity(self, points: ArrayLike, time: float) -> NDArray[np.float64]:
+    def velocity(self, points: ArrayLike, time: float) -> Array:
         """Undisturbed wind velocity at points and a time.
 
         Parameters
@@ -93,7 +81,7 @@ class PointInflow:
         _require_finite(self._fill(rows, time, out), rows)
         return out.reshape(positions.shape)
 
-    def fill_velocity(self, points: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> None:
+    def fill_velocity(self, points: Array, time: float, out: Array) -> None:
         """`velocity` for those who ask in every step, without new arrays or checks of shapes.
 
         Parameters
@@ -112,9 +100,7 @@ class PointInflow:
         """
         _require_finite(self._fill(points, time, out), points)
 
-    def velocity_ahead(
-        self, points: NDArray[np.float64], time: float, distances: Sequence[float]
-    ) -> NDArray[np.float64]:
+    def velocity_ahead(self, points: Array, time: float, distances: Sequence[float]) -> Array:
         """Wind where a lidar sees it: unlike in `velocity`, turbulence changes on its way from there to the rotor.
 
         Parameters
@@ -146,9 +132,7 @@ class PointInflow:
         _require_finite(bad, positions.reshape(-1, 3))
         return out
 
-    def _fill_ahead(
-        self, gates: NDArray[np.float64], time: float, distances: tuple[float, ...], out: NDArray[np.float64]
-    ) -> int:
+    def _fill_ahead(self, gates: Array, time: float, distances: tuple[float, ...], out: Array) -> int:
         """Fill in the wind at points ahead; that of an inflow that does not change on its way."""
         return self._fill(read_only(gates.reshape(-1, 3)), time, out.reshape(-1, 3))
 
@@ -171,7 +155,7 @@ class PointInflow:
         """Wind speed at hub height at time zero [m/s], turbulence left out: a turbine starts at its operating point."""
         return self.mean_speed
 
-    def rotor_effective_speed(self, time: ArrayLike, rotor_diameter: float) -> float | NDArray[np.float64]:
+    def rotor_effective_speed(self, time: ArrayLike, rotor_diameter: float) -> float | Array:
         """Mean over the rotor disc of the wind component along x.
 
         The disc stands upright at x = 0 with its center at hub height and faces −x. The mean is taken over 192
@@ -203,7 +187,7 @@ class PointInflow:
         return self.description
 
 
-def fill_velocity(inflow: Inflow, points: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> None:
+def fill_velocity(inflow: Inflow, points: Array, time: float, out: Array) -> None:
     """Wind of any inflow at points, as `PointInflow.fill_velocity`.
 
     Raises
@@ -223,9 +207,7 @@ def fill_velocity(inflow: Inflow, points: NDArray[np.float64], time: float, out:
     out[...] = wind
 
 
-def velocity_ahead(
-    inflow: Inflow, points: NDArray[np.float64], time: float, distances: Sequence[float]
-) -> NDArray[np.float64]:
+def velocity_ahead(inflow: Inflow, points: Array, time: float, distances: Sequence[float]) -> Array:
     """Wind where a lidar sees it, of any inflow: one that is not a `PointInflow` does not change on its way.
 
     Parameters
@@ -259,12 +241,7 @@ def start_speed(inflow: Inflow) -> float:
 
 @dataclass(frozen=True)
 class WrappedInflow(PointInflow):
-    """An inflow made of another one, with the same speed, hub height and bounds.
-
-    Parameters
-    ----------
-    inner : Inflow
-    """
+    """An inflow made of another one, with the same speed, hub height and bounds."""
 
     inner: Inflow
 
@@ -288,7 +265,7 @@ class WrappedInflow(PointInflow):
         require_cover(self.inner, hub_height, rotor_diameter)
 
 
-def _checked(points: ArrayLike, time: float) -> tuple[NDArray[np.float64], float]:
+def _checked(points: ArrayLike, time: float) -> tuple[Array, float]:
     """Points as an array of numbers and a finite time."""
     try:
         positions = np.ascontiguousarray(points, dtype=np.float64)
@@ -302,17 +279,53 @@ def _checked(points: ArrayLike, time: float) -> tuple[NDArray[np.float64], float
     return positions, time
 
 
-def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_only(array: Array) -> Array:
     """View that is read-only, whatever the caller passed, so that one compiled signature serves every call."""
     view = array.view()
     view.setflags(write=False)
     return view
 
 
-def _require_finite(bad: int, rows: NDArray[np.float64]) -> None:
+def _require_finite(bad: int, rows: Array) -> None:
     """Raise for the point that a kernel found wanting, if any."""
     if bad >= 0:
         raise InflowError(f"every point must be finite; point {bad} of {len(rows)} is {rows[bad].tolist()}")
+
+
+POSITIVE = (0.0, math.inf, True)
+"""Bounds of a positive number, of `check_numbers`."""
+
+
+def check_numbers(record: object, **bounds: tuple[Any, ...]) -> None:
+    """Make fields of a frozen record floats, within the bounds (unit, minimum, maximum, open minimum) of their names.
+
+    Raises
+    ------
+    InflowError
+        As `require_number`.
+    """
+    for name, (unit, *limits) in bounds.items():
+        object.__setattr__(record, name, require_number(getattr(record, name), name, unit, *limits))
+
+
+def fill_in(record: object, **defaults: object) -> None:
+    """Put defaults into the fields of a frozen record that are None."""
+    for name, value in defaults.items():
+        if getattr(record, name) is None:
+            object.__setattr__(record, name, value)
+
+
+def check_flag(record: object, name: str) -> None:
+    """Refuse a field of a record that is neither True nor False."""
+    if not isinstance(value := getattr(record, name), bool):
+        raise InflowError(f"{name} must be True or False; got {value!r}")
+
+
+def set_read_only(record: object, **arrays: NDArray[Any]) -> None:
+    """Put arrays into the fields of a frozen record, and make them read-only."""
+    for name, array in arrays.items():
+        array.setflags(write=False)
+        object.__setattr__(record, name, array)
 
 
 def require_number(
@@ -321,7 +334,6 @@ def require_number(
     unit: str,
     minimum: float = -math.inf,
     maximum: float = math.inf,
-    *,
     open_minimum: bool = False,
 ) -> float:
     """Return ``value`` as a float if it is a finite number within bounds; raise InflowError that names it if not."""
@@ -337,3 +349,126 @@ def require_number(
         closing = ")" if maximum == math.inf else "]"
         raise InflowError(f"{name} must lie in {bracket}{minimum:g}, {maximum:g}{closing} {unit}; got {value!r}")
     return number
+
+
+_REFLECTION = np.array([1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class MirroredInflow(WrappedInflow):
+    """The mirror image of another inflow at the plane y = 0.
+
+    With S = diag(1, -1, 1) the wind at a point x is S u(S x, t): what blew to the left blows to the right, and
+    direction, veer, horizontal shear, gusts and turbulence change sides. Both reflections are exact in floating-point
+    numbers, so that the image of the image is the inner inflow bit for bit.
+    """
+
+    @classmethod
+    def of(cls, inflow: Inflow) -> Inflow:
+        """Return the mirror image of an inflow, of a mirror image what is seen in it."""
+        return inflow.inner if isinstance(inflow, cls) else cls(inflow)
+
+    @property
+    def description(self) -> str:
+        """One line that tells a person what wind this is."""
+        return f"{self.inner.description}, mirrored"
+
+    def _fill(self, rows: Array, time: float, out: Array) -> int:
+        fill_velocity(self.inner, read_only(rows * _REFLECTION), time, out)
+        out[:, 1] *= -1.0
+        return -1
+
+    def _fill_ahead(self, gates: Array, time: float, distances: tuple[float, ...], out: Array) -> int:
+        np.multiply(velocity_ahead(self.inner, gates * _REFLECTION, time, distances), _REFLECTION, out=out)
+        return -1
+
+
+@dataclass(frozen=True)
+class TurningInflow(WrappedInflow):
+    """Another inflow, turned as a whole about the vertical through the tower by an angle that changes with time.
+
+    The wind at a point x is R u(R^T x, t) with R the turn by the direction d(t): the whole field of the inner inflow,
+    its turbulence too, blows from where the wind comes at that time.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Increasing [s].
+    directions : ndarray, shape (n,)
+        Counter-clockwise from above, against the inner inflow's direction [rad]; between the times in straight lines,
+        before and after them as at the ends.
+
+    Raises
+    ------
+    InflowError
+        If times and directions have different shapes, are not finite, or times do not increase.
+    """
+
+    times: Array
+    directions: Array
+
+    def __post_init__(self) -> None:
+        times, directions = (np.array(a, dtype=np.float64) for a in (self.times, self.directions))
+        if times.ndim != 1 or times.size < 1 or times.shape != directions.shape:
+            raise InflowError(f"times and directions must be as many; got shapes {times.shape} and {directions.shape}")
+        if not (np.isfinite(times).all() and np.isfinite(directions).all() and np.all(np.diff(times) > 0.0)):
+            raise InflowError("times and directions must be finite, times increasing")
+        set_read_only(self, times=times, directions=directions)
+
+    @classmethod
+    def by(cls, inner: Inflow, angle: float) -> TurningInflow:
+        """Another inflow turned by an angle that stays [rad]."""
+        return cls(inner, np.zeros(1), np.array([angle]))
+
+    @classmethod
+    def wandering(
+        cls, inner: Inflow, start: float, deviation: float, time_constant: float, duration: float, rng: Generator
+    ) -> TurningInflow:
+        """Direction that wanders about its start as an Ornstein-Uhlenbeck process.
+
+        Parameters
+        ----------
+        start : float
+            Direction at time zero, and mean [rad].
+        deviation : float
+            Standard deviation in the long run [rad].
+        time_constant : float
+            Time over which deviations are forgotten [s].
+        duration : float
+            Time until which it wanders [s].
+        rng : numpy.random.Generator
+        """
+        step = 0.05 * time_constant
+        times = np.arange(math.ceil(duration / step) + 1, dtype=np.float64) * step
+        keep, directions = math.exp(-step / time_constant), np.zeros(times.size)
+        kicks = deviation * math.sqrt(1.0 - keep * keep) * rng.standard_normal(times.size)
+        for k in range(1, times.size):
+            directions[k] = keep * directions[k - 1] + kicks[k]
+        return cls(inner, times, start + directions)
+
+    def direction(self, time: float) -> float:
+        """Direction at a time [rad]."""
+        return float(np.interp(time, self.times, self.directions))
+
+    @property
+    def description(self) -> str:
+        """One line that tells a person what wind this is."""
+        low, high = np.degrees(self.directions.min()), np.degrees(self.directions.max())
+        turning = f"from {low:.0f} to {high:.0f} deg" if high - low > 0.5 else f"{low:.0f} deg"
+        return f"{self.inner.description}, turned {turning}"
+
+    def _fill(self, rows: Array, time: float, out: Array) -> int:
+        return self._fill_turned(rows, time, self.inner.velocity, out)
+
+    def _fill_ahead(self, gates: Array, time: float, distances: tuple[float, ...], out: Array) -> int:
+        return self._fill_turned(gates, time, partial(velocity_ahead, self.inner, distances=distances), out)
+
+    def _fill_turned(self, points: Array, time: float, velocity: Callable[[Array, float], Array], out: Array) -> int:
+        angle = self.direction(time)
+        cos, sin = math.cos(angle), math.sin(angle)
+        turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])  # R^T on columns, R on rows
+        finite = np.isfinite(points).all(axis=-1)
+        if not finite.all():
+            return int(np.argmin(finite))
+        out[...] = np.asarray(velocity(points @ turn.T, time)) @ turn
+        return -1
