@@ -21,8 +21,8 @@ from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the cases are no part of the installed package
-from validation.case import CaseResult, Check, all_cases, load_cases, run_case
-from validation.record import as_dict, source_commit, update_record
+from envs_tests.physics.validation import CaseResult, Check, all_cases, load_cases, run_case
+from envs_tests.physics.validation import as_dict, source_commit, update_record
 
 
 def parse(arguments=None):
@@ -127,7 +127,7 @@ def main(arguments=None):
         f"{len(cases)} cases, {n_checks} checks, {n_failed} failed" + (f": {', '.join(failed)}" if failed else "")
     )
     if options.report:
-        from validation.report import write_report
+        from envs_tests.physics.validation import write_report
 
         console.print(f"report: {write_report(options.report, list(zip(cases, results, strict=True)))}")
     if options.json:

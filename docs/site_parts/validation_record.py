@@ -6,8 +6,8 @@ import textwrap
 from pathlib import Path
 
 from site_parts.markdown import table
-from validation.case import load_cases
-from validation.record import read_record
+from envs_tests.physics.validation import load_cases
+from envs_tests.physics.validation import read_record
 
 RECORD = Path(__file__).resolve().parents[1] / "data" / "validation.json"
 _NAME = "docs/data/validation.json"

@@ -10,7 +10,7 @@ from validation import observer_frame as example
 from validation import observer_frame_follower as follower
 from validation import observer_frame_updates as updates
 from validation import observer_second_order, three_formulations
-from validation.exact_rod import exact_rod
+from envs_tests.physics.cases.beams import (exact_rod)
 from wt_gym.constants import GRAVITY
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
 from wt_gym.multibody.observer_frame.frame import (

@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from validation import observer_substructures, observer_turbine_reduction
-from validation.observer_turbine_reduction import centrifugal_stiffness
-from validation.three_formulations import body_pose, observed_frequencies
+from envs_tests.physics.cases.observer_beams import (centrifugal_stiffness)
+from envs_tests.physics.cases.rotating_beams import (body_pose, observed_frequencies)
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.observer_frame.frame import ObserverFrameError, ObserverFrameIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import Translation, observer_frame_from_system

@@ -11,8 +11,8 @@ import pytest
 from scipy.linalg import eigh
 
 from validation import case as module
-from validation.case import Case, CaseResult, Check, Curve, Figure, absolute, case, load_cases, run_case, worst
-from validation.record import read_record
+from envs_tests.physics.validation import Case, CaseResult, Check, Curve, Figure, absolute, case, load_cases, run_case, worst
+from envs_tests.physics.validation import read_record
 from wt_gym.structure.beam import Beam
 from wt_gym.structure.coordinates import body_from_beam, circular_sections
 

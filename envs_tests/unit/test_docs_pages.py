@@ -21,7 +21,7 @@ import gymnasium as gym
 import pytest
 
 import wt_gym
-from validation.case import load_cases
+from envs_tests.physics.validation import load_cases
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
 from wt_gym.agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
