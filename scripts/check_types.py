@@ -19,8 +19,10 @@ def copy_sources() -> None:
     shutil.rmtree(COPY, ignore_errors=True)
     rest = shutil.ignore_patterns("__pycache__", "data", "trained", "hyperparameters")
     shutil.copytree(ROOT / "scripts" / "fuzzing", COPY / "fuzzing", ignore=rest)
-    for name in ("wt_gym", "validation"):  # the package imports validation where a clone is at hand
-        shutil.copytree(ROOT / name, COPY / name, ignore=rest)
+    shutil.copytree(ROOT / "wt_gym", COPY / "wt_gym", ignore=rest)
+    physics = "envs_tests/physics"
+    shutil.copytree(ROOT / physics / "cases", COPY / physics / "cases", ignore=rest)
+    shutil.copy(ROOT / physics / "validation.py", COPY / physics)
     shutil.rmtree(COPY / "wt_gym" / "agents")
     shutil.copytree(ROOT / "agents", COPY / "wt_gym" / "agents", ignore=rest)
 
@@ -35,6 +37,6 @@ if __name__ == "__main__":
         "../../pyproject.toml",
         "--cache-dir",
         "../of_package",
-        *(sys.argv[1:] or ("wt_gym", "fuzzing", "validation")),
+        *(sys.argv[1:] or ("wt_gym", "fuzzing", "envs_tests")),
     ]
     sys.exit(subprocess.run(command, cwd=COPY).returncode)

@@ -6,8 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from envs_tests.physics.cases.stall import (Pitching, StallingSection, attached_response, landmarks, lattice_loop, oye_loop, s809_polar)
-from envs_tests.physics.cases.airfoils import (UniformStream, WingFlow, flat_planform, half_span_edges)
+from envs_tests.physics.cases.airfoils import UniformStream, WingFlow, flat_planform, half_span_edges
+from envs_tests.physics.cases.stall import (
+    Pitching,
+    StallingSection,
+    attached_response,
+    landmarks,
+    lattice_loop,
+    oye_loop,
+    s809_polar,
+)
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions
 from wt_gym.aerodynamics.lattice.section_kernels import ATTACHED, DRAG, POINT, SEPARATED
 from wt_gym.aerodynamics.lattice.separation import separation_tables

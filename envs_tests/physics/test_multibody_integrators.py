@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from envs_tests.physics.cases.mechanisms import (HAMMING_TABLE, amplification, oscillator, pendulum, pendulum_error, pendulum_state, spectral_radius)
+from envs_tests.physics.cases.mechanisms import (
+    HAMMING_TABLE,
+    amplification,
+    oscillator,
+    pendulum,
+    pendulum_error,
+    pendulum_state,
+    spectral_radius,
+)
 from wt_gym.constants import GRAVITY
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance

@@ -7,8 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from envs_tests.physics.cases.turbine_modes import (TOLERANCES, free_vibration, rigid_support, step_responses, weightless_simulator, whirl_frequencies)
-from envs_tests.physics.cases.tools import (mass_matrix, rate_jacobian)
+from envs_tests.physics.cases.tools import mass_matrix, rate_jacobian
+from envs_tests.physics.cases.turbine_modes import (
+    TOLERANCES,
+    free_vibration,
+    rigid_support,
+    step_responses,
+    weightless_simulator,
+    whirl_frequencies,
+)
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.linear.campbell import campbell

@@ -61,7 +61,7 @@ TRAINING, YAML = re.findall(r"```yaml\n(.*?)```", text_of("docs/training.md"), r
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "agents" / "trained" / "README.md"]
 PAGES += sorted((ROOT / "docs").rglob("*.md"))
-ROOMS_WITH_NAMES = ("wt_gym", "agents", "validation", "envs_tests", "docs", "scripts")
+ROOMS_WITH_NAMES = ("wt_gym", "agents", "envs_tests", "docs", "scripts")
 READ = {
     *PAGES, ROOT / "pyproject.toml", *(ROOT / ".ci").iterdir(), *(ROOT / "scripts").glob("*"),
     *(path for room in ROOMS_WITH_NAMES for path in (ROOT / room).rglob("*.py")), *(ROOT / "agents").rglob("*.yml"),
@@ -442,7 +442,7 @@ def test_the_picture_moves_and_is_small():
 
 # ---- names, files and links ------------------------------------------------------------------------------------------
 
-ROOMS = [ROOT / "wt_gym", ROOT / "validation"]
+ROOMS = [ROOT / "wt_gym", ROOT / "envs_tests" / "physics" / "cases"]
 SOURCES = {path: path.read_text(encoding="utf-8") for room in ROOMS for path in sorted(room.rglob("*.py"))}
 ALL = "\n".join(SOURCES.values())
 TREES = {path: ast.parse(text) for path, text in SOURCES.items()}
