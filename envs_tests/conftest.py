@@ -2,8 +2,8 @@
 
 import pytest
 
+from wt_gym.base.warn_once import forget_warnings
 from wt_gym.bridges.compiler import CompilerError, find_compiler
-from wt_gym.warn_once import forget_warnings
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +25,7 @@ def compiler():
 def exported(tmp_path_factory, compiler):
     """Exports of controllers by name, turbine and options, each made once."""
     from envs_tests.unit.exported_library import INTERVAL  # with PyTorch, for tests that ask for it
-    from wt_gym.agents.export.discon import export_discon
+    from wt_gym.deployment.export.discon import export_discon
 
     made = {}
 

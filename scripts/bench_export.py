@@ -55,8 +55,8 @@ int main(void) {
 
 def time_of(choice: str) -> tuple[float, float]:
     """Mean time of a call, and of the slowest twenty in a row [µs]."""
-    from wt_gym.agents.export.discon import export_discon
     from wt_gym.bridges.compiler import find_compiler
+    from wt_gym.deployment.export.discon import export_discon
 
     with tempfile.TemporaryDirectory() as folder:
         source = export_discon(choice, folder, hold_missing=True)["files"][0]

@@ -22,9 +22,9 @@ from pathlib import Path
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.analysis.results import Wind
-from wt_gym.process_memory import peak_memory
+from wt_gym.base.process_memory import peak_memory
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.runs.executors import ProcessExecutor, SerialExecutor, executor_for
 
 if not Path("/proc/self/stat").exists():

@@ -62,7 +62,7 @@ FLAP_EXPONENT = 10.0
 @lru_cache
 def loaded(agent: Path) -> Any:
     """The agent of a folder, once in a process."""
-    from wt_gym.agents.trained_agent import TrainedAgent
+    from wt_gym.experiment.trained_agent import TrainedAgent
 
     return TrainedAgent.load(agent)
 
@@ -73,10 +73,10 @@ def environment(policy: str, agent: Path) -> Any:
     import gymnasium as gym
 
     import wt_gym  # noqa: F401 - registers the environments
-    from wt_gym.agents.trained_agent import RECORD_FILE, read_record
+    from wt_gym.base.ids import present_id
     from wt_gym.envs import SafetyFilter
     from wt_gym.envs.options.environment import registered_arguments
-    from wt_gym.ids import present_id
+    from wt_gym.experiment.trained_agent import RECORD_FILE, read_record
 
     config = read_record(agent / RECORD_FILE)["config"]
     kwargs = config["env_kwargs"] | {
@@ -152,7 +152,7 @@ def play(policy: str, agent: Path, episode: int) -> dict[str, Any]:
 
 def setup(agent: Path) -> dict[str, Any]:
     """What all results of a folder have in common."""
-    from wt_gym.agents.trained_agent import MODEL_FILE, model_digests
+    from wt_gym.experiment.trained_agent import MODEL_FILE, model_digests
 
     return {
         "limits": LIMITS, "first_seed": FIRST_SEED, "wind_seeds": [WIND_SEEDS[0], WIND_SEEDS[-1]], "duration": DURATION,
@@ -180,7 +180,7 @@ def run(folder: Path, agent: Path, episodes: int, paired: int, jobs: int) -> Non
     ValueError
         If the folder holds results of another agent, or with other limits.
     """
-    from wt_gym.files import write_text_whole
+    from wt_gym.base.files import write_text_whole
 
     folder.mkdir(parents=True, exist_ok=True)
     mine, head = setup(agent), folder / "setup.json"
@@ -387,7 +387,7 @@ def record_of(folder: Path | None) -> dict[str, Any]:
 
 def main(words: list[str] | None = None) -> int:
     """Play, or renew the page."""
-    from wt_gym.files import write_text_whole
+    from wt_gym.base.files import write_text_whole
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("command", choices=("run", "pages", "show"))

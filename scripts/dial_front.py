@@ -21,7 +21,7 @@ import use_venv  # noqa: F401 - finds packages and interpreter
 
 import numpy as np
 
-from wt_gym.agents.dial_front import PARTS, SETTINGS, TURNED, cost_parts, covered
+from wt_gym.experiment.dial_front import PARTS, SETTINGS, TURNED, cost_parts, covered
 
 ROOT = Path(__file__).resolve().parent.parent
 RECORD = ROOT / "docs" / "data" / "dial_front.json"
@@ -42,9 +42,9 @@ def parse_arguments() -> argparse.Namespace:
 
 def train(out: Path) -> None:
     """Train the policy with the dial, and one for each setting; what is there stays."""
-    from wt_gym.agents.train import train as train_one
     from wt_gym.commands.train import configuration
     from wt_gym.commands.train import parse_arguments as words_of_training
+    from wt_gym.learning.train import train as train_one
 
     config = configuration(words_of_training(["--config", str(TRAINING)]))
     weights = {"dial": None} | SETTINGS
@@ -59,8 +59,8 @@ def train(out: Path) -> None:
 
 def measured(agent: str, weights: dict[str, float]) -> list[dict[str, float]]:
     """Metrics of an agent at a setting of the dial, by wind."""
-    from wt_gym.agents.evaluation import EvaluationConfig, evaluate
     from wt_gym.analysis.results import Wind
+    from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 
     kwargs = {"dial_weights": {"fatigue": 1.0, **weights}, "start": "steady", "wind_speed": [11.5, 22.0]}
     winds = tuple(Wind(speed, seed) for speed, seed in WINDS)
@@ -73,7 +73,7 @@ def measured(agent: str, weights: dict[str, float]) -> list[dict[str, float]]:
 
 def forecast(folder: Path, name: str | None = None) -> dict[str, list[float]]:
     """Parts of the cost that a pretraining forecast in its held-out winds, by setting."""
-    from wt_gym.agents.trained_agent import TrainedAgent
+    from wt_gym.experiment.trained_agent import TrainedAgent
 
     front = TrainedAgent.load(folder).record["pretraining"]["front"]
     return front if name is None else {name: front["own"]}
@@ -81,7 +81,7 @@ def forecast(folder: Path, name: str | None = None) -> dict[str, list[float]]:
 
 def run(out: Path, dial: Path) -> None:
     """Measure all policies and keep the record."""
-    from wt_gym.files import write_text_whole
+    from wt_gym.base.files import write_text_whole
 
     folders = {name: out / name.replace(" ", "_") for name in SETTINGS}
     single = [forecast(folder, name) for name, folder in folders.items()]

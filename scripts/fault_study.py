@@ -42,14 +42,14 @@ def run(
     folder: Path, names: list[str], measured: list[str], speeds: list[float], seeds: list[int], duration: float
 ) -> None:
     """Measure conditions; the record keeps its figures of others."""
-    from wt_gym.agents.evaluation import evaluate
-    from wt_gym.agents.evaluation_config import EvaluationConfig
-    from wt_gym.agents.evaluation_winds import winds_for
-    from wt_gym.agents.robustness import COST_TASK, chosen
-    from wt_gym.agents.task_scores import STEADY
+    from wt_gym.base.files import write_text_whole
     from wt_gym.benchmark.run import benchmark_metrics
     from wt_gym.benchmark.tasks import load_task
-    from wt_gym.files import write_text_whole
+    from wt_gym.experiment.evaluation import evaluate
+    from wt_gym.experiment.evaluation_config import EvaluationConfig
+    from wt_gym.experiment.evaluation_winds import winds_for
+    from wt_gym.experiment.robustness import COST_TASK, chosen
+    from wt_gym.experiment.task_scores import STEADY
     from wt_gym.tasks import DEFAULT_ENV
     from wt_gym.turbines import load_turbine
 
@@ -86,8 +86,8 @@ def run(
 
 def table(record: dict) -> str:
     """Markdown of the record."""
-    from wt_gym.agents.robustness import CONDITIONS, COST_TASK, FAULT_CONDITIONS, NOMINAL
     from wt_gym.benchmark.tasks import load_task
+    from wt_gym.experiment.robustness import CONDITIONS, COST_TASK, FAULT_CONDITIONS, NOMINAL
 
     improvement = load_task(COST_TASK).improvement
     by = {(row["condition"], row["agent"], row["wind"]): row for row in record["runs"]}
@@ -161,7 +161,7 @@ def main(words: list[str] | None = None) -> int:
         )
     record = json.loads(RECORD.read_text(encoding="utf-8"))
     if arguments.command == "pages":
-        from wt_gym.files import write_text_whole
+        from wt_gym.base.files import write_text_whole
 
         write_text_whole(PAGE, with_table(PAGE.read_text(encoding="utf-8"), record))
     else:

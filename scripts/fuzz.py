@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
+from wt_gym.base.files import require_writable
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
-from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
     from fuzzing import CaseResult, Finding

@@ -30,13 +30,13 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.export.discon import export_discon
-from wt_gym.agents.export.openfast_folder import export_openfast, scene_of
-from wt_gym.agents.trained_agent import TrainedAgent
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.commands import COMMANDS
 from wt_gym.control.controllers import CONTROLLERS, make_controller
 from wt_gym.control.starting_point import starting_point
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.deployment.export.discon import export_discon
+from wt_gym.deployment.export.openfast_folder import export_openfast, scene_of
+from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.fidelity import FIDELITIES
 from wt_gym.tasks import TASKS

@@ -46,9 +46,9 @@ def parse_arguments(words=None):
 
 def designs(arguments, turbine):
     """File of the design of each weight."""
-    from wt_gym.agents.linear_design.design import LinearDesignTask, default_speeds, design
-    from wt_gym.agents.linear_design.recording import Recording, RecordingStore
     from wt_gym.control.optimal.design_file import save_design
+    from wt_gym.learning.linear_design.design import LinearDesignTask, default_speeds, design
+    from wt_gym.learning.linear_design.recording import Recording, RecordingStore
 
     store = RecordingStore(arguments.folder / "recordings", Recording)
     task = LinearDesignTask(tuple(arguments.speeds or default_speeds(turbine)))
@@ -63,8 +63,8 @@ def designs(arguments, turbine):
 
 def rows_of(turbine, controllers, arguments):
     """Mean change of each controller against the first in the same winds, with the standard error of the cost."""
-    from wt_gym.agents.comparison import Case, run_cases
     from wt_gym.benchmark import load_task
+    from wt_gym.experiment.comparison import Case, run_cases
 
     task = load_task("load-reduction-15")
     cases = [Case(arguments.wind_speed, seed) for seed in arguments.seeds]
@@ -98,7 +98,7 @@ def draw(rows, path):
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    from wt_gym.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
+    from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
 
     figure = Figure(figsize=(7.4, 4.6), layout="constrained")
     axis = figure.subplots()

@@ -170,7 +170,7 @@ def main() -> int:
         for name in ("pytest", "hypothesis.extra.numpy", "scipy.stats", "xarray", "wt_gym.envs.turbine_env"):
             importlib.import_module(name)
         module = ".".join(Path(chosen.file).with_suffix("").parts).removesuffix(".__init__")
-        forget(f"wt_gym.{module}" if module.startswith("agents") else module)
+        forget(module)
         path = copy / chosen.file
         source = path.read_text(encoding="utf-8")
         begun = time.monotonic()

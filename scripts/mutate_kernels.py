@@ -170,7 +170,7 @@ def misfits() -> list[str]:
 
 def interpret() -> None:
     """Have kernels run as the Python that they are, in this process and its forks."""
-    compiled = importlib.import_module("wt_gym.compiled")
+    compiled = importlib.import_module("wt_gym.base.compiled")
     compiled.kernel = lambda function=None, *_, **__: function or (lambda inner: inner)
     compiled.compiled_for = lambda function, _: function
     compiled.is_compiled = lambda *_: True

@@ -29,7 +29,7 @@ STEP = """
 import json, os, sys, time
 began = time.perf_counter()
 import llvmlite, numba, numpy
-from wt_gym.compiled import way_to_compile
+from wt_gym.base.compiled import way_to_compile
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow
 

@@ -59,7 +59,7 @@ def simulate(inflow, start, n_frames, trained):
     import numpy as np
 
     import wt_gym  # noqa: F401 - registers the environments
-    from wt_gym.agents.trained_agent import TrainedAgent, read_record
+    from wt_gym.experiment.trained_agent import TrainedAgent, read_record
 
     arguments, agent = {}, None
     if trained:
@@ -99,7 +99,7 @@ class Picture:
         from matplotlib.figure import Figure
 
         from wt_gym.analysis.scene import Scene
-        from wt_gym.picture_style import BLUE, INK, ORANGE, plain
+        from wt_gym.base.picture_style import BLUE, INK, ORANGE, plain
 
         self._runs, self._colors = runs, dict(zip(LABELS, (ORANGE, BLUE), strict=True))
         self._figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")

@@ -5,8 +5,8 @@
     scripts/power_bounds.py pages  # put the record into the pages
 
 The wind over the disc of the rotor and a table of the rotor's power are all that is needed
-(`wt_gym.agents.power_bounds`); for the yaw also how power falls with the yaw error, which is simulated in steady winds
-(`wt_gym.agents.yaw_bounds`). The record is docs/data/power_bounds.json.
+(`wt_gym.experiment.power_bounds`); for the yaw also how power falls with the yaw error, which is simulated in steady
+winds (`wt_gym.experiment.yaw_bounds`). The record is docs/data/power_bounds.json.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from wt_gym.agents.yaw_bounds import Directions
+    from wt_gym.experiment.yaw_bounds import Directions
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
@@ -43,10 +43,10 @@ def measured(tasks: Sequence[str] = BOUNDED) -> list[dict[str, float | str]]:
     """Bounds in each wind of the tables; for MaxPower also what a controller has of them in steady winds."""
     import gymnasium as gym
 
-    from wt_gym.agents.evaluation_config import EvaluationConfig
-    from wt_gym.agents.power_bounds import disc_speeds, energy_bound, tracking_bound
-    from wt_gym.agents.task_scores import STUDIES
     from wt_gym.envs.turbine_env import turbine_env_of
+    from wt_gym.experiment.evaluation_config import EvaluationConfig
+    from wt_gym.experiment.power_bounds import disc_speeds, energy_bound, tracking_bound
+    from wt_gym.experiment.task_scores import STUDIES
 
     rows: list[dict[str, float | str]] = []
     for task in tasks:
@@ -123,8 +123,8 @@ def yaw_directions(exponent: float) -> Directions:
     """Winds of the task, with directions drawn as there."""
     import gymnasium as gym
 
-    from wt_gym.agents.yaw_bounds import directions_of
     from wt_gym.envs.turbine_env import turbine_env_of
+    from wt_gym.experiment.yaw_bounds import directions_of
     from wt_gym.wind import TurningInflow
 
     env = gym.make("wt_gym/Yaw-v3", relative_reward=False, start="steady")
@@ -147,7 +147,7 @@ def yaw_directions(exponent: float) -> Directions:
 
 def yaw_measured() -> list[dict[str, float | str]]:
     """Energy and travel over those of `discon+yaw`, by what is known."""
-    from wt_gym.agents.yaw_bounds import Yawed, by_thresholds, with_wind_known_at
+    from wt_gym.experiment.yaw_bounds import Yawed, by_thresholds, with_wind_known_at
 
     exponent = yaw_exponent()
     winds = yaw_directions(exponent)

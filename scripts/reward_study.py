@@ -98,9 +98,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def measured(arguments: argparse.Namespace) -> list[dict]:
     """Run controllers in every wind; a row a run."""
-    from wt_gym.agents.evaluation import EvaluationConfig, evaluate
-    from wt_gym.agents.names import RESIDUAL_INTERFACE
     from wt_gym.analysis.results import Wind
+    from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+    from wt_gym.experiment.names import RESIDUAL_INTERFACE
     from wt_gym.turbines import load_turbine
 
     most = load_turbine("nrel_5mw").drivetrain.max_torque_rate
@@ -369,7 +369,7 @@ def draw(result: dict, folder: Path) -> Path:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    from wt_gym.picture_style import COLORS, INK, MARKERS, SVG, baseline, plain
+    from wt_gym.base.picture_style import COLORS, INK, MARKERS, SVG, baseline, plain
 
     figure = Figure(figsize=(11.0, 4.2), layout="constrained")
     plots = (

@@ -38,7 +38,7 @@ set_up() {
         echo "error: $python is not Python 3.11 or newer; set PYTHON to one that is" >&2
         return 1
     fi
-    made="$(cat pyproject.toml setup.py constraints.txt | cksum) in $PWD with"
+    made="$(cat pyproject.toml constraints.txt | cksum) in $PWD with"
     [[ ! -f $stamp ]] || found=$(<"$stamp")
     if [[ $found == "$made $extras" || $found == "$made $all" ]] && .venv/bin/python -c '' 2>/dev/null; then
         return
@@ -53,7 +53,7 @@ set_up() {
     if [[ -n $found ]]; then echo outdated; else echo unfinished; fi >"$stamp"
     "$python" -m venv .venv
     # the build runs in the environment itself: another one would be downloaded each time
-    install 'setuptools>=77'
+    install 'hatchling>=1.27'
     install_torch
     install --no-build-isolation --editable ".[$extras]"
     if [[ $extras == "$all" ]]; then

@@ -45,7 +45,7 @@ def read_record(path: Path = RECORD) -> dict:
 
 def write_record(record: dict, path: Path = RECORD) -> None:
     """Write measurements, a line a run: a later one shows in the history which numbers it moved."""
-    from wt_gym.files import write_text_whole
+    from wt_gym.base.files import write_text_whole
 
     def entry(study: dict) -> str:
         head = json.dumps({key: value for key, value in study.items() if key != "runs"})
@@ -60,7 +60,7 @@ def run(names: list[str], folder: Path, overwrite: bool) -> None:
     """Measure tasks and keep the figures of each as soon as it is done."""
     import wt_gym
     from envs_tests.physics.validation import source_commit
-    from wt_gym.agents.task_scores import STUDIES, measure
+    from wt_gym.experiment.task_scores import STUDIES, measure
 
     commit, started = source_commit(RECORD), time.process_time()
 
@@ -79,7 +79,7 @@ def run(names: list[str], folder: Path, overwrite: bool) -> None:
 
 def tables(text: str, record: dict) -> str:
     """A page with its tables as the record has them."""
-    from wt_gym.agents.task_scores import kinds_table, measured_line, score_table
+    from wt_gym.experiment.task_scores import kinds_table, measured_line, score_table
 
     def table(found: re.Match) -> str:
         head, kind, words, end = found.groups()
@@ -94,8 +94,8 @@ def tables(text: str, record: dict) -> str:
 
 def main() -> int:
     """Show, measure, or renew the pages."""
-    from wt_gym.agents.task_scores import STUDIES, score_table
-    from wt_gym.files import write_text_whole
+    from wt_gym.base.files import write_text_whole
+    from wt_gym.experiment.task_scores import STUDIES, score_table
 
     arguments = parse_arguments(STUDIES)
     names = arguments.names or list(STUDIES)

@@ -150,7 +150,7 @@ def number(title):
 
 def look(style, k, over_time=False):
     """Marker, line style and color of the curve number k of a panel from matplotlib's short form; over time, a line."""
-    from wt_gym.picture_style import COLORS, INK, LINE_STYLES
+    from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES
 
     marker = next((m for m in "osx+*^." if m in style), None)
     line: object = next((text for text in ("--", "-.", "-", ":") if text in style), "")
@@ -169,7 +169,7 @@ def draw_panels(shown, columns=2):
     import numpy as np
     from matplotlib.figure import Figure
 
-    from wt_gym.picture_style import plain
+    from wt_gym.base.picture_style import plain
 
     rows = -(-len(shown) // columns)
     figure = Figure(figsize=(9.2, 2.7 * rows), layout="constrained")
@@ -222,7 +222,7 @@ def draw_cases(cases):
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    from wt_gym.picture_style import BLUE, GRAY, GREEN, INK, ORANGE, plain
+    from wt_gym.base.picture_style import BLUE, GRAY, GREEN, INK, ORANGE, plain
 
     margins = {name: margin(case) for name, case in cases.items()}
     order = sorted(margins, key=lambda name: (margins[name] is not None, margins[name] or 0.0), reverse=True)
@@ -265,7 +265,7 @@ def draw(folder):
     import matplotlib as mpl
 
     from envs_tests.physics.validation import read_record
-    from wt_gym.picture_style import SVG
+    from wt_gym.base.picture_style import SVG
 
     written, figures = [], {}
     stored = json.loads((folder / CURVES).read_text(encoding="utf-8")) if (folder / CURVES).exists() else {}

@@ -43,55 +43,55 @@ NAMES: dict[str, dict[str, str]] = {
         "RoscoLikeController": "TsrTrackingController",
         "RoscoLikeParameters": "TsrTrackingParameters",
     },
-    "wt_gym.agents.pool": {"Contenders": "AgentPool"},
-    "wt_gym.agents.names": {"runs_beneath": "is_base_controller"},
-    "wt_gym.agents.comparison": {"BENEATH": "RESIDUAL_INTERFACE"},
-    "wt_gym.agents.evaluation_winds": {"met_wind": "actual_wind"},
-    "wt_gym.agents.trained_agent": {
+    "wt_gym.experiment.pool": {"Contenders": "AgentPool"},
+    "wt_gym.experiment.names": {"runs_beneath": "is_base_controller"},
+    "wt_gym.experiment.comparison": {"BENEATH": "RESIDUAL_INTERFACE"},
+    "wt_gym.experiment.evaluation_winds": {"met_wind": "actual_wind"},
+    "wt_gym.experiment.trained_agent": {
         "BEST_NORMALISATION_FILE": "BEST_NORMALIZATION_FILE",
         "NORMALISATION_FILE": "NORMALIZATION_FILE",
         "read_normalisation": "read_normalization",
     },
-    "wt_gym.agents.task_scores": {"contender_label": "agent_label"},
-    "wt_gym.agents.training.environments": {"normalised": "normalized"},
-    "wt_gym.agents.training.resume": {"train_or_go_on": "resume_or_train"},
-    "wt_gym.agents.training.selection": {"HeldBackEvaluation": "SelectionEvaluation"},
+    "wt_gym.experiment.task_scores": {"contender_label": "agent_label"},
+    "wt_gym.learning.training.environments": {"normalised": "normalized"},
+    "wt_gym.learning.training.resume": {"train_or_go_on": "resume_or_train"},
+    "wt_gym.learning.training.selection": {"HeldBackEvaluation": "SelectionEvaluation"},
 }
 """Former and present names by the module that has them."""
 
 MODULES = {
     "wt_gym.control.controllers.rosco_like": "wt_gym.control.controllers.tsr_tracking",
-    "wt_gym.agents.choices": "wt_gym.agents.names",
+    "wt_gym.agents.choices": "wt_gym.experiment.names",
     "wt_gym.agents.closed_loop": "wt_gym.runs.playing",
-    "wt_gym.agents.contenders": "wt_gym.agents.pool",
-    "wt_gym.agents.entries": "wt_gym.agents.benchmark_runs",
+    "wt_gym.agents.contenders": "wt_gym.experiment.pool",
+    "wt_gym.agents.entries": "wt_gym.experiment.benchmark_runs",
     "wt_gym.agents.distributed.connection": "wt_gym.runs.ray_cluster",
     "wt_gym.agents.distributed.ray_executor": "wt_gym.runs.ray_executor",
-    "wt_gym.agents.environments": "wt_gym.agents.pool",
+    "wt_gym.agents.environments": "wt_gym.experiment.pool",
     "wt_gym.agents.executors": "wt_gym.runs.executors",
     "wt_gym.agents.folder_lock": "wt_gym.runs.folder_lock",
     "wt_gym.agents.progress": "wt_gym.runs.progress",
     "wt_gym.agents.sweep_record": "wt_gym.runs.store",
     "wt_gym.agents.workers": "wt_gym.runs.executors",
-    "wt_gym.agents.training.again": "wt_gym.agents.training.resume",
-    "wt_gym.agents.training.held_back": "wt_gym.agents.training.selection",
+    "wt_gym.agents.training.again": "wt_gym.learning.training.resume",
+    "wt_gym.agents.training.held_back": "wt_gym.learning.training.selection",
 }
 """Former and present modules."""
 
 MOVED = {
     "wt_gym.agents.choices": {
-        "expand_seeds": "wt_gym.agents.former.expand_seeds",
-        "kind_of": "wt_gym.agents.former.kind_of",
+        "expand_seeds": "wt_gym.experiment.former.expand_seeds",
+        "kind_of": "wt_gym.experiment.former.kind_of",
     },
     "wt_gym.agents.entries": {
-        "BASELINE": "wt_gym.agents.names.BASELINE",
-        "LEVELS": "wt_gym.agents.names.LEVELS",
-        "WORDS": "wt_gym.agents.names.GROUPS",
+        "BASELINE": "wt_gym.experiment.names.BASELINE",
+        "LEVELS": "wt_gym.experiment.names.LEVELS",
+        "WORDS": "wt_gym.experiment.names.GROUPS",
     },
-    "wt_gym.agents.sweep_record": {"sweep_recorded": "wt_gym.agents.former.sweep_recorded"},
+    "wt_gym.agents.sweep_record": {"sweep_recorded": "wt_gym.experiment.former.sweep_recorded"},
     "wt_gym.agents.workers": {
-        "check_workers": "wt_gym.agents.former.check_workers",
-        "in_processes": "wt_gym.agents.former.in_processes",
+        "check_workers": "wt_gym.experiment.former.check_workers",
+        "in_processes": "wt_gym.experiment.former.in_processes",
     },
 }
 """Names of former modules that do not stand in the present one, and where they are."""

@@ -21,11 +21,11 @@ ray = pytest.importorskip("ray", reason="the extra 'ray' is not installed: pip i
 
 from ray.cluster_utils import Cluster  # noqa: E402
 
-from wt_gym.agents.evaluation import EvaluationConfig, evaluate  # noqa: E402
-from wt_gym.agents.loadcases.cases import plan_of  # noqa: E402
-from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases  # noqa: E402
-from wt_gym.agents.trained_agent import TrainedAgent  # noqa: E402
 from wt_gym.analysis.results import Wind  # noqa: E402
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate  # noqa: E402
+from wt_gym.experiment.loadcases.cases import plan_of  # noqa: E402
+from wt_gym.experiment.loadcases.study import LoadCaseConfig, run_load_cases  # noqa: E402
+from wt_gym.experiment.trained_agent import TrainedAgent  # noqa: E402
 from wt_gym.runs.executors import ATTEMPTS  # noqa: E402
 from wt_gym.runs.ray_executor import RayExecutor  # noqa: E402
 from wt_gym.runs.store import SWEEP_FILE  # noqa: E402

@@ -14,21 +14,21 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.evaluation import EvaluationConfig, evaluate
-from wt_gym.agents.names import BASELINE, named_choices
-from wt_gym.agents.pool import load_agent
-from wt_gym.agents.train import TrainingConfig, train
-from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.analysis.summary import summarize
+from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.commands import main
 from wt_gym.control.controllers import BaselineController
-from wt_gym.errors import ActionError, SimulationError
+from wt_gym.experiment.constant import ConstantAgent
+from wt_gym.experiment.controller_agent import ControllerAgent
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.experiment.names import BASELINE, named_choices
+from wt_gym.experiment.pool import load_agent
+from wt_gym.experiment.trained_agent import TrainedAgent
+from wt_gym.learning.train import TrainingConfig, train
 from wt_gym.simulation import Simulator
 
 TURBULENT = "wt_gym/NREL5MW-Turbulent-v1"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.base.errors import InflowError, WtGymError
 from wt_gym.commands import evaluate
 from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, real_numbers
 from wt_gym.envs.options import env_arguments
@@ -15,7 +16,6 @@ from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.envs.wind_sampler import WindSampler
-from wt_gym.errors import InflowError, WtGymError
 from wt_gym.turbines import load_turbine
 
 JSON_VALUES = {

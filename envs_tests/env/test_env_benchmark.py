@@ -11,12 +11,12 @@ import pytest
 import xarray as xr
 from stable_baselines3 import PPO
 
-from wt_gym.agents.benchmark_runs import definition_of, entry_of, jobs_of, results_of, run_jobs
+from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
 from wt_gym.benchmark.run import benchmark_metrics, delivered_power, make_env
 from wt_gym.benchmark.scoring import wind_score
 from wt_gym.benchmark.tasks import task_file
-from wt_gym.errors import BenchmarkError
+from wt_gym.experiment.benchmark_runs import definition_of, entry_of, jobs_of, results_of, run_jobs
 from wt_gym.runs.executors import ProcessExecutor
 from wt_gym.turbines import load_turbine
 
@@ -152,7 +152,7 @@ def test_a_series_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
         return {"definition": definition_of(job), "agent": "discon"} | played("discon")
 
     with monkeypatch.context() as patch:
-        patch.setattr("wt_gym.agents.benchmark_runs._run", stop_in_the_third)
+        patch.setattr("wt_gym.experiment.benchmark_runs._run", stop_in_the_third)
         with pytest.raises(KeyboardInterrupt):
             run_jobs(jobs, folder, progress=False)
         assert [result["definition"] for result in folder] == sorted(

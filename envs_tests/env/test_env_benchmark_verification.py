@@ -10,13 +10,13 @@ import gymnasium as gym
 import pytest
 from stable_baselines3 import PPO
 
-from wt_gym.agents.benchmark_runs import entry_of, jobs_of, run_jobs
-from wt_gym.agents.benchmark_verification import drawn, opened, pack, verify
+from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import BenchmarkTask, ResultFolder
 from wt_gym.benchmark.archive import read_archive, write_archive
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
-from wt_gym.errors import BenchmarkError
+from wt_gym.experiment.benchmark_runs import entry_of, jobs_of, run_jobs
+from wt_gym.experiment.benchmark_verification import drawn, opened, pack, verify
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def task():
 
 @pytest.fixture(autouse=True)
 def short(task, monkeypatch):
-    monkeypatch.setattr("wt_gym.agents.benchmark_verification.load_task", lambda name: task)
+    monkeypatch.setattr("wt_gym.experiment.benchmark_verification.load_task", lambda name: task)
 
 
 @pytest.fixture(scope="module")

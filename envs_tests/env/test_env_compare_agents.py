@@ -1,6 +1,6 @@
 """Controllers and agents with predict in the same winds: actions that rest are the base controller, exactly."""
 
-from wt_gym.agents.comparison import Case, run_cases
+from wt_gym.experiment.comparison import Case, run_cases
 from wt_gym.runs.executors import ProcessExecutor
 from wt_gym.turbines import load_turbine
 

@@ -15,7 +15,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from turbine_contract import both_checkers_are_content, random_episode, snapshot_repeats
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.errors import ActionError, InflowError, SimulationError
+from wt_gym.base.errors import ActionError, InflowError, SimulationError
 
 IDS = ("wt_gym/NREL5MW-Steady-v1", "wt_gym/NREL5MW-Turbulent-v1")
 

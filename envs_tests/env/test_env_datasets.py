@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents.datasets import DatasetConfig, record_dataset
+from wt_gym.learning.datasets import DatasetConfig, record_dataset
 
 minari = pytest.importorskip("minari")
 

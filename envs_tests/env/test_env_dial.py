@@ -2,7 +2,6 @@
 
 import copy
 import math
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -10,21 +9,21 @@ import pytest
 from gymnasium.error import ResetNeeded
 from scripted_simulator import ScriptedSimulator, use
 
-import wt_gym.agents
-from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.evaluation import EvaluationConfig, evaluate
-from wt_gym.agents.export.flight import fly
-from wt_gym.agents.export.openfast_folder import Scene
-from wt_gym.agents.trained_agent import TrainedAgent
-from wt_gym.agents.trained_environment import trained_arguments
-from wt_gym.agents.uniform import UniformAgent
 from wt_gym.analysis.results import Wind
 from wt_gym.analysis.summary import results_table
+from wt_gym.base.files import shipped_folder
+from wt_gym.deployment.export.flight import fly
+from wt_gym.deployment.export.openfast_folder import Scene
 from wt_gym.envs import VectorReward, reward_store
 from wt_gym.envs.costs import Costs, violated
 from wt_gym.envs.dial import factor_of
 from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.experiment.constant import ConstantAgent
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.experiment.trained_agent import TrainedAgent
+from wt_gym.experiment.trained_environment import trained_arguments
+from wt_gym.experiment.uniform import UniformAgent
 from wt_gym.runs.playing import play
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
@@ -182,7 +181,7 @@ def test_a_relative_reward_needs_one_record_for_all_dials(tmp_path, monkeypatch)
     reward_store._courses.clear()
 
 
-SHIPPED = Path(wt_gym.agents.__file__).parent / "trained" / "dial_on_linear_optimal"
+SHIPPED = shipped_folder() / "trained" / "dial_on_linear_optimal"
 
 
 def shipped(rows, seconds):

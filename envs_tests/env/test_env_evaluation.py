@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, use
 
-from wt_gym.agents import evaluation as module
-from wt_gym.agents import evaluation_run
-from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.evaluation import EvaluationConfig, evaluate
-from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
-from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS
-from wt_gym.agents.pool import AgentPool, Environments
-from wt_gym.agents.trained_environment import check_environment, resolved_arguments
-from wt_gym.agents.training.config import TrainingConfig
-from wt_gym.agents.training_notes import training_notes
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.commands import evaluate as command
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.experiment import evaluation as module
+from wt_gym.experiment import evaluation_run
+from wt_gym.experiment.constant import ConstantAgent
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.experiment.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.experiment.evaluation_winds import DEFAULT_WIND_SEEDS
+from wt_gym.experiment.pool import AgentPool, Environments
+from wt_gym.experiment.trained_environment import check_environment, resolved_arguments
+from wt_gym.experiment.training_notes import training_notes
+from wt_gym.learning.training.config import TrainingConfig
 from wt_gym.runs.executors import ProcessExecutor
 from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation.fidelity import fidelity as named_fidelity

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.agents.export.network import network_of
-from wt_gym.agents.export.onnx_file import INPUT, OUTPUT, check_onnx, write_onnx
-from wt_gym.agents.export.policy import export_onnx, training_layout
-from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 from wt_gym.commands.export import main
+from wt_gym.deployment.export.network import network_of
+from wt_gym.deployment.export.onnx_file import INPUT, OUTPUT, check_onnx, write_onnx
+from wt_gym.deployment.export.policy import export_onnx, training_layout
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 
 onnxruntime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed: the extra export brings it")
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"

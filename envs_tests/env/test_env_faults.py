@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.errors import ActionError, InflowError
+from wt_gym.base.errors import ActionError, InflowError
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, StuckPitch
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox
 

@@ -7,11 +7,11 @@ from turbine_contract import both_checkers_are_content, random_episode, snapshot
 
 import wt_gym  # noqa: F401 - registers the environments
 from envs_tests.physics.cases.gebhardt import boundary_layer
+from wt_gym.base.errors import ActionError, InflowError, TurbineDefinitionError
 from wt_gym.control import operating_point
 from wt_gym.control.rotor_table import rotor_table
 from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.wind_sampler import WindSampler
-from wt_gym.errors import ActionError, InflowError, TurbineDefinitionError
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import catalogue, load_turbine
 from wt_gym.turbines.catalogue import turbine_file

@@ -5,12 +5,12 @@ from dataclasses import replace
 import gymnasium as gym
 import pytest
 
-from wt_gym.agents.loadcases.cases import CASES, Condition, plan_of
-from wt_gym.agents.loadcases.run import EXTREMES, run_agent, run_parked
-from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases
-from wt_gym.agents.pool import load_agent
+from wt_gym.base.errors import SimulationError
 from wt_gym.envs.layout import layout_of
-from wt_gym.errors import SimulationError
+from wt_gym.experiment.loadcases.cases import CASES, Condition, plan_of
+from wt_gym.experiment.loadcases.run import EXTREMES, run_agent, run_parked
+from wt_gym.experiment.loadcases.study import LoadCaseConfig, run_load_cases
+from wt_gym.experiment.pool import load_agent
 from wt_gym.runs.executors import executor_for
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, ShutDown
 from wt_gym.turbines import load_turbine

@@ -8,8 +8,8 @@ import pytest
 from gymnasium.error import ResetNeeded
 from scripted_simulator import ScriptedSimulator, use
 
+from wt_gym.base.errors import ControllerError
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.clearance import unloaded_clearance
 

@@ -8,16 +8,15 @@ import math
 import re
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym.agents
 from wt_gym.analysis.metrics import METRICS, run_metrics
-from wt_gym.constants import AIR_DENSITY
+from wt_gym.base.constants import AIR_DENSITY
+from wt_gym.base.files import shipped_folder
 from wt_gym.control.controllers import COMPILED, CONTROLLERS, lidar_of
 from wt_gym.envs.observations import OBSERVATION_GROUPS
 from wt_gym.simulation.channels import channel_table
@@ -28,7 +27,7 @@ from wt_gym.turbines.mirror import mirrored
 from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
 from wt_gym.wind.protocol import PointInflow
 
-AGENTS = sorted(path.parent for path in (Path(wt_gym.agents.__file__).parent / "trained").glob("*/model.zip"))
+AGENTS = sorted(path.parent for path in (shipped_folder() / "trained").glob("*/model.zip"))
 ANGLES = (*(pytest.param(angle, marks=pytest.mark.slow) for angle in (30.0, 90.0, 180.0)), 237.0)
 STEPS = 25
 ROUNDING = 2e-4
@@ -143,8 +142,8 @@ def test_a_turned_world_is_the_same_for_every_controller(name):
 @pytest.mark.parametrize("folder", AGENTS, ids=lambda path: path.name)
 def test_a_turned_world_is_the_same_for_every_shipped_agent(folder):
     pytest.importorskip("stable_baselines3")
-    from wt_gym.agents.trained_agent import TrainedAgent
-    from wt_gym.agents.trained_environment import trained_arguments
+    from wt_gym.experiment.trained_agent import TrainedAgent
+    from wt_gym.experiment.trained_environment import trained_arguments
 
     agent = TrainedAgent.load(folder)
     arguments = trained_arguments(agent.record) | {"wind_seeds": (1,)}
@@ -491,8 +490,8 @@ def test_a_side_side_damper_that_forgot_the_rotation_would_show():
 def test_a_mirrored_world_is_the_same_for_every_shipped_agent(folder):
     """Trained on a rotor that turns clockwise, it sees the other one in a mirror of its own."""
     pytest.importorskip("stable_baselines3")
-    from wt_gym.agents.trained_agent import TrainedAgent
-    from wt_gym.agents.trained_environment import trained_arguments
+    from wt_gym.experiment.trained_agent import TrainedAgent
+    from wt_gym.experiment.trained_environment import trained_arguments
 
     agents = [TrainedAgent.load(folder) for _ in range(2)]
     arguments = trained_arguments(agents[0].record) | {"wind_seeds": (1,)}

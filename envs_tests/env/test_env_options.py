@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 
+from wt_gym.base.errors import InflowError
 from wt_gym.control import Lidar
 from wt_gym.control.controllers import FadeParameters, make_controller
 from wt_gym.envs.options import (
@@ -29,7 +30,6 @@ from wt_gym.envs.options.environment import GROUPS, argument_default
 from wt_gym.envs.options.group import described
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.wind_files import with_whole_paths
-from wt_gym.errors import InflowError
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, use
 
-from wt_gym.agents.benchmark_runs import entries_of, entry_of
-from wt_gym.agents.names import env_choices_of, named_choices
-from wt_gym.agents.pool import AgentPool
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
+from wt_gym.experiment.benchmark_runs import entries_of, entry_of
+from wt_gym.experiment.names import env_choices_of, named_choices
+from wt_gym.experiment.pool import AgentPool
 
 RESIDUAL = "wt_gym/LoadReduction-v1"
 STEADY = "wt_gym/NREL5MW-Steady-v1"

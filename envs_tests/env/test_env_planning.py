@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents.planning import ShootingPlanner, check_settings
+from wt_gym.experiment.planning import ShootingPlanner, check_settings
 
 SMALL = {"horizon": 0.8, "hold": 0.4, "samples": 3, "elites": 2, "rounds": 2}
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, scripted_signals, use
 
-from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.export.flight import fly
-from wt_gym.agents.export.openfast_folder import Scene, export_openfast
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.deployment.export.flight import fly
+from wt_gym.deployment.export.openfast_folder import Scene, export_openfast
 from wt_gym.envs import record_store, rewards, running_start
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.runs.playing import play
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine

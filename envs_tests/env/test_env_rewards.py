@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as st_numpy
 from scripted_simulator import scripted_signals
 
 from wt_gym.analysis.metrics import damage_equivalent_load
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs import rewards

@@ -7,9 +7,14 @@ from pathlib import Path
 import gymnasium as gym
 import pytest
 
-from wt_gym.agents import robustness
-from wt_gym.agents.evaluation_config import EvaluationConfig
-from wt_gym.agents.robustness import (
+from wt_gym.analysis.results import Wind
+from wt_gym.benchmark import load_task
+from wt_gym.commands.robustness import main
+from wt_gym.envs.options import Variation
+from wt_gym.envs.options.faults import FAULT_KINDS, NO_FAULT
+from wt_gym.experiment import robustness
+from wt_gym.experiment.evaluation_config import EvaluationConfig
+from wt_gym.experiment.robustness import (
     CONDITIONS,
     COST_TASK,
     FAULT_CONDITIONS,
@@ -21,11 +26,6 @@ from wt_gym.agents.robustness import (
     chosen,
     run_robustness,
 )
-from wt_gym.analysis.results import Wind
-from wt_gym.benchmark import load_task
-from wt_gym.commands.robustness import main
-from wt_gym.envs.options import Variation
-from wt_gym.envs.options.faults import FAULT_KINDS, NO_FAULT
 from wt_gym.runs.store import SWEEP_FILE
 
 TASK = "wt_gym/LoadReduction-v1"

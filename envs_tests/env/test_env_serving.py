@@ -13,17 +13,17 @@ import pytest
 pytest.importorskip("zmq")
 
 from envs_tests.unit.rosco_client import Client, WithServer, readings, text_of
-from wt_gym.agents.serving.choice import answers_of
-from wt_gym.agents.serving.expressible import check_expressible
-from wt_gym.agents.serving.own_set_points import OwnSetPoints
-from wt_gym.agents.serving.served_agent import ServedAgent
+from wt_gym.base.errors import ControllerError
 from wt_gym.bridges.rosco import RoscoServer, SetPoints, read_message
 from wt_gym.commands.serve import main
 from wt_gym.commands.train import parse_arguments as parse_training
 from wt_gym.commands.training_options import config_from
+from wt_gym.deployment.serving.choice import answers_of
+from wt_gym.deployment.serving.expressible import check_expressible
+from wt_gym.deployment.serving.own_set_points import OwnSetPoints
+from wt_gym.deployment.serving.served_agent import ServedAgent
 from wt_gym.envs.options.environment import registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.errors import ControllerError
 
 SENT = [
     "rotor", "wind", "offsets", "previous_action", "azimuth", "generator_power", "generator_torque",

@@ -2,20 +2,19 @@
 
 import json
 from itertools import filterfalse
-from pathlib import Path
 
 import pytest
 
-import wt_gym
-from wt_gym.agents.evaluation import EvaluationConfig, evaluate
-from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.results import Wind
+from wt_gym.base.files import shipped_folder
+from wt_gym.base.ids import name_of, present_id
 from wt_gym.benchmark import load_task
 from wt_gym.commands.train import configuration, parse_arguments
 from wt_gym.envs.options.environment import registered_arguments
-from wt_gym.ids import name_of, present_id
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.experiment.trained_agent import TrainedAgent
 
-FOLDERS = sorted(path.parent for path in (Path(wt_gym.agents.__file__).parent / "trained").glob("*/model.zip"))
+FOLDERS = sorted(path.parent for path in (shipped_folder() / "trained").glob("*/model.zip"))
 
 
 def test_there_are_agents():

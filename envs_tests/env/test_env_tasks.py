@@ -13,8 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from scripted_simulator import ScriptedSimulator, use
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
-from wt_gym.agents.pool import Environments
-from wt_gym.agents.training.hyperparameters import hyperparameters_for
+from wt_gym.base.errors import SimulationError
 from wt_gym.benchmark.run import make_env
 from wt_gym.benchmark.tasks import load_task
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
@@ -24,7 +23,8 @@ from wt_gym.envs import rewards
 from wt_gym.envs.dial import factor_of
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.errors import SimulationError
+from wt_gym.experiment.pool import Environments
+from wt_gym.learning.training.hyperparameters import hyperparameters_for
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table

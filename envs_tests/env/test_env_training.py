@@ -14,19 +14,19 @@ import numpy as np
 import pytest
 import torch
 
-from wt_gym.agents import evaluation
-from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.names import named_choices
-from wt_gym.agents.train import TrainingConfig, resume, train
-from wt_gym.agents.trained_agent import TrainedAgent
-from wt_gym.agents.training import callbacks, selection
-from wt_gym.agents.training import seeds as seeds_module
-from wt_gym.agents.training.run_folder import RunFolder
-from wt_gym.agents.training.seeds import resume_seeds, seeds_table, train_seeds
-from wt_gym.agents.training.selection import SELECTION_WIND_SEEDS, SelectionEvaluation
+from wt_gym.base.files import whole_file, write_whole
 from wt_gym.commands import train as train_command
 from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
-from wt_gym.files import whole_file, write_whole
+from wt_gym.experiment import evaluation
+from wt_gym.experiment.constant import ConstantAgent
+from wt_gym.experiment.names import named_choices
+from wt_gym.experiment.run_folder import RunFolder
+from wt_gym.experiment.trained_agent import TrainedAgent
+from wt_gym.learning.train import TrainingConfig, resume, train
+from wt_gym.learning.training import callbacks, selection
+from wt_gym.learning.training import seeds as seeds_module
+from wt_gym.learning.training.seeds import resume_seeds, seeds_table, train_seeds
+from wt_gym.learning.training.selection import SELECTION_WIND_SEEDS, SelectionEvaluation
 from wt_gym.wind import SteadyInflow
 
 STEADY = "wt_gym/NREL5MW-Steady-v1"
@@ -265,7 +265,7 @@ def test_processes_that_write_the_same_file_do_not_disturb_each_other(tmp_path, 
     with whole_file(path) as mine:
         mine.write_bytes(b"mine")
         with monkeypatch.context() as patch:
-            patch.setattr("wt_gym.files.os.getpid", lambda: -1)
+            patch.setattr("wt_gym.base.files.os.getpid", lambda: -1)
             write_whole(path, lambda file: file.write(b"theirs"))
         assert path.read_bytes() == b"theirs"
     assert path.read_bytes() == b"mine"

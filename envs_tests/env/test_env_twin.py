@@ -8,10 +8,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.agents.pool import Environments
 from wt_gym.envs import reward_store
 from wt_gym.envs.rewards import FunctionTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.experiment.pool import Environments
 from wt_gym.simulation import Simulator
 from wt_gym.wind import MirroredInflow, SteadyInflow
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from wt_gym.base.errors import ActionError, InflowError
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs import WindTurbineVectorEnv, reward_store
 from wt_gym.envs.instruments import DRIFTING
 from wt_gym.envs.options.variation import CHOICES, HELD_BACK, PRESETS, RANGES, STRUCTURAL, TRAIN, Variation
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.variation import Plants
-from wt_gym.errors import ActionError, InflowError
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

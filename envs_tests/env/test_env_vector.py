@@ -11,10 +11,10 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from wt_gym.agents.training.turbine_vec_env import TurbineVecEnv
+from wt_gym.base.errors import ActionError, ControllerError
 from wt_gym.control import Lidar
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
-from wt_gym.errors import ActionError, ControllerError
+from wt_gym.learning.training.turbine_vec_env import TurbineVecEnv
 
 ID = "wt_gym/LoadReduction-v1"
 STEPS = 9

@@ -5,10 +5,10 @@ import warnings
 import numpy as np
 import pytest
 
+from wt_gym.base.errors import InflowError
 from wt_gym.envs import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.envs.options.wind import GUSTS, WindOptions
 from wt_gym.envs.wind_sampler import WindSampler
-from wt_gym.errors import InflowError
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow
 from wt_gym.wind.iec import turbulence_sigma

@@ -12,18 +12,18 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents import evaluation_run
-from wt_gym.agents.datasets import DatasetConfig
-from wt_gym.agents.evaluation import EvaluationConfig, evaluate
-from wt_gym.agents.evaluation_folder import EvaluationFolder
-from wt_gym.agents.evaluation_winds import winds_of
-from wt_gym.agents.training.config import TrainingConfig
-from wt_gym.agents.training.selection import SelectionEvaluation
 from wt_gym.analysis.results import Wind
+from wt_gym.base.errors import InflowError
 from wt_gym.commands.evaluate import configuration, parse_arguments
 from wt_gym.envs.options.wind import TRANSIENTS, WindOptions
 from wt_gym.envs.wind_sampler import WindSampler
-from wt_gym.errors import InflowError
+from wt_gym.experiment import evaluation_run
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.experiment.evaluation_folder import EvaluationFolder
+from wt_gym.experiment.evaluation_winds import winds_of
+from wt_gym.learning.datasets import DatasetConfig
+from wt_gym.learning.training.config import TrainingConfig
+from wt_gym.learning.training.selection import SelectionEvaluation
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox

@@ -9,15 +9,15 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents.evaluation import EvaluationConfig
-from wt_gym.agents.evaluation_winds import winds_of
+from wt_gym.base.errors import InflowError, SimulationError, TurbineDefinitionError
 from wt_gym.commands import evaluate, simulate
 from wt_gym.commands.site_options import site_word, wind_word, with_options
 from wt_gym.commands.training_options import add_training_options, config_from
 from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.wind_files import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import WindSampler
-from wt_gym.errors import InflowError, SimulationError, TurbineDefinitionError
+from wt_gym.experiment.evaluation import EvaluationConfig
+from wt_gym.experiment.evaluation_winds import winds_of
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInflow

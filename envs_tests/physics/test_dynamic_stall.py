@@ -21,7 +21,7 @@ from wt_gym.aerodynamics.lattice.section_kernels import ATTACHED, DRAG, POINT, S
 from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.lattice.separation_kernels import advance_separation, separation_drag
 from wt_gym.aerodynamics.options import TRAINING
-from wt_gym.attached_flow import attached_lift
+from wt_gym.base.attached_flow import attached_lift
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.wind import SteadyInflow
 

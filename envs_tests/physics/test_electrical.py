@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
+from wt_gym.base.errors import ActionError, SimulationError, TurbineDefinitionError
 from wt_gym.control.operating_point import operating_point, rotor_inertia
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.errors import ActionError, SimulationError, TurbineDefinitionError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import DampingTorque, Drives, LaggedTorque, TorqueCommand
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, VoltageDip

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wt_gym.errors import WtGymError
+from wt_gym.base.errors import WtGymError
 from wt_gym.multibody.observer_frame.frame import ObserverFrameError
 from wt_gym.multibody.observer_frame.observer_frame_from_system import Translation, observer_frame_from_system
 from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations, hold_velocities

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from envs_tests.physics.cases.gebhardt import RPM, make_simulator, published
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.model.deformed_basis import TangentBlade

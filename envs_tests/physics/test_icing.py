@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.errors import SimulationError, TurbineDefinitionError
+from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.model.blade_lattice import blade_planform
 from wt_gym.turbines import BladeIce, load_turbine

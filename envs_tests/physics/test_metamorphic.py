@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, span_distribution
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.channels import channel_table, parities
 from wt_gym.simulation.model.turbine_structure import averaged_over_yaw, rotor_axial_inertia

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodyError, MultibodySystem
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.beam import Beam, BeamSections, skew

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from envs_tests.physics.cases import observer_beams, rotating_beams
 from envs_tests.physics.cases import observer_frame as example
 from envs_tests.physics.cases.beams import exact_rod
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
 from wt_gym.multibody.observer_frame.frame import (
     DISPLACEMENTS,

@@ -8,15 +8,15 @@ import pytest
 import torch
 from openfast_library import openfast_driver, openfast_library
 
-from wt_gym.agents.export.flight import LOADS, fly
-from wt_gym.agents.export.openfast_folder import export_openfast, scene_of
-from wt_gym.agents.train import TrainingConfig, train
-from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE, find_driver, read_outputs, run_driver
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.fly import main as fly_command
 from wt_gym.commands.loads import main as loads_command
+from wt_gym.deployment.export.flight import LOADS, fly
+from wt_gym.deployment.export.openfast_folder import export_openfast, scene_of
+from wt_gym.experiment.trained_agent import TrainedAgent
+from wt_gym.learning.train import TrainingConfig, train
 
 LIBRARY, DRIVER = openfast_library(), openfast_driver()
 pytestmark = [

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Fidelity, Simulator
 from wt_gym.simulation.fidelity import ELASTODYN_NREL_5MW_TOWER
 from wt_gym.turbines import load_turbine

@@ -16,7 +16,7 @@ from envs_tests.physics.cases.turbine_modes import (
     weightless_simulator,
     whirl_frequencies,
 )
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.linear.campbell import campbell
 from wt_gym.simulation.linear.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform

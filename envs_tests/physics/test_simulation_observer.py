@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from envs_tests.physics.cases import observer_beams
 from envs_tests.physics.cases.observer_beams import centrifugal_stiffness
 from envs_tests.physics.cases.rotating_beams import body_pose, observed_frequencies
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.observer_frame.frame import ObserverFrameError, ObserverFrameIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import Translation, observer_frame_from_system
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem

@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.constants import GRAVITY
-from wt_gym.errors import SimulationError
+from wt_gym.base.constants import GRAVITY
+from wt_gym.base.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Recorder, Simulator
 from wt_gym.wind import SteadyInflow
 

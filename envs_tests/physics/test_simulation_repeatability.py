@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.compiled import way_to_compile
+from wt_gym.base.compiled import way_to_compile
 from wt_gym.simulation import Fidelity, Simulator, SimulatorState
 from wt_gym.simulation.state import fingerprint
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow

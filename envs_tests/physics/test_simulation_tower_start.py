@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wt_gym.errors import ActionError
+from wt_gym.base.errors import ActionError
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow, TurningInflow
 

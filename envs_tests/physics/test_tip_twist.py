@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wt_gym.base.errors import SimulationError
 from wt_gym.commands import campbell, compare_controllers, design, simulate, tune
-from wt_gym.errors import SimulationError
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.tip_twist import choose_fidelity, rated_tip_twist, tip_twist

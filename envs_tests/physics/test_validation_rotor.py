@@ -27,7 +27,7 @@ from envs_tests.physics.cases.rotor_steps import gust_theory as theory
 from envs_tests.physics.cases.stall import MEASURED, OPTIONS, run_blade, stalled_rotor
 from envs_tests.physics.validation import read_table
 from wt_gym.aerodynamics import TRAINING
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
 from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element

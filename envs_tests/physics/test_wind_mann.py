@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import TurbulenceBox, box_cache
 from wt_gym.wind.mann import (
     MannParameters,

@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 import wt_gym
-from wt_gym.files import write_text_whole
+from wt_gym.base.files import write_text_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,8 +107,8 @@ class Check:
         unit = f" {self.unit}" if self.unit else ""
         expected = self.expected if isinstance(self.expected, str) else f"{self.expected:.6g}"
         scale, sign = (100.0, " %") if self.is_relative else (1.0, "")
-        shares = (f"{scale * number:.3g}{sign}" for number in (self.error, self.tolerance))
-        return (expected + unit, f"{self.obtained:.6g}{unit}", *shares)
+        error, tolerance = f"{scale * self.error:.3g}{sign}", f"{scale * self.tolerance:.3g}{sign}"
+        return expected + unit, f"{self.obtained:.6g}{unit}", error, tolerance
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers and strings, for JSON; a number that is not finite becomes its name in a string."""

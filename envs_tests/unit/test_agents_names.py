@@ -4,7 +4,7 @@ import importlib.util
 
 import pytest
 
-from wt_gym.agents.names import (
+from wt_gym.experiment.names import (
     BASELINE,
     COMPARED,
     GROUPS,

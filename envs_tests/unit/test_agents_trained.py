@@ -12,7 +12,7 @@ import torch
 from gymnasium import spaces
 from stable_baselines3 import A2C, PPO, SAC
 
-from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, TrainedAgent
+from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 
 
 class Plain(gym.Env):

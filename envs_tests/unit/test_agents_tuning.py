@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from wt_gym.agents import comparison, tuning
-from wt_gym.agents.comparison import Case, ControllerRuns, change, run_cases, table
-from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
+from wt_gym.base.errors import InflowError
 from wt_gym.benchmark import load_task
 from wt_gym.commands.tune import interval
-from wt_gym.errors import InflowError
+from wt_gym.experiment import comparison, tuning
+from wt_gym.experiment.comparison import Case, ControllerRuns, change, run_cases, table
+from wt_gym.experiment.tuning import Cost, Range, TuningTask, tune
 from wt_gym.turbines import load_turbine
 
 METRICS = {

@@ -14,7 +14,7 @@ from wt_gym.analysis.paired import Estimate, level_of, lifetime, lifetime_change
 from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.analysis.statistics import N_RESAMPLES, bootstrap_interval, interquartile_mean, stratified_resamples
 from wt_gym.analysis.summary import format_estimate, results_table, verdict
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 
 
 def test_interquartile_mean_is_the_mean_of_the_middle_half():

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from wt_gym.base.files import remove_partial
+from wt_gym.base.process_memory import peak_memory, resident_memory
 from wt_gym.commands.program import write_any_character
-from wt_gym.files import remove_partial
-from wt_gym.process_memory import peak_memory, resident_memory
 
 ROOT = Path(__file__).parents[2]
 ELSEWHERE = """
@@ -38,7 +38,7 @@ for name in ("SIGKILL", "SIGHUP", "SIGUSR1", "SIGALRM", "pthread_kill", "alarm",
 
 IMPORTS = """
 import importlib, pkgutil
-import wt_gym, wt_gym.agents
+import wt_gym
 
 lacking = set()
 for module in pkgutil.walk_packages(wt_gym.__path__, "wt_gym."):
@@ -52,9 +52,9 @@ print(*sorted(lacking - {"ray", "minari", "optuna"}))
 """
 USE = """
 from wt_gym.runs.folder_lock import FolderLock
-from wt_gym.agents.training.environments import START_METHOD
-from wt_gym.files import remove_partial, write_text_whole
-from wt_gym.process_memory import peak_memory, resident_memory
+from wt_gym.learning.training.environments import START_METHOD
+from wt_gym.base.files import remove_partial, write_text_whole
+from wt_gym.base.process_memory import peak_memory, resident_memory
 import json
 import gymnasium as gym, wt_gym
 
@@ -105,7 +105,7 @@ def test_no_process_is_asked_where_asking_would_end_it(tmp_path, monkeypatch):
     """On Windows ``os.kill(number, 0)`` is Ctrl-C."""
     asked = []
     monkeypatch.setattr(os, "kill", lambda *given: asked.append(given))
-    monkeypatch.setattr("wt_gym.files.os.name", "nt")
+    monkeypatch.setattr("wt_gym.base.files.os.name", "nt")
     (tmp_path / ".run.nc.1.partial").touch()
     monkeypatch.setattr(Path, "unlink", lambda *_, **__: (_ for _ in ()).throw(PermissionError("open")))
     files = list(tmp_path.glob(".*.partial"))
@@ -140,7 +140,7 @@ def test_the_help_of_every_command_is_shown_in_any_encoding(encoding):
 
 def test_text_files_name_their_encoding():
     """The encoding of a system is another one on Windows."""
-    programs = [*(ROOT / "wt_gym").rglob("*.py"), *(ROOT / "agents").rglob("*.py"), *(ROOT / "scripts").glob("*.py")]
+    programs = [*(ROOT / "wt_gym").rglob("*.py"), *(ROOT / "scripts").glob("*.py")]
     command = [sys.executable, "-m", "ruff", "check", "--preview", "--select", "PLW1514", "--quiet", "--isolated"]
     done = subprocess.run([*command, *map(str, programs)], capture_output=True, encoding="utf-8")
     assert done.returncode == 0, done.stdout

@@ -9,18 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.agents import benchmark_runs
-from wt_gym.agents.benchmark_runs import definition_of, entries_of, entry_of, jobs_of
-from wt_gym.agents.front import (
-    FAMILIES,
-    distance_table,
-    draw_front,
-    front_distance,
-    front_entries,
-    front_rows,
-    write_csv,
-)
-from wt_gym.agents.names import LEVELS, controller_of
+from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import (
     INTERFACE,
     BenchmarkTask,
@@ -43,7 +32,18 @@ from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
 from wt_gym.control.bladed import rosco_library
 from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
-from wt_gym.errors import BenchmarkError
+from wt_gym.experiment import benchmark_runs
+from wt_gym.experiment.benchmark_runs import definition_of, entries_of, entry_of, jobs_of
+from wt_gym.experiment.front import (
+    FAMILIES,
+    distance_table,
+    draw_front,
+    front_distance,
+    front_entries,
+    front_rows,
+    write_csv,
+)
+from wt_gym.experiment.names import LEVELS, controller_of
 
 TASK = load_task("load-reduction-15")
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")

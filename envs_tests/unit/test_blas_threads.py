@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from wt_gym.blas_threads import one_blas_thread
+from wt_gym.base.blas_threads import one_blas_thread
 
 
 def numbers(_=None):

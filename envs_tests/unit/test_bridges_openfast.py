@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.base.errors import ActionError, SimulationError, TurbineDefinitionError
 from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.bridges.openfast import (
     DRIVER_VARIABLE,
@@ -42,7 +43,6 @@ from wt_gym.commands.loads import main as loads_command
 from wt_gym.control import Lidar
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.simulators import simulator_maker
-from wt_gym.errors import ActionError, SimulationError, TurbineDefinitionError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import StuckPitch
 from wt_gym.structure.beam import Beam, BeamSections

@@ -12,6 +12,7 @@ import pytest
 zmq = pytest.importorskip("zmq")
 
 from envs_tests.unit.rosco_client import NEUTRAL, Client, read_as_c, text_of  # noqa: E402
+from wt_gym.base.errors import ServerError  # noqa: E402
 from wt_gym.bridges.rosco import (  # noqa: E402
     READINGS,
     SET_POINTS,
@@ -21,7 +22,6 @@ from wt_gym.bridges.rosco import (  # noqa: E402
     read_message,
     write_set_points,
 )
-from wt_gym.errors import ServerError  # noqa: E402
 
 VALUES = [3, 1, 12.5, 5.3e6, 5.0e6, 122.9, 1.267, 43093.55, -10.0, 4.0, 16.2, 5.1e6, -5.2e6, 5.3e6, -0.12, 0.01, 6.1]
 

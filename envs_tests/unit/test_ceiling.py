@@ -8,21 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.agents import ceiling as ceilings
-from wt_gym.agents.ceiling import CeilingOptions, make_ceiling
-from wt_gym.agents.linear_design.feedback import FeedbackOptions, Plant, forecast
-from wt_gym.agents.linear_design.identification import respond
-from wt_gym.agents.linear_design.ladder import Rung, Seen, beam_readings, climb, known_wind, rungs_of
-from wt_gym.agents.linear_design.oracle import (
-    LoadQuadratic,
-    OracleOptions,
-    Played,
-    best_of,
-    learn_offsets,
-    limited,
-    optimal_change,
-)
-from wt_gym.agents.linear_design.recording import Recording
+from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import (
     BenchmarkTask,
     Ceiling,
@@ -39,7 +25,21 @@ from wt_gym.benchmark.tasks import earlier_ids, task_file
 from wt_gym.control import Demand
 from wt_gym.control.optimal.offsets import PitchOffsets
 from wt_gym.control.sensors import Lidar
-from wt_gym.errors import BenchmarkError
+from wt_gym.learning.linear_design import ceiling as ceilings
+from wt_gym.learning.linear_design.ceiling import CeilingOptions, make_ceiling
+from wt_gym.learning.linear_design.feedback import FeedbackOptions, Plant, forecast
+from wt_gym.learning.linear_design.identification import respond
+from wt_gym.learning.linear_design.ladder import Rung, Seen, beam_readings, climb, known_wind, rungs_of
+from wt_gym.learning.linear_design.oracle import (
+    LoadQuadratic,
+    OracleOptions,
+    Played,
+    best_of,
+    learn_offsets,
+    limited,
+    optimal_change,
+)
+from wt_gym.learning.linear_design.recording import Recording
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow

@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from wt_gym import child_process
-from wt_gym.child_process import ChildEndedError, ChildFailedError, ChildProcess
+from wt_gym.base import child_process
+from wt_gym.base.child_process import ChildEndedError, ChildFailedError, ChildProcess
 
 WORKER = """
 import atexit, os, time

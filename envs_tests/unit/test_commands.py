@@ -260,7 +260,7 @@ def stopped_in_one_line(words, capsys):
 
 
 def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch, capsys):
-    from wt_gym.agents import comparison
+    from wt_gym.experiment import comparison
 
     done = []
 
@@ -286,7 +286,7 @@ def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch,
 
 
 def test_an_error_of_a_controller_is_printed_once_with_its_winds(capsys):
-    from wt_gym.agents.comparison import COLUMNS, Case, ControllerRuns
+    from wt_gym.experiment.comparison import COLUMNS, Case, ControllerRuns
 
     cases = [Case(wind, seed) for wind in (12.0, 15.0) for seed in (1, 2)]
     metrics = dict.fromkeys((key for key, _ in COLUMNS), 1e6)
@@ -299,8 +299,8 @@ def test_an_error_of_a_controller_is_printed_once_with_its_winds(capsys):
 
 def test_a_stopped_search_keeps_its_trials(monkeypatch, tmp_path, capsys):
     pytest.importorskip("optuna")
-    from wt_gym.agents import tuning
-    from wt_gym.agents.comparison import COLUMNS, ControllerRuns
+    from wt_gym.experiment import tuning
+    from wt_gym.experiment.comparison import COLUMNS, ControllerRuns
 
     calls = []
 
@@ -322,7 +322,7 @@ def test_a_stopped_search_keeps_its_trials(monkeypatch, tmp_path, capsys):
 
 
 def test_a_stopped_recording_keeps_its_episodes(monkeypatch, tmp_path, capsys):
-    from wt_gym.agents import datasets
+    from wt_gym.learning import datasets
 
     played, written = [], []
 

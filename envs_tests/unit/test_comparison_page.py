@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from wt_gym.agents.comparison import COLUMNS, Case, ControllerRuns
-from wt_gym.agents.comparison_page import write_comparison
 from wt_gym.analysis.report_page import Section, write_page
+from wt_gym.experiment.comparison import COLUMNS, Case, ControllerRuns
+from wt_gym.experiment.comparison_page import write_comparison
 
 SEEDS = (1001, 1002, 1003)
 SETTINGS = {"duration": 150.0, "skip": 30.0, "fidelity": "training"}

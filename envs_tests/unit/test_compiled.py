@@ -16,12 +16,12 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.version import Version
 
-from wt_gym.compiled import _digest, _stamp, digest_of, kernel, way_to_compile
+from wt_gym.base.compiled import _digest, _stamp, digest_of, kernel, way_to_compile
 from wt_gym.multibody.tree.rotation_kernels import rotation_exp
 
 ROOT = Path(__file__).parents[2]
 LEAF = """
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 @kernel(separate=True)
 def leaf(x, factor):
@@ -31,7 +31,7 @@ def leaf(x, factor):
     return total
 """
 CALLERS = """
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from leaf_module import leaf
 
 @kernel
@@ -177,7 +177,7 @@ def test_what_python_could_not_call_is_no_kernel(function, message):
 def test_code_with_addresses_of_a_process_is_not_kept(modules):
     (modules / "leaf_module.py").write_text(
         "import ctypes, ctypes.util\n"
-        "from wt_gym.compiled import kernel\n"
+        "from wt_gym.base.compiled import kernel\n"
         "cos = ctypes.CDLL(ctypes.util.find_library('m')).cos\n"
         "cos.argtypes, cos.restype = [ctypes.c_double], ctypes.c_double\n"
         "@kernel\ndef inner(x):\n    return cos(x)\n"
@@ -191,7 +191,7 @@ def test_code_with_addresses_of_a_process_is_not_kept(modules):
 @pytest.mark.slow
 def test_kernels_of_one_name_are_told_apart(modules):
     (modules / "leaf_module.py").write_text(
-        "from wt_gym.compiled import kernel\n"
+        "from wt_gym.base.compiled import kernel\n"
         "@kernel\ndef same(x):\n    return x + 1\n"
         "first = same\n"
         "@kernel\ndef same(x):\n    return x + 2\n"
@@ -203,7 +203,7 @@ def test_kernels_of_one_name_are_told_apart(modules):
 @pytest.mark.slow
 def test_an_inner_kernel_may_print(modules):
     (modules / "leaf_module.py").write_text(
-        "from wt_gym.compiled import kernel\n"
+        "from wt_gym.base.compiled import kernel\n"
         "@kernel\ndef inner(x):\n    print(x)\n    return x\n"
         "@kernel\ndef between(x):\n    return inner(x) + 1.0\n"
         "@kernel\ndef top(x):\n    return between(x)\n"
@@ -229,7 +229,7 @@ def test_the_callers_of_a_renamed_separate_kernel_are_compiled_anew(modules):
 def test_other_code_is_compiled_as_ever(modules, monkeypatch):
     """In kernels an index is an unsigned number; numba does the same as before for all others in the process."""
     (modules / "index_module.py").write_text(
-        "from wt_gym.compiled import kernel\n@kernel\ndef at(x, i):\n    return x[i]\n"
+        "from wt_gym.base.compiled import kernel\n@kernel\ndef at(x, i):\n    return x[i]\n"
     )
     monkeypatch.syspath_prepend(modules)
     from index_module import at
@@ -266,7 +266,7 @@ def nowhere(tmp_path):
 
 def no_place(done):
     """File of the kernel for which a process found no place, as its last line names it."""
-    said = r"wt_gym.compiled.NoCacheError: there is no place .* the folder of (\S+) nor .* set NUMBA_CACHE_DIR to a .*"
+    said = r"wt_gym.base.compiled.NoCacheError: there is no place .* the folder of (\S+) nor .* NUMBA_CACHE_DIR to a .*"
     assert done.returncode == 1
     return re.fullmatch(said, done.stderr.splitlines()[-1])[1]
 
@@ -317,7 +317,7 @@ def test_a_type_that_another_program_called_a_kernel_with_is_no_obstacle(modules
     pair = "from typing import NamedTuple\nimport numpy as np\nclass Pair(NamedTuple):\n    x: object\n    y: object\n"
     (modules / "pair_module.py").write_text(pair)
     (modules / "sum_module.py").write_text(
-        "from wt_gym.compiled import kernel\n@kernel\ndef total(pair):\n    return pair[0] + pair[1]\n"
+        "from wt_gym.base.compiled import kernel\n@kernel\ndef total(pair):\n    return pair[0] + pair[1]\n"
     )
     own = "from pair_module import Pair\nfrom sum_module import total\nprint(total(Pair(1.0, 2.0)))"
     other = "from sum_module import total\nprint(total((1.0, 2.0)))"
@@ -379,12 +379,12 @@ def test_every_kernel_notices_a_change_of_any_kernel_file(tmp_path):
 @pytest.mark.parametrize("changed", ["step_kernels.py", "compiled.py", "kernel_linking.py"])
 def test_the_stamp_covers_kernels_and_how_they_are_compiled(changed, monkeypatch):
     seen = []
-    monkeypatch.setattr("wt_gym.compiled.digest_of", lambda folder, files: seen.extend(files))
+    monkeypatch.setattr("wt_gym.base.compiled.digest_of", lambda folder, files: seen.extend(files))
     _stamp.__wrapped__()
     assert changed in {file.name for file in seen}
 
 
-WAY = "from wt_gym.compiled import way_to_compile\nprint(way_to_compile())"
+WAY = "from wt_gym.base.compiled import way_to_compile\nprint(way_to_compile())"
 
 
 @pytest.fixture
@@ -398,7 +398,7 @@ def test_the_plain_way_gives_the_same_and_is_kept(modules, plain_way):
     code = (
         "import numpy as np, pickle, numba\n"
         "from leaf_module import leaf\nfrom caller_module import root\n"
-        "from wt_gym.compiled import compiled_for, is_compiled, was_compiled\n"
+        "from wt_gym.base.compiled import compiled_for, is_compiled, was_compiled\n"
         "x = np.arange(4.0)\n"
         "before = was_compiled(root), is_compiled(root, (x, 3.0))\n"
         "print(root(x, 3.0), compiled_for(leaf, (x, 3.0))(x, 3.0), *map(int, before),\n"
@@ -429,7 +429,7 @@ MOVED = {
     "a name is gone": "import numba.core.codegen as c; del c.JITCodeLibrary",
     "a method takes other arguments": "import numba.core.typed_passes as t; t.AnnotateTypes = lambda: None",
     "a pass is another": "import numba.core.typed_passes as t; t.PreLowerStripPhis = type('Other', (), {})",
-    "a result is wrong": "import numpy as n; import wt_gym.kernel_self_test as t\n"
+    "a result is wrong": "import numpy as n; import wt_gym.base.kernel_self_test as t\n"
     "t.np = type('', (), {'arange': lambda k: n.arange(k) + 1, 'zeros': n.zeros})",
     "nothing is kept": "import numba.core.caching as c; c.IndexDataCacheFile.save = lambda *given: None",
 }
@@ -465,7 +465,7 @@ def test_a_cache_that_numba_keeps_otherwise_is_not_used(modules, plain_way):
         "class Other(c.IndexDataCacheFile):\n"
         "    def __init__(self, **given):\n        super().__init__(**given); self.__dict__.pop('_version')\n"
         "c.IndexDataCacheFile = Other\n"
-        "import numpy as np\nfrom leaf_module import leaf\nfrom wt_gym.compiled import was_compiled\n"
+        "import numpy as np\nfrom leaf_module import leaf\nfrom wt_gym.base.compiled import was_compiled\n"
         "print(was_compiled(leaf), leaf(np.arange(4.0), 3.0))"
     )
     done = process(code, [ROOT, modules], **plain_way)

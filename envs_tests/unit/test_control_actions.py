@@ -10,9 +10,9 @@ from gymnasium.wrappers import RescaleAction
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from wt_gym.base.errors import ActionError
 from wt_gym.control import ActionMap, Demand, torque_curve
 from wt_gym.control.actions import ROUNDING, AgentSetpoint
-from wt_gym.errors import ActionError
 from wt_gym.turbines import load_turbine
 
 DT = 0.2

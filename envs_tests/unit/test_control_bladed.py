@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.agents.comparison import Case, run_cases
-from wt_gym.agents.names import fingerprint
+from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import RECORDS, BladedController, rosco_library
@@ -21,7 +20,8 @@ from wt_gym.control.bladed.rosco_input import PERFORMANCE_FILE, write_rosco_inpu
 from wt_gym.control.controllers import make_controller, parse_name
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.errors import ControllerError, SimulationError
+from wt_gym.experiment.comparison import Case, run_cases
+from wt_gym.experiment.names import fingerprint
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from wt_gym.agents.tuning import Cost, TuningTask, _defaults
-from wt_gym.angles import wrapped
+from wt_gym.base.angles import wrapped
+from wt_gym.base.errors import ControllerError
 from wt_gym.control import Demand, LowPass, Notch
 from wt_gym.control.coleman import harmonic_of_blades, to_blades, to_fixed_frame
 from wt_gym.control.controllers import (
@@ -52,7 +52,7 @@ from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, pitch
 from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
-from wt_gym.errors import ControllerError
+from wt_gym.experiment.tuning import Cost, TuningTask, _defaults
 from wt_gym.simulation.model.turbine_structure import tower_beam
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.turbines import catalogue, load_turbine

@@ -8,7 +8,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.agents.controller_agent import ControllerAgent
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.controllers import (
     Combined,
@@ -21,6 +20,7 @@ from wt_gym.control.controllers import (
     readings_of,
 )
 from wt_gym.control.operating_point import operating_point
+from wt_gym.experiment.controller_agent import ControllerAgent
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.control import TorqueCurve, operating_point, torque_curve
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines import ControlData, load_turbine
 
 RPM = math.pi / 30

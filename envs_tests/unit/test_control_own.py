@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from wt_gym.base.errors import ControllerError, TurbineDefinitionError
 from wt_gym.control import Demand
 from wt_gym.control.controllers import controller_parameters, make_controller
 from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, DisconController
@@ -22,7 +23,6 @@ from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.speed_loop import check_speed_loop, checked_winds, gust_speed_rise, speed_loop_modes
-from wt_gym.errors import ControllerError, TurbineDefinitionError
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.catalogue import turbine_file
 from wt_gym.wind.iec import turbulence_sigma

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from envs_tests.unit.simple_rotor import SimpleRotor
+from wt_gym.base.errors import ControllerError
 from wt_gym.control import Demand
 from wt_gym.control.controllers import (
     STATES,
@@ -18,7 +19,6 @@ from wt_gym.control.controllers import (
 )
 from wt_gym.control.controllers.controller import AtSetPoint, WithDemandedPower
 from wt_gym.control.controllers.speed_exclusion import SpeedExclusion, resonant_speed
-from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 DT = 0.1

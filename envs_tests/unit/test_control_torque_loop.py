@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wt_gym.base.errors import ControllerError
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.own import own_law
@@ -16,7 +17,6 @@ from wt_gym.control.operating_point import operating_point, rotor_inertia
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.speed_loop import LoopMode
 from wt_gym.control.torque_loop import LEAST_GROWTH, growing_mode, torque_loop_modes, winds_below_rated
-from wt_gym.errors import ControllerError
 from wt_gym.runs.steady_check import DURATION
 from wt_gym.turbines import ControlData, load_turbine
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.agents import former
-from wt_gym.agents.trained_agent import read_record
-from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.commands.train import parse_arguments
 from wt_gym.control import Channel
 from wt_gym.deprecated import GONE, MODULES, MOVED, NAMES, renamed_arguments, renamed_attribute
 from wt_gym.envs.layout import ObservationLayout
+from wt_gym.experiment import former
+from wt_gym.experiment.trained_agent import read_record
+from wt_gym.learning.training.config import TrainingConfig
 from wt_gym.runs.executors import Tally
 from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation import Fidelity, Simulator

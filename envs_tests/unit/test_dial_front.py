@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from wt_gym.agents.dial_front import PARTS, SETTINGS, TURNED, cost_parts, hypervolume, nadir
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.experiment.dial_front import PARTS, SETTINGS, TURNED, cost_parts, hypervolume, nadir
 
 
 def test_volumes_of_boxes_and_their_union():

@@ -8,9 +8,9 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from wt_gym.agents.distributed import rllib_environment
-from wt_gym.agents.distributed.rllib_environment import RunnerEnv, make_runner_env
-from wt_gym.agents.distributed.rllib_weights import first_weights, take_weights
+from wt_gym.learning.distributed import rllib_environment
+from wt_gym.learning.distributed.rllib_environment import RunnerEnv, make_runner_env
+from wt_gym.learning.distributed.rllib_weights import first_weights, take_weights
 
 SPACE = gym.spaces.Box(-1.0, 1.0, (3,), np.float32)
 

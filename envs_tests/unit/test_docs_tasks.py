@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.agents import evaluation_run
-from wt_gym.agents.robustness import FAULT_CONDITIONS, NOMINAL
-from wt_gym.agents.task_scores import RANDOM, STUDIES, Part, Study, measure, measured_line, score_table
 from wt_gym.analysis.results import Wind
+from wt_gym.base.ids import present_id
 from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
-from wt_gym.ids import present_id
+from wt_gym.experiment import evaluation_run
+from wt_gym.experiment.robustness import FAULT_CONDITIONS, NOMINAL
+from wt_gym.experiment.task_scores import RANDOM, STUDIES, Part, Study, measure, measured_line, score_table
 from wt_gym.tasks import TASKS
 
 ROOT = Path(__file__).resolve().parents[2]

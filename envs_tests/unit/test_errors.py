@@ -6,14 +6,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym import errors
-from wt_gym.agents.names import read_name
-from wt_gym.agents.training.hyperparameters import check_hyperparameters
+from wt_gym.base import errors
+from wt_gym.base.errors import WtGymError, did_you_mean
 from wt_gym.benchmark import load_task
 from wt_gym.commands import main
 from wt_gym.commands.benchmark import chosen
 from wt_gym.commands.program import user_errors
-from wt_gym.errors import WtGymError, did_you_mean
+from wt_gym.experiment.names import read_name
+from wt_gym.learning.training.hyperparameters import check_hyperparameters
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.drivetrain.faults import SensorBias

@@ -13,9 +13,6 @@ import numpy as np
 import pytest
 
 from envs_tests.unit.exported_library import INTERVAL, Exported, numbers_read, random_readings, sanitized
-from wt_gym.agents.export.controller_parts import controller_parts
-from wt_gym.agents.export.discon import export_discon
-from wt_gym.agents.export.parameters import PARAMETERS
 from wt_gym.bridges.openfast import write_model
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.export import main
@@ -24,6 +21,9 @@ from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import Combined, make_controller
 from wt_gym.control.controllers.controller import lidar_of
 from wt_gym.control.optimal.design_file import LinearDesign, save_design
+from wt_gym.deployment.export.controller_parts import controller_parts
+from wt_gym.deployment.export.discon import export_discon
+from wt_gym.deployment.export.parameters import PARAMETERS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.catalogue import turbine_file
 

@@ -2,7 +2,7 @@
 
 from dataclasses import make_dataclass
 
-from wt_gym.fields import later_field
+from wt_gym.base.fields import later_field
 from wt_gym.simulation.state import fingerprint
 
 EARLIER = make_dataclass("Options", [("rows", int)])

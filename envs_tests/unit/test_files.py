@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from wt_gym.files import remove_partial, require_writable, whole_file, write_text_whole
+from wt_gym.base.files import remove_partial, require_writable, whole_file, write_text_whole
 
 
 def test_a_file_keeps_its_content_where_writing_fails(tmp_path):

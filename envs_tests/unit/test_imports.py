@@ -9,11 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
-BASE = frozenset({
-    "angles", "attached_flow", "blas_threads", "child_process", "compiled", "constants", "deprecated", "errors",
-    "fields", "files", "ids", "kernel_linking", "kernel_self_test", "picture_style", "process_memory", "sources",
-    "tasks", "turbine_records", "user_cache", "warn_once",
-})  # fmt: skip
+BASE = frozenset({"base", "deprecated", "tasks", "turbine_records"})
 """Modules beside the rooms, which any room may use and which use none."""
 
 KNOWS = {
@@ -29,29 +25,33 @@ KNOWS = {
     "envs": {"turbines", "wind", "simulation", "control", "bridges", "analysis"},
     "runs": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs"},
     "benchmark": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs"},
-    "agents": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark"},
+    "experiment": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark"},
+    "deployment": {
+        "turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark", "experiment",
+    },
+    "learning": {
+        "turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark", "experiment",
+        "deployment",
+    },
     "commands": {
         "turbines", "wind", "multibody", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark",
-        "agents",
+        "experiment", "deployment", "learning",
     },
     "__main__": {"commands"},
 }  # fmt: skip
 """Rooms that each room may use, beside `BASE` and the version in ``wt_gym`` itself."""
 
-TWO_WAYS_TO_COMPILE = {"wt_gym.compiled", "wt_gym.kernel_linking", "wt_gym.kernel_self_test"}
+TWO_WAYS_TO_COMPILE = {"wt_gym.base.compiled", "wt_gym.base.kernel_linking", "wt_gym.base.kernel_self_test"}
 """The one circle that stays: `compiled` chooses between plain numba and linking, which stands on numba's inside and is
 imported only after a self-test is wanted; it uses the options and the stamp of `compiled`."""
 
 
 def modules():
-    """Path of every module by its name; ``agents`` of a clone is the package ``wt_gym.agents``."""
+    """Path of every module by its name."""
     found = {}
-    for folder, prefix in ((ROOT / "wt_gym", ()), (ROOT / "agents", ("wt_gym",))):
-        for path in sorted(folder.rglob("*.py")):
-            parts = [*prefix, *path.relative_to(ROOT).with_suffix("").parts]
-            if not prefix and parts[1] == "agents":
-                continue
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    for path in sorted((ROOT / "wt_gym").rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     return found
 
 
@@ -152,7 +152,7 @@ def private_names(source):
 
 
 def test_a_private_name_is_found():
-    assert list(private_names("import os\nfrom wt_gym.files import (\n    _a,\n    b,\n)\n")) == [("_a", 2)]
+    assert list(private_names("import os\nfrom wt_gym.base.files import (\n    _a,\n    b,\n)\n")) == [("_a", 2)]
     assert list(private_names("from wt_gym import __version__\nfrom ctypes import _Pointer\n")) == []
 
 

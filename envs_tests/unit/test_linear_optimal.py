@@ -9,19 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from wt_gym.agents.comparison import Case, inflow_of
-from wt_gym.agents.linear_design import design as designing
-from wt_gym.agents.linear_design.design import LinearDesignTask, change_of_power, default_speeds, design
-from wt_gym.agents.linear_design.feedback import (
-    FeedbackOptions,
-    Plant,
-    fit_feedback,
-    forecast,
-    forecast_change,
-    minimize_quadratic,
-)
-from wt_gym.agents.linear_design.identification import explained_share, identify, respond
-from wt_gym.agents.linear_design.recording import Excitation, Recording, RecordingStore
+from wt_gym.base.errors import ControllerError
 from wt_gym.benchmark import load_task
 from wt_gym.benchmark.run import benchmark_metrics
 from wt_gym.commands import design as design_command
@@ -35,7 +23,19 @@ from wt_gym.control.optimal.measured import channels_read, measured_outputs, rec
 from wt_gym.control.optimal.model_fit import ModelFit
 from wt_gym.control.optimal.offsets import PitchOffsets, default_limits
 from wt_gym.control.optimal.past import bin_means, delay_bins, spread_over_bins, without_lasting
-from wt_gym.errors import ControllerError
+from wt_gym.experiment.comparison import Case, inflow_of
+from wt_gym.learning.linear_design import design as designing
+from wt_gym.learning.linear_design.design import LinearDesignTask, change_of_power, default_speeds, design
+from wt_gym.learning.linear_design.feedback import (
+    FeedbackOptions,
+    Plant,
+    fit_feedback,
+    forecast,
+    forecast_change,
+    minimize_quadratic,
+)
+from wt_gym.learning.linear_design.identification import explained_share, identify, respond
+from wt_gym.learning.linear_design.recording import Excitation, Recording, RecordingStore
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import pitch_delay

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.agents import pool
-from wt_gym.agents.loadcases import study
-from wt_gym.agents.loadcases.cases import CASES, Condition, inflow_of, plan_of
-from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
-from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
-from wt_gym.agents.loadcases.run import EXTREMES
-from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
 from wt_gym.commands.loadcases import main
 from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
+from wt_gym.experiment import pool
+from wt_gym.experiment.loadcases import study
+from wt_gym.experiment.loadcases.cases import CASES, Condition, inflow_of, plan_of
+from wt_gym.experiment.loadcases.report import load_case_tables, write_load_case_report
+from wt_gym.experiment.loadcases.results import PARKED, CaseRun, LoadCaseResults
+from wt_gym.experiment.loadcases.run import EXTREMES
+from wt_gym.experiment.loadcases.study import LoadCaseConfig, run_load_cases
 from wt_gym.runs.definition import digest
 from wt_gym.runs.executors import SerialExecutor, Tally
 from wt_gym.runs.store import SWEEP_FILE
@@ -340,7 +340,7 @@ def test_a_damaged_file_is_named(tmp_path, counted):
 )
 def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("wt_gym.agents.pool.AgentPool.results", lambda *_: pytest.fail("runs were begun"))
+    monkeypatch.setattr("wt_gym.experiment.pool.AgentPool.results", lambda *_: pytest.fail("runs were begun"))
     with pytest.raises(SystemExit) as end:
         main(words)
     assert message in end.value.code

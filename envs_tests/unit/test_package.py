@@ -2,7 +2,6 @@
 
 import email
 import os
-import pickle
 import re
 import shutil
 import subprocess
@@ -17,7 +16,9 @@ import wt_gym
 from wt_gym.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKED = ("wt_gym", "agents", "pyproject.toml", "setup.py", "README.md", "LICENSE")
+PACKED = ("wt_gym", "agents", "pyproject.toml", "README.md", "LICENSE")
+DATA = ("hyperparameters", "recipes", "trained")
+"""Folders of ``agents`` that a wheel holds; its scripts are of a clone."""
 IMPORTS = "import gymnasium as gym\nimport wt_gym\n"
 """Of the first block of a page: one without imports goes on from there."""
 NOT_PACKED = shutil.ignore_patterns("__pycache__", "*.egg-info")
@@ -88,27 +89,17 @@ def test_the_sources_have_no_symbolic_links():
     assert not [path for folder in folders for path in folder.rglob("*") if path.is_symlink()]
 
 
-def test_a_clone_finds_the_agents_under_the_name_of_the_package():
-    import wt_gym.agents
-    from wt_gym.agents import pool
-
-    assert Path(wt_gym.agents.__file__) == ROOT / "agents" / "__init__.py"
-    assert (sys.modules["wt_gym.agents"], wt_gym.agents.__spec__.name) == (wt_gym.agents, "wt_gym.agents")
-    assert Path(pool.__file__) == ROOT / "agents" / "pool.py"
-    assert pickle.loads(pickle.dumps(pool.AgentPool)) is pool.AgentPool
-
-
 WORKERS = """
 import multiprocessing, sys
 from pathlib import Path
-import wt_gym.agents
-from wt_gym.agents.training.hyperparameters import hyperparameters_for
-from wt_gym.agents.training.run_folder import RunFolder
+from wt_gym.base.files import shipped_folder
+from wt_gym.learning.training.hyperparameters import hyperparameters_for
+from wt_gym.experiment.run_folder import RunFolder
 
 if __name__ == "__main__":
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         print(pool.apply(RunFolder, ("folder",)).__class__ is RunFolder, RunFolder.__module__)
-    print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v1")) > 3, Path(wt_gym.agents.__file__).parent)
+    print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v1")) > 3, shipped_folder())
 """
 
 
@@ -129,7 +120,7 @@ def test_pickles_workers_and_data_find_their_way(installed, sources, tmp_path, e
 
 @pytest.mark.slow
 def test_the_archive_of_the_sources_makes_the_same_wheel(wheel, sources, tmp_path):
-    code = "from setuptools.build_meta import build_sdist; import sys; build_sdist(sys.argv[1])"
+    code = "from hatchling.build import build_sdist; import sys; build_sdist(sys.argv[1])"
     succeeds(sys.executable, "-c", code, tmp_path, folder=sources)
     (archive,) = tmp_path.glob("*.tar.gz")
     with zipfile.ZipFile(wheel) as direct, zipfile.ZipFile(built(archive, tmp_path / "dist")) as other:
@@ -145,12 +136,10 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
         (record,) = (name for name in names if name.endswith(".dist-info/METADATA"))
         metadata = email.message_from_bytes(archive.read(record))
         entries = archive.read(record.replace("METADATA", "entry_points.txt")).decode()
-        agents = archive.read("wt_gym/agents/__init__.py")
-    assert agents == (ROOT / "agents" / "__init__.py").read_bytes()  # not the way to it in a clone
     assert {name.split("/")[0] for name in names} == {"wt_gym", record.split("/")[0]}
     assert not [name for name in names if "__pycache__" in name or "test" in name.lower()]
     packed = {name for name in names if name.startswith("wt_gym/")}
-    parts = (("", ROOT / "wt_gym"), ("wt_gym/", ROOT / "agents"))
+    parts = [("", ROOT / "wt_gym"), *(("wt_gym/", ROOT / "agents" / name) for name in DATA)]
     found = [(start, path) for start, part in parts for path in part.rglob("*") if path.is_file()]
     sources = {start + path.relative_to(ROOT).as_posix() for start, path in found}
     wanted = {name for name in sources if "__pycache__" not in name and not name.endswith((".nbi", ".nbc"))}
@@ -178,7 +167,7 @@ def test_the_command_works_where_it_is_installed(installed):
 def test_it_takes_no_names_but_its_own(installed):
     python, folder = installed / "venv" / "bin" / "python", installed / "work"
     assert run(python, "-c", "import agents", folder=folder)[0] == 1
-    where = succeeds(python, "-c", "import wt_gym.agents; print(wt_gym.agents.__file__)", folder=folder)
+    where = succeeds(python, "-c", "import wt_gym; print(wt_gym.__file__)", folder=folder)
     assert Path(where.strip()).is_relative_to(installed / "venv")
 
 

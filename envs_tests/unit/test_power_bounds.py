@@ -9,11 +9,11 @@ import numpy as np
 import power_bounds as study
 import pytest
 
-from wt_gym.agents import power_bounds
-from wt_gym.agents.power_bounds import RotorHull, disc_speeds, energy_bound, tracking_bound
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.rotor_table import rotor_table
 from wt_gym.envs.rewards.power import efficiency
+from wt_gym.experiment import power_bounds
+from wt_gym.experiment.power_bounds import RotorHull, disc_speeds, energy_bound, tracking_bound
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

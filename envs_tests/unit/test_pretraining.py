@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 import torch
 
-from wt_gym.agents.linear_design.identification import respond
-from wt_gym.agents.pretraining import pretrain as pretraining
-from wt_gym.agents.pretraining.episodes import (
+from wt_gym.analysis import metrics
+from wt_gym.control.coleman import to_blades
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.learning.linear_design.identification import respond
+from wt_gym.learning.pretraining import pretrain as pretraining
+from wt_gym.learning.pretraining.episodes import (
     EpisodeJob,
     PlayedActions,
     RecordedEpisode,
     check_environment,
     record_episode,
 )
-from wt_gym.agents.pretraining.fatigue import cycle_ends, damage_equivalent_load
-from wt_gym.agents.pretraining.objective import Limits, LinearizedEpisode, Plants, load_metrics, plant_outputs, tensor
-from wt_gym.agents.pretraining.options import PretrainingOptions
-from wt_gym.agents.train import train
-from wt_gym.agents.training.callbacks import StopRequest
-from wt_gym.agents.training.config import TrainingConfig
-from wt_gym.analysis import metrics
-from wt_gym.control.coleman import to_blades
-from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.learning.pretraining.fatigue import cycle_ends, damage_equivalent_load
+from wt_gym.learning.pretraining.objective import Limits, LinearizedEpisode, Plants, load_metrics, plant_outputs, tensor
+from wt_gym.learning.pretraining.options import PretrainingOptions
+from wt_gym.learning.train import train
+from wt_gym.learning.training.callbacks import StopRequest
+from wt_gym.learning.training.config import TrainingConfig
 from wt_gym.tasks import TASKS
 
 DT, STEPS, RATED, FULL = 0.1, 400, 5e6, math.radians(8.0)

@@ -94,7 +94,7 @@ def test_names_that_left_a_module_are_imported_from_where_they_are(script):
 """
     assert renamer.text("mine.py", text) == (
         "if x:\n    from wt_gym.runs.executors import ProcessExecutor\n"
-        "    from wt_gym.agents.former import in_processes\n"
+        "    from wt_gym.experiment.former import in_processes\n"
     )
 
 

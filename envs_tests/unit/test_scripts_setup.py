@@ -23,7 +23,7 @@ def clone(tmp_path):
     clone = tmp_path / "clone"
     (clone / "scripts").mkdir(parents=True)
     shutil.copy(SETUP, clone / "scripts")
-    for name in ("pyproject.toml", "setup.py", "constraints.txt"):
+    for name in ("pyproject.toml", "constraints.txt"):
         (clone / name).write_text(name)
     (tmp_path / "python").write_text(PYTHON)
     (tmp_path / "python").chmod(0o755)
@@ -84,7 +84,7 @@ def test_a_moved_or_copied_clone_is_brought_up_to_date_in_place(clone, move):
     assert calls(other) == []
 
 
-@pytest.mark.parametrize("name", ["pyproject.toml", "setup.py", "constraints.txt"])
+@pytest.mark.parametrize("name", ["pyproject.toml", "constraints.txt"])
 def test_other_requirements_are_installed(clone, name):
     calls(clone)
     (clone / name).write_text("another version")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.multibody.tree.point_kernels import point_motion

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from wt_gym.errors import ActionError
+from wt_gym.base.errors import ActionError
 from wt_gym.simulation.drivetrain.drives import Drives, LinearDamper, TorqueCommand, available_torque, pitch_delay
 from wt_gym.turbines import load_turbine
 

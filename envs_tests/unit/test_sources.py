@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import wt_gym
+from wt_gym.base.sources import code_of, source_files, sources_digest
 from wt_gym.benchmark.fingerprint import _EPISODE
-from wt_gym.sources import code_of, source_files, sources_digest
 
 ROOT = Path(wt_gym.__file__).parents[1]
 FIRST = """
@@ -116,7 +116,7 @@ def test_an_episode_loads_nothing_that_only_weighs_or_prints(episode):
     others = (
         "wt_gym.commands", "wt_gym.analysis.report", "wt_gym.analysis.statistics", "wt_gym.analysis.lifetime",
         "wt_gym.benchmark.scoring", "wt_gym.benchmark.table", "wt_gym.envs.rendering", "wt_gym.turbines.openfast_blade",
-        "wt_gym.runs.executors", "wt_gym.agents.training.budgets", "wt_gym.agents.comparison",
+        "wt_gym.runs.executors", "wt_gym.learning.training.budgets", "wt_gym.experiment.comparison",
     )  # fmt: skip
     assert not [name for name in episode if name.startswith(others)]
     assert not [path for path in episode.values() if "benchmark/data" in path.as_posix()]
@@ -126,7 +126,7 @@ CHANGES = {
     "wt_gym/envs/operation.py": ("residual.acting(wanted,", "residual.acting(2.0 * wanted,"),
     "wt_gym/envs/ending.py": ("reward - self.penalty", "reward + self.penalty"),
     "wt_gym/envs/fault_draws.py": ("own.uniform()", "own.uniform(0.5)"),
-    "agents/training/policy_arrays.py": ("np.tanh", "np.sin"),
+    "wt_gym/experiment/policy_arrays.py": ("np.tanh", "np.sin"),
 }
 
 

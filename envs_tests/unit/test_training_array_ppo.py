@@ -10,8 +10,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from wt_gym.agents.training.array_ppo import ArrayPPO
-from wt_gym.agents.training.policy_arrays import FlatVector, PolicyArrays
+from wt_gym.experiment.policy_arrays import FlatVector, PolicyArrays
+from wt_gym.learning.training.array_ppo import ArrayPPO
 
 ACTIVATIONS = [torch.nn.Tanh, torch.nn.ReLU, torch.nn.ELU]
 

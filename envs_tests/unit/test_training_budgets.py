@@ -11,11 +11,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from wt_gym.agents.train import resume, train
-from wt_gym.agents.training.array_ppo import ArrayPPO
-from wt_gym.agents.training.budgets import BudgetedVecEnv, BudgetUpdates, allowed_costs, budgeted_of
-from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.commands.train import configuration, parse_arguments
+from wt_gym.learning.train import resume, train
+from wt_gym.learning.training.array_ppo import ArrayPPO
+from wt_gym.learning.training.budgets import BudgetedVecEnv, BudgetUpdates, allowed_costs, budgeted_of
+from wt_gym.learning.training.config import TrainingConfig
 
 BEST, ALLOWED = 0.8, 0.5
 """Of the problem below: the action that earns most, and the mean cost that is allowed."""

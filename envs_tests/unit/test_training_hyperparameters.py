@@ -5,18 +5,18 @@ from pathlib import Path
 import pytest
 from stable_baselines3.common.utils import LinearSchedule
 
-from wt_gym.agents.trained_agent import ALGORITHM_CLASSES
-from wt_gym.agents.training.config import TrainingConfig
-from wt_gym.agents.training.environments import make_training_env
-from wt_gym.agents.training.hyperparameters import (
+from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES
+from wt_gym.learning.training.config import TrainingConfig
+from wt_gym.learning.training.environments import make_training_env
+from wt_gym.learning.training.hyperparameters import (
     ALGORITHMS,
     hyperparameters_for,
     of_each_copy,
     parse_override,
     read_hyperparameters,
 )
-from wt_gym.agents.training.models import make_model
-from wt_gym.agents.training.search import tried
+from wt_gym.learning.training.models import make_model
+from wt_gym.learning.training.search import tried
 from wt_gym.tasks import TASKS
 
 TASK, STEADY = "wt_gym/LoadReduction-v1", "wt_gym/NREL5MW-Steady-v1"

@@ -4,8 +4,8 @@ import gymnasium as gym
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents.training.recipes import recipe_file, recipe_names
 from wt_gym.commands.train import configuration, parse_arguments
+from wt_gym.learning.training.recipes import recipe_file, recipe_names
 from wt_gym.tasks import DEFAULT_ENV, TASKS
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import Airfoil, Polar, load_turbine
 from wt_gym.turbines.airfoil import blend_airfoils, blend_polars, camber_line
 

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import Turbine, catalogue, load_turbine
 
 

@@ -13,9 +13,9 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from openfast_model import DEGREE, Model, principal, with_few_points
 
+from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.commands.import_ import main
 from wt_gym.control.controllers import make_controller
-from wt_gym.errors import SimulationError, TurbineDefinitionError
 from wt_gym.runs.steady_check import SteadyPoint, _run, steady_winds, verdict
 from wt_gym.simulation.state import fingerprint
 from wt_gym.structure.beam import Beam, BeamSections

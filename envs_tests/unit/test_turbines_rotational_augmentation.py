@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.simulation.state import fingerprint
 from wt_gym.turbines import Polar, RotationalAugmentation, load_turbine
 

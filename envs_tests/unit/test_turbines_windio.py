@@ -9,7 +9,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.beam import BeamStations, inertia_matrix
 from wt_gym.turbines.catalogue import turbine_file

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_turbines_windio import at, save, small_turbine, table
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.windio_estimates import Machine, shaft_stiffness
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, TurningInflow, wind_from
 from wt_gym.wind.mann_files import read_hawc2, read_hipersim, write_hawc2
 

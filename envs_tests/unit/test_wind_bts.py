@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 NZ, NY, NTWR, NT = 3, 2, 2, 4

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
 from wt_gym.wind.protocol import fill_velocity, read_only
 

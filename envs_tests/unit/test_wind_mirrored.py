@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow
 from wt_gym.wind.protocol import fill_velocity, read_only, velocity_ahead
 

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import MirroredInflow, PathInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
 from wt_gym.wind.path import speed_path
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import SeriesInflow, wind_from
 from wt_gym.wind.series import COLUMNS
 from wt_gym.wind.series_files import read_csv, read_uniform

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import Inflow, SteadyInflow
 
 HEIGHTS = np.array([1.0, 10.0, 27.0, 90.0, 153.0, 400.0])

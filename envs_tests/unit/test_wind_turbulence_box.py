@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, box_cache, turbulence_box
 from wt_gym.wind.kaimal import KaimalParameters
 

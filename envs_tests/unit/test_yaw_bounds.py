@@ -6,7 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from wt_gym.agents.yaw_bounds import (
+from wt_gym.control import Demand
+from wt_gym.control.controllers.yaw import YawByDeadBand
+from wt_gym.experiment.yaw_bounds import (
     Directions,
     Yawed,
     by_thresholds,
@@ -14,8 +16,6 @@ from wt_gym.agents.yaw_bounds import (
     with_wind_known,
     with_wind_known_at,
 )
-from wt_gym.control import Demand
-from wt_gym.control.controllers.yaw import YawByDeadBand
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 

@@ -10,8 +10,8 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from fuzzing.energy import EnergyAccount
+from wt_gym.base.errors import ActionError
 from wt_gym.envs.costs import COST_NAMES
-from wt_gym.errors import ActionError
 
 if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv

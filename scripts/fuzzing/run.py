@@ -14,8 +14,8 @@ import numpy as np
 from fuzzing.cases import FuzzCase, draw_case
 from fuzzing.contract import Contract, ContractBroken
 from fuzzing.policies import make_policy
+from wt_gym.base.errors import SimulationError
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

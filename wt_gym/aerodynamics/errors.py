@@ -1,6 +1,6 @@
 """The exception of this room."""
 
-from wt_gym.errors import WtGymError
+from wt_gym.base.errors import WtGymError
 
 __all__ = ["AerodynamicsError"]
 

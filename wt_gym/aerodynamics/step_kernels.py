@@ -31,7 +31,7 @@ from wt_gym.aerodynamics.wake.wake_kernels import (
     turn_induced,
     wake_sheets,
 )
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 TOLERANCE = 1e-5  # of the decambering, relative to the largest section speed
 MAX_ITERATIONS = 40  # one or two in attached flow

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from plotly.offline import get_plotlyjs
 
 from wt_gym.analysis.plots import DARK_COLORS
-from wt_gym.files import write_text_whole
+from wt_gym.base.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -15,7 +15,7 @@ import xarray as xr
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS, idle_sentence, idle_time, measured_metrics
 from wt_gym.analysis.replay import Replay
-from wt_gym.files import whole_file, write_netcdf_whole, write_text_whole
+from wt_gym.base.files import whole_file, write_netcdf_whole, write_text_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -178,7 +178,7 @@ class Evaluation:
     limits : dict
         Rated power [W], rated rotor speed [rad/s] and the like, for reference lines in plots.
     training : dict
-        Agent name to how it was trained (see `wt_gym.agents.train`), for agents that were.
+        Agent name to how it was trained (see `wt_gym.learning.train`), for agents that were.
     climate : WindClimate or None
         How often each wind speed blows, for loads over a life.
     notes : dict

@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 from scipy.interpolate import CubicSpline
 
 from wt_gym.analysis.replay import trailing_strength
-from wt_gym.picture_style import BLUE
+from wt_gym.base.picture_style import BLUE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -9,8 +9,8 @@ import lzma
 import tarfile
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.errors import BenchmarkError
-from wt_gym.files import write_whole
+from wt_gym.base.errors import BenchmarkError
+from wt_gym.base.files import write_whole
 from wt_gym.runs.definition import digest
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def read_archive(path: Path, folder: Path) -> None:
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If the file is not an archive, is damaged, or has a member that its manifest does not name or names otherwise.
     """
     try:

@@ -10,10 +10,10 @@ import json
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.errors import BenchmarkError
+from wt_gym.base.files import write_text_whole
 from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
-from wt_gym.errors import BenchmarkError
-from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -102,7 +102,7 @@ def ceiling_of(task: BenchmarkTask, path: Path | None = None) -> Ceiling | None:
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If its file is damaged.
     """
     path = path or ceiling_file(task)

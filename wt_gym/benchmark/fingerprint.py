@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from wt_gym.base.sources import sources_digest
 from wt_gym.envs.record_store import user_record_digest
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
 from wt_gym.simulation.tip_twist import suited_fidelity
-from wt_gym.sources import sources_digest
 
 if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["benchmark_fingerprint", "differing"]
 
-_EPISODE = ("wt_gym.agents.pool", "wt_gym.benchmark.run", "wt_gym.runs.playing", "wt_gym.tasks")
+_EPISODE = ("wt_gym.experiment.pool", "wt_gym.benchmark.run", "wt_gym.runs.playing", "wt_gym.tasks")
 """Modules that make the agents, play an episode and measure it; they import the environment and the simulator. The
 first is named, not imported: the agents stand above the benchmark."""
 
@@ -39,7 +39,7 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None, *mo
     -------
     dict
         ``turbine``, ``fidelity``, and ``code``: all sources and data that an episode with an agent loads
-        (`wt_gym.sources.sources_digest`). Where episodes start from a record of the user, ``start`` is its digest;
+        (`wt_gym.base.sources.sources_digest`). Where episodes start from a record of the user, ``start`` is its digest;
         the records of the package are part of the code.
     """
     chosen = fidelity_of(suited_fidelity(turbine) if fidelity is None else fidelity)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.errors import BenchmarkError
+from wt_gym.base.files import write_text_whole
 from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
-from wt_gym.errors import BenchmarkError
-from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -61,7 +61,7 @@ class Reference:
 
         Raises
         ------
-        wt_gym.errors.BenchmarkError
+        wt_gym.base.errors.BenchmarkError
             If it belongs to another task or version, or was made with another turbine, fidelity or physics.
         """
         if (definition["task"], definition["version"]) != (task.name, task.version):
@@ -80,7 +80,7 @@ def reference_of(task: BenchmarkTask) -> Reference:
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If there are none, or the task has been changed since.
     """
     renew = f"wt-gym benchmark reference --task {task.name} makes them"
@@ -110,7 +110,7 @@ def make_reference(
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If the baseline did not run to the end in every wind, or no candidate is better than it.
     """
     ended = [f"{wind.label} ({baseline[wind.label]['ending']})" for wind in task.winds
@@ -162,7 +162,7 @@ def confirm_reference(
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If a metric of the baseline has changed, or what the best known agent improves.
     """
     renew = f"the reference numbers are out of date; wt-gym benchmark reference --task {task.name} renews them"

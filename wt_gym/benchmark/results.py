@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.errors import BenchmarkError
+from wt_gym.base.errors import BenchmarkError
 from wt_gym.runs.definition import digest
 from wt_gym.runs.store import RunStore
 
@@ -59,7 +59,7 @@ class ResultFolder(RunStore):
 
         Raises
         ------
-        wt_gym.errors.BenchmarkError
+        wt_gym.base.errors.BenchmarkError
             If a file is damaged, or has another name than its content.
         """
         for path in sorted(self.path.glob("*-*.json")):

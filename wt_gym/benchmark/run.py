@@ -13,11 +13,11 @@ import numpy as np
 
 import wt_gym
 from wt_gym.analysis.metrics import idle_time, run_metrics
+from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.errors import BenchmarkError
 from wt_gym.runs.definition import RunDefinition
 from wt_gym.runs.playing import play as play_episode
 from wt_gym.turbines import load_turbine
@@ -86,7 +86,7 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If the interface holds something else.
     """
     interface = dict(interface or {})

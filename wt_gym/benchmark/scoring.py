@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.analysis.statistics import bootstrap_interval
+from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark.reference import reference_of
-from wt_gym.errors import BenchmarkError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -90,7 +90,7 @@ def score(task: BenchmarkTask, results: Mapping[str, Mapping[str, Any]], referen
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If the task has no reference numbers, a wind is missing, or a result was made with another turbine, fidelity
         or physics than the reference.
     """

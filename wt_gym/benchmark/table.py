@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.analysis.change import relative_change
+from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark.ceiling import ceiling_line, ceiling_of
 from wt_gym.benchmark.reference import reference_of
 from wt_gym.benchmark.scoring import score
 from wt_gym.benchmark.tasks import earlier_ids, load_task, recorded_name, task_names
-from wt_gym.errors import BenchmarkError
 from wt_gym.runs.definition import digest
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ def into_page(table: str, page: str, part: str = "leaderboard") -> str:
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If the page has no such lines.
     """
     first, last = f"<!-- {part} -->", f"<!-- end of the {part} -->"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from wt_gym.errors import BenchmarkError, did_you_mean
+from wt_gym.base.errors import BenchmarkError, did_you_mean
 from wt_gym.runs.definition import digest
 from wt_gym.wind import TransientInflow
 
@@ -191,7 +191,7 @@ class BenchmarkTask:
 
         Raises
         ------
-        wt_gym.errors.BenchmarkError
+        wt_gym.base.errors.BenchmarkError
             If something is missing, unknown or without meaning.
         """
         name = values.get("name", "?")
@@ -324,7 +324,7 @@ def task_file(name: str) -> Path:
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If there is no such task.
     """
     if name in earlier_ids():
@@ -347,7 +347,7 @@ def load_task(name: str) -> BenchmarkTask:
 
     Raises
     ------
-    wt_gym.errors.BenchmarkError
+    wt_gym.base.errors.BenchmarkError
         If there is no such task, or its file is damaged.
     """
     return BenchmarkTask.from_json(json.loads(task_file(name).read_text(encoding="utf-8")))

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from wt_gym.errors import WtGymError
+from wt_gym.base.errors import WtGymError
 
 __all__ = ["TARGETS", "CompilerError", "compile_library", "find_compiler", "library_name"]
 

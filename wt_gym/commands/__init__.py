@@ -7,8 +7,8 @@ import keyword
 from importlib import import_module
 
 import wt_gym
+from wt_gym.base.errors import did_you_mean
 from wt_gym.commands.program import OneLineParser, write_any_character
-from wt_gym.errors import did_you_mean
 
 __all__ = ["COMMANDS", "main", "module_of"]
 

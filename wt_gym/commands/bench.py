@@ -28,9 +28,9 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, cast
 
+from wt_gym.base.errors import did_you_mean
+from wt_gym.base.process_memory import peak_memory
 from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser, stoppable, user_errors
-from wt_gym.errors import did_you_mean
-from wt_gym.process_memory import peak_memory
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
@@ -265,10 +265,10 @@ def measure_learning(fidelity: str, steps: float) -> dict[str, Any]:
     from stable_baselines3.common.logger import Logger
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
-    from wt_gym.agents.training.callbacks import EpisodeFigures, StopRequest, Watch
-    from wt_gym.agents.training.config import TrainingConfig
-    from wt_gym.agents.training.environments import START_METHOD, make_training_env, monitored, normalized
-    from wt_gym.agents.training.models import make_model
+    from wt_gym.learning.training.callbacks import EpisodeFigures, StopRequest, Watch
+    from wt_gym.learning.training.config import TrainingConfig
+    from wt_gym.learning.training.environments import START_METHOD, make_training_env, monitored, normalized
+    from wt_gym.learning.training.models import make_model
 
     torch.set_num_threads(1)  # as a training does
     config = TrainingConfig(env_kwargs={"fidelity": fidelity}, eval_every=0)

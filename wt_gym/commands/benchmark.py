@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Any
 
-    from wt_gym.agents.benchmark_runs import Entry
     from wt_gym.benchmark import BenchmarkTask
+    from wt_gym.experiment.benchmark_runs import Entry
 
 KEPT = "runs/benchmark"
 
@@ -110,8 +110,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def chosen(names: list[str]) -> list[BenchmarkTask]:
     """Tasks of the words of the command line."""
+    from wt_gym.base.errors import BenchmarkError, did_you_mean
     from wt_gym.benchmark import load_task, task_names
-    from wt_gym.errors import BenchmarkError, did_you_mean
 
     found = []
     for name in names:
@@ -133,9 +133,9 @@ def tasks(_: argparse.Namespace) -> None:
 
 def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     """Lines on tasks in which what is run now can have no score: their reference numbers do not fit the sources."""
+    from wt_gym.base.errors import BenchmarkError
     from wt_gym.benchmark import reference_of, run_definition
     from wt_gym.benchmark.fingerprint import differing
-    from wt_gym.errors import BenchmarkError
 
     lines: list[str] = []
     others: dict[str, list[str]] = {}
@@ -173,9 +173,9 @@ def idle_lines(results: Iterable[dict[str, Any]]) -> list[str]:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run agents."""
-    from wt_gym.agents.benchmark_runs import definition_of, entries_of, jobs_of, run_jobs
-    from wt_gym.agents.names import with_model_options
     from wt_gym.benchmark import ResultFolder
+    from wt_gym.experiment.benchmark_runs import definition_of, entries_of, jobs_of, run_jobs
+    from wt_gym.experiment.names import with_model_options
 
     tasks = chosen(arguments.task)
     jobs = jobs_of(tasks, entries_of(with_model_options(arguments.agents, arguments.algo, arguments.trust)))
@@ -192,9 +192,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def table(arguments: argparse.Namespace) -> dict[str, Any]:
     """Score a folder."""
+    from wt_gym.base.errors import BenchmarkError
+    from wt_gym.base.files import write_text_whole
     from wt_gym.benchmark import ResultFolder, into_page, leaderboard, to_markdown
-    from wt_gym.errors import BenchmarkError
-    from wt_gym.files import write_text_whole
 
     results = list(ResultFolder(arguments.folder))
     if not results:
@@ -211,8 +211,8 @@ def table(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def archive(arguments: argparse.Namespace) -> dict[str, Any]:
     """Pack a folder."""
-    from wt_gym.agents.benchmark_verification import pack
     from wt_gym.benchmark import ResultFolder
+    from wt_gym.experiment.benchmark_verification import pack
 
     found = pack(ResultFolder(arguments.folder), arguments.models, arguments.out)
     print(f"{arguments.out}: {found['runs']} runs, {found['models']} models, {found['bytes'] / 1e3:.0f} kB")
@@ -223,8 +223,8 @@ def archive(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def verify(arguments: argparse.Namespace) -> dict[str, Any]:
     """Repeat runs of others."""
-    from wt_gym.agents.benchmark_verification import opened
-    from wt_gym.agents.benchmark_verification import verify as repeat
+    from wt_gym.experiment.benchmark_verification import opened
+    from wt_gym.experiment.benchmark_verification import verify as repeat
 
     if arguments.sample < 0:
         raise ValueError(f"--sample must be at least 0, got {arguments.sample}")
@@ -248,8 +248,8 @@ def results(
     arguments : argparse.Namespace
     asked : list of (BenchmarkTask, list of Entry)
     """
-    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
     from wt_gym.benchmark import ResultFolder
+    from wt_gym.experiment.benchmark_runs import jobs_of, results_of, run_jobs
 
     folder = ResultFolder(arguments.out)
     with executor_of(arguments) as executor:
@@ -259,9 +259,9 @@ def results(
 
 def reference(arguments: argparse.Namespace) -> dict[str, Any]:
     """Renew reference numbers."""
-    from wt_gym.agents.benchmark_runs import entries_of
+    from wt_gym.base.errors import BenchmarkError
     from wt_gym.benchmark import make_reference, write_reference
-    from wt_gym.errors import BenchmarkError
+    from wt_gym.experiment.benchmark_runs import entries_of
 
     if not IN_CLONE:
         raise BenchmarkError(
@@ -281,8 +281,8 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def confirmed(arguments: argparse.Namespace) -> dict[str, Any]:
     """Reference numbers that a change of the sources has left as they are."""
-    from wt_gym.agents.benchmark_runs import entries_of
     from wt_gym.benchmark import confirm_reference, reference_of, write_reference
+    from wt_gym.experiment.benchmark_runs import entries_of
 
     kept, asked = {}, []
     for task in chosen(arguments.task):
@@ -303,12 +303,12 @@ def ceiling(arguments: argparse.Namespace) -> dict[str, Any]:
     """Make ceilings."""
     from dataclasses import asdict
 
-    from wt_gym.agents.ceiling import CeilingOptions, make_ceiling
-    from wt_gym.agents.linear_design.oracle import OracleOptions
+    from wt_gym.base.errors import BenchmarkError
+    from wt_gym.base.files import write_text_whole
     from wt_gym.benchmark import ceiling_file, ceiling_of, into_page, write_ceiling
     from wt_gym.benchmark.ceiling import ceiling_table, ladder_table
-    from wt_gym.errors import BenchmarkError
-    from wt_gym.files import write_text_whole
+    from wt_gym.learning.linear_design.ceiling import CeilingOptions, make_ceiling
+    from wt_gym.learning.linear_design.oracle import OracleOptions
 
     if arguments.data is None and not IN_CLONE:
         raise BenchmarkError(
@@ -340,9 +340,9 @@ def ceiling(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def front(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Make the front of load against travel."""
-    from wt_gym.agents import front as fronts
-    from wt_gym.agents.benchmark_runs import entries_of
-    from wt_gym.agents.names import with_model_options
+    from wt_gym.experiment import front as fronts
+    from wt_gym.experiment.benchmark_runs import entries_of
+    from wt_gym.experiment.names import with_model_options
 
     entries, rows, distances = fronts.front_entries(), [], []
     agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)

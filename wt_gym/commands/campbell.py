@@ -17,10 +17,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wt_gym.base.errors import did_you_mean
+from wt_gym.base.files import require_writable, whole_file
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
-from wt_gym.errors import did_you_mean
-from wt_gym.files import require_writable, whole_file
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace

@@ -15,16 +15,16 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from wt_gym.base.files import require_writable
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option
-from wt_gym.files import require_writable
 from wt_gym.runs.progress import clock
 
 if TYPE_CHECKING:
     import argparse
 
-    from wt_gym.agents.comparison import ControllerRuns
+    from wt_gym.experiment.comparison import ControllerRuns
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -58,8 +58,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.Namespace) -> None:
     """Write the page of the winds in which every controller has run."""
-    from wt_gym.agents.comparison import in_all_winds
-    from wt_gym.agents.comparison_page import write_comparison
+    from wt_gym.experiment.comparison import in_all_winds
+    from wt_gym.experiment.comparison_page import write_comparison
 
     settings = {
         name: getattr(arguments, name)
@@ -70,8 +70,8 @@ def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.N
 
 def show(runs: list[ControllerRuns], as_json: bool) -> None:
     """Print the table of the winds in which every controller has run, and what failed."""
-    from wt_gym.agents.comparison import in_all_winds, table
     from wt_gym.analysis.metrics import idle_sentence
+    from wt_gym.experiment.comparison import in_all_winds, table
 
     runs = in_all_winds(runs)
     print(table(runs))
@@ -107,8 +107,8 @@ def main(words: list[str] | None = None) -> None:
 
     runs: list[ControllerRuns] = []
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
-        from wt_gym.agents.comparison import Case, run_cases
-        from wt_gym.agents.names import COMPARED, available, named_choices, read_name, with_model_options
+        from wt_gym.experiment.comparison import Case, run_cases
+        from wt_gym.experiment.names import COMPARED, available, named_choices, read_name, with_model_options
         from wt_gym.simulation.tip_twist import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site

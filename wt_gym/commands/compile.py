@@ -31,9 +31,9 @@ def main(words: list[str] | None = None) -> None:
     arguments = parse_arguments(words)
     import gymnasium as gym
 
-    from wt_gym.agents.command_line import environment_arguments
-    from wt_gym.agents.compilation import compile_kernels
+    from wt_gym.commands.environment_options import environment_arguments
     from wt_gym.envs.turbine_env import turbine_env_of
+    from wt_gym.experiment.compilation import compile_kernels
     from wt_gym.simulation import Simulator
     from wt_gym.simulation.compile_ahead import compile_ahead
 

@@ -35,7 +35,7 @@ from wt_gym.tasks import DEFAULT_ENV
 if TYPE_CHECKING:
     import argparse
 
-    from wt_gym.agents.evaluation import EvaluationConfig
+    from wt_gym.experiment.evaluation import EvaluationConfig
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -70,9 +70,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def configuration(arguments: argparse.Namespace, simulator: str | dict[str, Any]) -> EvaluationConfig:
     """Evaluation of the options with one of the simulators."""
-    from wt_gym.agents.command_line import chosen_arguments
-    from wt_gym.agents.evaluation import EvaluationConfig
-    from wt_gym.agents.evaluation_winds import winds_for
+    from wt_gym.commands.environment_options import chosen_arguments
+    from wt_gym.experiment.evaluation import EvaluationConfig
+    from wt_gym.experiment.evaluation_winds import winds_for
 
     given = {"start": "steady"} | with_options(arguments.env_kwargs, arguments.site, simulator=simulator)
     kwargs = chosen_arguments(arguments.env, given, arguments.fidelity)
@@ -92,11 +92,11 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(hint):
         if other == OWN_SIMULATOR:
             raise ValueError(f"--simulator must be another one than {OWN_SIMULATOR}, which the crosscheck runs anyway")
-        from wt_gym.agents.evaluation import evaluate
-        from wt_gym.agents.names import named_choices, own_controller, with_model_options
         from wt_gym.analysis.crosscheck import Crosscheck
         from wt_gym.analysis.crosscheck_page import figure_files, tables, write_page
         from wt_gym.analysis.crosscheck_report import write_crosscheck_report
+        from wt_gym.experiment.evaluation import evaluate
+        from wt_gym.experiment.names import named_choices, own_controller, with_model_options
 
         configs = [configuration(arguments, simulator) for simulator in (OWN_SIMULATOR, other)]
         given = with_model_options(arguments.agents, arguments.algo, arguments.trust)

@@ -48,8 +48,8 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(f"the episodes that were done are in {arguments.out}"):
         import minari  # noqa: F401 - refused before anything is made
 
-        from wt_gym.agents.command_line import environment_arguments
-        from wt_gym.agents.datasets import DatasetConfig, record_dataset
+        from wt_gym.commands.environment_options import environment_arguments
+        from wt_gym.learning.datasets import DatasetConfig, record_dataset
 
         kwargs = with_options(arguments.env_kwargs, arguments.site, arguments.wind)
         if arguments.env is not None:

@@ -43,7 +43,7 @@ from wt_gym.commands.site_options import add_simulator_option, add_site_option, 
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from wt_gym.agents.evaluation import EvaluationConfig
+    from wt_gym.experiment.evaluation import EvaluationConfig
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -98,9 +98,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     """Configuration of the options."""
-    from wt_gym.agents.command_line import chosen_arguments
-    from wt_gym.agents.evaluation import EvaluationConfig
-    from wt_gym.agents.evaluation_winds import winds_for
+    from wt_gym.commands.environment_options import chosen_arguments
+    from wt_gym.experiment.evaluation import EvaluationConfig
+    from wt_gym.experiment.evaluation_winds import winds_for
 
     given = with_options(arguments.env_kwargs, arguments.site, arguments.wind, arguments.simulator)
     kwargs = chosen_arguments(arguments.env, given, arguments.fidelity)
@@ -127,12 +127,12 @@ def main(words: list[str] | None = None) -> None:
     without = " without --overwrite" if arguments.overwrite else ""
     hint = f"the same command{without} resumes with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
-        from wt_gym.agents.evaluation import evaluate
-        from wt_gym.agents.evaluation_folder import REPORT_FILE
-        from wt_gym.agents.names import named_choices, own_controller, with_model_options
         from wt_gym.analysis.report import write_report
         from wt_gym.analysis.results import run_files
         from wt_gym.analysis.summary import results_table, summarize
+        from wt_gym.experiment.evaluation import evaluate
+        from wt_gym.experiment.evaluation_folder import REPORT_FILE
+        from wt_gym.experiment.names import named_choices, own_controller, with_model_options
 
         chosen = configuration(arguments)
         crosscheck = None

@@ -73,13 +73,13 @@ def _onnx(arguments: argparse.Namespace) -> dict[str, Any]:
     import onnx  # noqa: F401 - refused before anything is made
     import onnxruntime  # noqa: F401
 
-    from wt_gym.agents.export.policy import export_onnx
+    from wt_gym.deployment.export.policy import export_onnx
 
     return export_onnx(arguments.agent, arguments.out)
 
 
 def _discon(arguments: argparse.Namespace) -> dict[str, Any]:
-    from wt_gym.agents.export.discon import export_discon
+    from wt_gym.deployment.export.discon import export_discon
 
     return export_discon(
         arguments.agent,
@@ -93,8 +93,8 @@ def _discon(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _openfast(arguments: argparse.Namespace) -> dict[str, Any]:
-    from wt_gym.agents.export.openfast_folder import export_openfast
     from wt_gym.control.controllers import parse_name
+    from wt_gym.deployment.export.openfast_folder import export_openfast
 
     if arguments.interval is not None or arguments.target is not None or arguments.drive:
         raise ValueError("--interval, --target and --drive must be left out with --to openfast, which sets them")

@@ -21,8 +21,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.files import require_writable
 from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
-from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
     from wt_gym.turbines import ControlData, Turbine
@@ -197,7 +197,7 @@ def main(words: list[str] | None = None) -> None:
     """Read, show, write and check."""
     arguments = parse_arguments(words)
     with user_errors(), stoppable("what was read stands above"):
-        from wt_gym.errors import TurbineDefinitionError
+        from wt_gym.base.errors import TurbineDefinitionError
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.openfast import read_openfast
         from wt_gym.turbines.windio_writer import require_same, write_windio

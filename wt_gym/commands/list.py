@@ -102,7 +102,7 @@ def agents(turbine: Any = None) -> list[dict[str, Any]]:
     from importlib.util import find_spec
     from pathlib import Path
 
-    spec = find_spec("wt_gym.agents.trained_agent")
+    spec = find_spec("wt_gym.experiment.trained_agent")
     if spec is None or spec.origin is None:
         return []
     folder = Path(spec.origin).parent / "trained"
@@ -119,7 +119,7 @@ def main(words: list[str] | None = None) -> None:
     """Run the command."""
     arguments = parse_arguments(words)
     with user_errors():
-        from wt_gym.errors import did_you_mean
+        from wt_gym.base.errors import did_you_mean
 
         turbine = None
         if arguments.turbine is not None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import gymnasium as gym
 
 import wt_gym
-from wt_gym.errors import WtGymError, plain_numbers
+from wt_gym.base.errors import WtGymError, plain_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

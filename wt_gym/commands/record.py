@@ -46,7 +46,7 @@ def main(words: list[str] | None = None) -> None:
     """Run the command."""
     arguments = parse_arguments(words)
     os.environ["OMP_NUM_THREADS"] = "1"  # of the processes
-    from wt_gym.compiled import digest_of
+    from wt_gym.base.compiled import digest_of
     from wt_gym.envs.record_store import FOLDER
     from wt_gym.envs.recording import make_record
     from wt_gym.runs.progress import clock

@@ -33,7 +33,7 @@ from wt_gym.tasks import DEFAULT_ENV
 if TYPE_CHECKING:
     import argparse
 
-    from wt_gym.agents.robustness import Condition
+    from wt_gym.experiment.robustness import Condition
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -71,7 +71,7 @@ def main(words: list[str] | None = None) -> None:
     """Run."""
     arguments = parse_arguments(words)
     if arguments.list:
-        from wt_gym.agents.robustness import CONDITIONS, FAULT_CONDITIONS
+        from wt_gym.experiment.robustness import CONDITIONS, FAULT_CONDITIONS
 
         known = CONDITIONS | FAULT_CONDITIONS
         width = max(map(len, known))
@@ -85,11 +85,11 @@ def main(words: list[str] | None = None) -> None:
 
     hint = f"the same command resumes with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
-        from wt_gym.agents.command_line import chosen_arguments
-        from wt_gym.agents.evaluation_config import EvaluationConfig
-        from wt_gym.agents.evaluation_winds import winds_for
-        from wt_gym.agents.names import named_choices, with_model_options
-        from wt_gym.agents.robustness import chosen, run_robustness
+        from wt_gym.commands.environment_options import chosen_arguments
+        from wt_gym.experiment.evaluation_config import EvaluationConfig
+        from wt_gym.experiment.evaluation_winds import winds_for
+        from wt_gym.experiment.names import named_choices, with_model_options
+        from wt_gym.experiment.robustness import chosen, run_robustness
 
         if not arguments.agents:
             raise ValueError("agents must be named, for example ipc; got none")

@@ -44,10 +44,10 @@ def main(words: list[str] | None = None) -> None:
         print(line, file=sys.stderr, flush=True)
 
     with user_errors():
-        from wt_gym.agents.training.search import BEST_FILE, search
+        from wt_gym.learning.training.search import BEST_FILE, search
 
         if arguments.engine == "ray":
-            from wt_gym.agents.distributed.tune_search import tune_search
+            from wt_gym.learning.distributed.tune_search import tune_search
 
             search = partial(tune_search, address=arguments.address)
         elif arguments.address is not None:

@@ -57,9 +57,9 @@ def main(words: list[str] | None = None) -> None:
             raise ValueError(f"port must be from 1 to 65535, got {arguments.port}")
         import zmq  # noqa: F401 - refused before anything is loaded
 
-        from wt_gym.agents.names import with_model_options
-        from wt_gym.agents.serving.choice import answers_of
         from wt_gym.bridges.rosco import RoscoServer
+        from wt_gym.deployment.serving.choice import answers_of
+        from wt_gym.experiment.names import with_model_options
 
         handlers: list[logging.Handler] = [logging.StreamHandler()]
         if arguments.log is not None:

@@ -21,9 +21,9 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.files import require_writable
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option, add_wind_option
-from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
     import xarray as xr

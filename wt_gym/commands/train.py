@@ -33,8 +33,8 @@ from wt_gym.commands.training_options import add_training_options, config_from
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from wt_gym.agents.training.config import TrainingConfig
-    from wt_gym.agents.training.learners import Learner
+    from wt_gym.learning.training.config import TrainingConfig
+    from wt_gym.learning.training.learners import Learner
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -113,7 +113,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def _recipe_of(arguments: argparse.Namespace) -> Path:
     """File with the recipe of the environment that was chosen."""
-    from wt_gym.agents.training.recipes import recipe_file
+    from wt_gym.learning.training.recipes import recipe_file
 
     return recipe_file(getattr(arguments, "env", DEFAULT_ENV))
 
@@ -121,7 +121,7 @@ def _recipe_of(arguments: argparse.Namespace) -> Path:
 def learner_of(arguments: argparse.Namespace) -> Learner | None:
     """Who learns; None for stable-baselines3 in this process."""
     if arguments.engine == "ray":
-        from wt_gym.agents.distributed.rllib_learner import RllibLearner
+        from wt_gym.learning.distributed.rllib_learner import RllibLearner
 
         return RllibLearner(arguments.address, arguments.runners)
     for name in ("address", "runners"):
@@ -158,7 +158,7 @@ def configuration(arguments: argparse.Namespace) -> TrainingConfig:
     }
     fields: dict[str, Any] = {}
     if "pretrain" in given:
-        from wt_gym.agents.training.hyperparameters import parse_override
+        from wt_gym.learning.training.hyperparameters import parse_override
 
         fields |= {"pretraining": dict(parse_override(text) for text in given["pretrain"]), "total_steps": 0}
     if "budget" in given:
@@ -169,9 +169,9 @@ def configuration(arguments: argparse.Namespace) -> TrainingConfig:
 
 def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Train; give the folder and the record, or the summary of several seeds."""
-    from wt_gym.agents.train import train  # torch takes seconds to import: not for --help
-    from wt_gym.agents.training.resume import resume_or_train
-    from wt_gym.agents.training.seeds import train_seeds
+    from wt_gym.learning.train import train  # torch takes seconds to import: not for --help
+    from wt_gym.learning.training.resume import resume_or_train
+    from wt_gym.learning.training.seeds import train_seeds
 
     given, config = vars(arguments), configuration(arguments)
     folder = Path(given.get("out", f"runs/{config.algorithm.lower()}"))
@@ -191,9 +191,9 @@ _STOPPED = (
 
 def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Resume; as `start`."""
-    from wt_gym.agents.train import resume
-    from wt_gym.agents.training.run_folder import SEEDS_FILE
-    from wt_gym.agents.training.seeds import resume_seeds
+    from wt_gym.experiment.run_folder import SEEDS_FILE
+    from wt_gym.learning.train import resume
+    from wt_gym.learning.training.seeds import resume_seeds
 
     folder = Path(arguments.resume)
     go = resume_seeds if (folder / SEEDS_FILE).exists() else resume
@@ -205,8 +205,8 @@ def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
 
 def report(folder: Path, record: dict[str, Any]) -> None:
     """Say what has come out."""
-    from wt_gym.agents.training.seeds import seeds_table
-    from wt_gym.agents.training.selection import FIGURES
+    from wt_gym.learning.training.seeds import seeds_table
+    from wt_gym.learning.training.selection import FIGURES
 
     if "runs" in record:
         print("\n".join(seeds_table(record["runs"])))

@@ -10,7 +10,7 @@ from wt_gym.commands.site_options import add_site_option, add_wind_option, with_
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.learning.training.config import TrainingConfig
 
 __all__ = ["add_training_options", "config_from"]
 
@@ -59,9 +59,9 @@ def config_from(arguments: argparse.Namespace, **more: Any) -> TrainingConfig:
     FileNotFoundError, ValueError, gymnasium.error.Error
         If something is refused.
     """
-    from wt_gym.agents.command_line import environment_arguments
-    from wt_gym.agents.training.config import TrainingConfig
-    from wt_gym.agents.training.hyperparameters import hyperparameters_for, parse_override
+    from wt_gym.commands.environment_options import environment_arguments
+    from wt_gym.learning.training.config import TrainingConfig
+    from wt_gym.learning.training.hyperparameters import hyperparameters_for, parse_override
 
     given = vars(arguments)
     env_id, algorithm = given.get("env", TrainingConfig.env_id), given.get("algo", TrainingConfig.algorithm)

@@ -93,7 +93,7 @@ def main(words: list[str] | None = None) -> None:
 
     kept = f"the trials so far are in {arguments.out}" if arguments.out else "--out would keep the trials"
     with user_errors(), stoppable(kept):
-        from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
+        from wt_gym.experiment.tuning import Cost, Range, TuningTask, tune
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 

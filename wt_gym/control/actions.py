@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.errors import ActionError, did_you_mean
 from wt_gym.control.coleman import FIXED_FRAME, harmonic_of_blades, to_blades
 from wt_gym.control.operating_point import operating_point, torque_curve
 from wt_gym.deprecated import renamed_names
-from wt_gym.errors import ActionError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

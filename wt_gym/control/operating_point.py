@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from wt_gym.constants import AIR_DENSITY
+from wt_gym.base.constants import AIR_DENSITY
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.control.design import (
     DesignPoint,
     design_point,
@@ -29,7 +30,6 @@ from wt_gym.control.design import (
 )
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.rotor_table import rotor_table
-from wt_gym.errors import TurbineDefinitionError
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.angles import wrapped
-from wt_gym.fields import later_field
+from wt_gym.base.angles import wrapped
+from wt_gym.base.fields import later_field
 from wt_gym.wind.protocol import velocity_ahead
 
 if TYPE_CHECKING:

@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import expm
 
+from wt_gym.base.errors import ControllerError
+from wt_gym.base.warn_once import warn_once
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
-from wt_gym.errors import ControllerError
-from wt_gym.warn_once import warn_once
 from wt_gym.wind.iec import REFERENCE_INTENSITY, turbulence_sigma
 
 if TYPE_CHECKING:
@@ -299,7 +299,7 @@ def check_speed_loop(turbine: Turbine, parameters: BaselineParameters) -> LoopRe
 
     Raises
     ------
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If a mode grows.
 
     Warns

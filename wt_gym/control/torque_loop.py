@@ -27,11 +27,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.base.errors import ControllerError
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.speed_loop import INTERVAL, LoopMode, modes_of_loop
-from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
     from typing import Any
@@ -143,7 +143,7 @@ def check_torque_curve(turbine: Turbine, parameters: BaselineParameters) -> None
 
     Raises
     ------
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         With the wind and the mode.
     """
     mode = growing_mode(turbine, parameters) if turbine.drivetrain.takes_torque else None

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from wt_gym.constants import DAY
+from wt_gym.base.constants import DAY
 from wt_gym.envs.options.limits import PITCH_TRAVEL
 from wt_gym.turbines.clearance import unloaded_clearance
 

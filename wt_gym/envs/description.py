@@ -6,8 +6,8 @@ import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.ids import name_of
 from wt_gym.envs.simulators import OWN
-from wt_gym.ids import name_of
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.tasks import TASKS
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.control import OperatingPoint
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.start import Start, steady_start
-from wt_gym.errors import did_you_mean
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
 from wt_gym.wind.protocol import start_speed
@@ -133,7 +133,7 @@ class EpisodeStarts:
         ------
         ValueError
             If an option is unknown or no number.
-        wt_gym.errors.InflowError
+        wt_gym.base.errors.InflowError
             If a wind is asked for that cannot be had.
         """
         given = _checked(options)

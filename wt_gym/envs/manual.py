@@ -42,7 +42,7 @@ without yaw drive (greatest yaw rate 0) has no yaw component, one whose generato
 Within a control step demands move evenly, and stop at the limits of the turbine; drives, with their own dynamics
 and greatest rates, follow the demands. An action that is not finite, of another shape or beyond [-1, 1] by more
 than rounding of float32 (`wt_gym.control.actions.ROUNDING`, which is put on the bound exactly) raises
-`wt_gym.errors.ActionError`, leaves the state unchanged, and the episode can continue.
+`wt_gym.base.errors.ActionError`, leaves the state unchanged, and the episode can continue.
 ``env.unwrapped.layout.action.table()`` has the numbers of every choice.
 
 ## Observation space
@@ -219,7 +219,7 @@ Raises
 ------
 TypeError
     If there is no such argument; the message names the one that it resembles.
-ValueError, wt_gym.errors.InflowError, wt_gym.errors.TurbineDefinitionError
+ValueError, wt_gym.base.errors.InflowError, wt_gym.base.errors.TurbineDefinitionError
     If an argument has no meaning.
 """
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
+from wt_gym.base.errors import did_you_mean
 from wt_gym.control import Channel, torque_curve
 from wt_gym.control.coleman import FIXED_FRAME
 from wt_gym.control.controllers.supervisor import STATES
@@ -21,7 +22,6 @@ from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Quantity
 from wt_gym.envs.rewards.power import available_power
-from wt_gym.errors import did_you_mean
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.angles import wrapped
+from wt_gym.base.angles import wrapped
 from wt_gym.control import Lidar
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.envs.arguments import shown

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from wt_gym.base.errors import SimulationError
 from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import WithDemandedPower, WithLidar, checked_demand, lidar_of
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.supervisor import supervisor_of
-from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import DriveFault, PitchMisalignment, SensorBias, VoltageDip
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -216,9 +216,9 @@ class Operation:
 
         Raises
         ------
-        wt_gym.errors.SimulationError
+        wt_gym.base.errors.SimulationError
             If the simulation fails; what the agent asked for before and the signals stay as they were.
-        wt_gym.errors.ControllerError
+        wt_gym.base.errors.ControllerError
             If the base controller gives a demand without meaning.
         """
         simulator, controller, residual = self.simulator, self.controller, self.residual

@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from wt_gym.base.files import write_whole
+from wt_gym.base.sources import sources_digest
+from wt_gym.base.user_cache import user_cache
 from wt_gym.envs.running_record import ControllerForm, Record
-from wt_gym.files import write_whole
 from wt_gym.simulation.state import fingerprint
-from wt_gym.sources import sources_digest
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
-from wt_gym.user_cache import user_cache
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.blas_threads import one_blas_thread
+from wt_gym.base.blas_threads import one_blas_thread
+from wt_gym.base.errors import SimulationError
+from wt_gym.base.files import write_whole
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.record_store import (
@@ -26,8 +28,6 @@ from wt_gym.envs.record_store import (
 from wt_gym.envs.rewards import available_power
 from wt_gym.envs.running_record import PLAN, ControllerForm, Instants, RecordingPlan, RowLayout, StartRecorder
 from wt_gym.envs.wind_sampler import WindSampler
-from wt_gym.errors import SimulationError
-from wt_gym.files import write_whole
 from wt_gym.simulation.state import fingerprint
 from wt_gym.simulation.tip_twist import suited_fidelity
 from wt_gym.turbine_records import RECORDS
@@ -109,7 +109,7 @@ class RecordedTurbine:
 
         Raises
         ------
-        wt_gym.errors.SimulationError
+        wt_gym.base.errors.SimulationError
             If it comes through none of `_ATTEMPTS`.
         """
         recorder = self.recorder(speed)
@@ -151,7 +151,7 @@ def make_record(
 
     Raises
     ------
-    wt_gym.errors.SimulationError
+    wt_gym.base.errors.SimulationError
         If the turbine cannot run in a wind.
     """
     turbine = load_turbine(recorded.turbine)

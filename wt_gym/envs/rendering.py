@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wt_gym.analysis.scene import Scene
-from wt_gym.picture_style import BLUE, GRAY, INK, plain
+from wt_gym.base.picture_style import BLUE, GRAY, INK, plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

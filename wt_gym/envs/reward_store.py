@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.files import whole_file
-from wt_gym.user_cache import user_cache
+from wt_gym.base.files import whole_file
+from wt_gym.base.user_cache import user_cache
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -185,7 +185,7 @@ class StartRecorder:
 
         Raises
         ------
-        wt_gym.errors.SimulationError
+        wt_gym.base.errors.SimulationError
             If the simulation fails.
         """
         turbine, controller = self.turbine, copy.deepcopy(self.controller)

@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym import simulation
+from wt_gym.base.errors import did_you_mean
 from wt_gym.envs.arguments import shown
-from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
@@ -46,7 +46,7 @@ def simulator_maker(
     ------
     ValueError
         If there is no such simulator, it takes no such argument, or it gives no pictures.
-    wt_gym.errors.SimulationError
+    wt_gym.base.errors.SimulationError
         If OpenFAST's library is not there.
     """
     if callable(choice):

@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
+from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.control import ActionMap, Lidar
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller, starting_part
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
@@ -53,7 +54,6 @@ from wt_gym.envs.snapshot import EnvSnapshot
 from wt_gym.envs.twin import Twin
 from wt_gym.envs.variation import VariationDraws, check_winds
 from wt_gym.envs.wind_sampler import WindSampler
-from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.tip_twist import choose_fidelity
@@ -431,11 +431,11 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         ------
         ValueError
             If an option is unknown or no number.
-        wt_gym.errors.InflowError
+        wt_gym.base.errors.InflowError
             If a wind is asked for that cannot be had.
-        wt_gym.errors.ActionError
+        wt_gym.base.errors.ActionError
             If an option is out of range, for example more torque than there is at the rotor speed.
-        wt_gym.errors.SimulationError
+        wt_gym.base.errors.SimulationError
             If there is no steady state to start from, for example because the wind bends the blades too far.
         """
         if self._running and self.outer_steps is None and self._steps == registered_limit(self.spec):
@@ -501,9 +501,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
         Raises
         ------
-        wt_gym.errors.ActionError
+        wt_gym.base.errors.ActionError
             If the action is refused; the state is unchanged.
-        wt_gym.errors.ControllerError
+        wt_gym.base.errors.ControllerError
             If the base controller gives a demand without meaning; the episode is over.
         gymnasium.error.ResetNeeded
             If no episode is running.
@@ -659,7 +659,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
 
         Raises
         ------
-        wt_gym.errors.SimulationError
+        wt_gym.base.errors.SimulationError
             If the snapshot belongs to another turbine or fidelity.
         """
         operation, kept = copy.deepcopy((snapshot.operation, snapshot.kept))

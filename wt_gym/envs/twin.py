@@ -20,14 +20,14 @@ import llvmlite.binding
 import numba
 import numpy as np
 
-from wt_gym.compiled import way_to_compile
+from wt_gym.base.compiled import way_to_compile
+from wt_gym.base.sources import sources_digest
 from wt_gym.control.controllers import parts_of
 from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.reward_store import Course, kept_course, new_course, store_course
 from wt_gym.envs.snapshot import TwinSnapshot
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
-from wt_gym.sources import sources_digest
 from wt_gym.wind import (
     MirroredInflow,
     PathInflow,

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from wt_gym.base.errors import ActionError, InflowError
 from wt_gym.envs.arguments import check_whole_steps
 from wt_gym.envs.instruments import DRIFTING, Instruments, InstrumentTable
 from wt_gym.envs.observable import Observable
@@ -26,7 +27,6 @@ from wt_gym.envs.options.variation import CHOICES, HELD_BACK, NO_SENSOR, PRESETS
 from wt_gym.envs.pitch_gain import PitchGain
 from wt_gym.envs.readers import lidar_noise
 from wt_gym.envs.varied_turbine import varied_turbine
-from wt_gym.errors import ActionError, InflowError
 from wt_gym.simulation.drivetrain.faults import SensorBias
 from wt_gym.wind import TurningInflow
 
@@ -252,7 +252,7 @@ def check_winds(variation: Variation, wind: WindOptions) -> None:
 
     Raises
     ------
-    wt_gym.errors.InflowError
+    wt_gym.base.errors.InflowError
     """
     names = [name for name in ("turbulence_class", "shear_exponent") if getattr(variation, name) is not None]
     if names and (not wind.made_here or wind.extreme):

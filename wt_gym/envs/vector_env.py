@@ -15,12 +15,12 @@ from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from wt_gym.blas_threads import one_blas_thread
+from wt_gym.base.blas_threads import one_blas_thread
+from wt_gym.base.errors import did_you_mean
 from wt_gym.envs.arguments import shown
 from wt_gym.envs.description import describe
 from wt_gym.envs.options.environment import options_of, plain_spec
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -187,7 +187,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
         Raises
         ------
-        wt_gym.errors.ActionError
+        wt_gym.base.errors.ActionError
             If an action is refused; no turbine has moved.
         gymnasium.error.ResetNeeded
             If an episode has ended that nothing resets.
@@ -328,7 +328,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
         Raises
         ------
-        wt_gym.errors.ActionError
+        wt_gym.base.errors.ActionError
             If an action is refused; no turbine has moved.
         gymnasium.error.ResetNeeded
             If an episode has ended that nothing resets.

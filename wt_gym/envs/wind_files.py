@@ -11,9 +11,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
+from wt_gym.base.errors import InflowError
 from wt_gym.envs.options.environment import flat_arguments
 from wt_gym.envs.options.wind import is_wind_file
-from wt_gym.errors import InflowError
 from wt_gym.wind import SeriesInflow, TurbulentInflow, wind_from
 from wt_gym.wind.described import SUFFIXES, files_of, is_wind_path, whole_description
 from wt_gym.wind.protocol import require_cover

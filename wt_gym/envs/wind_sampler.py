@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from wt_gym.base.errors import InflowError
 from wt_gym.envs.arguments import real_number, real_numbers, shown
 from wt_gym.envs.options.wind import (
     EVALUATION_WIND_SEEDS,
@@ -25,7 +26,6 @@ from wt_gym.envs.options.wind import (
     own_winds,
 )
 from wt_gym.envs.wind_files import WindFile, is_wind_file
-from wt_gym.errors import InflowError
 from wt_gym.wind import (
     Inflow,
     PathInflow,

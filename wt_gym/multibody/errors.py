@@ -1,6 +1,6 @@
 """What is said when a multibody system cannot be built or integrated."""
 
-from wt_gym.errors import WtGymError
+from wt_gym.base.errors import WtGymError
 from wt_gym.multibody.tree import tree_kernels
 
 __all__ = ["FAILURES", "MultibodyError", "failure_of_a_step"]

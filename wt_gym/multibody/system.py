@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wt_gym.compiled import compiled_for
-from wt_gym.constants import GRAVITY
+from wt_gym.base.compiled import compiled_for
+from wt_gym.base.constants import GRAVITY
 from wt_gym.multibody.arrays import Inputs, Points, Tree, Work
 from wt_gym.multibody.checks import check_body, check_number, check_state, check_unique, check_vector
 from wt_gym.multibody.constraints import constraint_kernels
@@ -39,7 +39,7 @@ class MultibodySystem:
     Parameters
     ----------
     gravity : array (3,)
-        [m/s²], by default straight down with :data:`wt_gym.constants.GRAVITY`.
+        [m/s²], by default straight down with :data:`wt_gym.base.constants.GRAVITY`.
     stabilization : float
         Baumgarte's α = β [1/s]: constraint errors decay like exp(−α t). Explicit schemes need α h < 1.29 (0.87 with one
         corrector pass, 0.72 with two).

@@ -7,7 +7,8 @@
     table        a list of runs: those that are kept as they are, the others made and kept
 
 Evaluation, load cases, benchmark and comparisons are tables of runs and what is made of them. Nothing here knows an
-agent by name; `wt_gym.agents.names` reads names and `wt_gym.agents.pool` makes agents of them, each in its environment.
+agent by name; `wt_gym.experiment.names` reads names and `wt_gym.experiment.pool` makes agents of them, each in its
+environment.
 """
 
 from wt_gym.runs.definition import RunDefinition, digest

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from wt_gym.fields import counting_fields
+from wt_gym.base.fields import counting_fields
 
 __all__ = ["RunDefinition", "described", "digest"]
 

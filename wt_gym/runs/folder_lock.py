@@ -9,7 +9,7 @@ from typing import Self
 
 from filelock import FileLock, Timeout
 
-from wt_gym.files import remove_partial
+from wt_gym.base.files import remove_partial
 
 __all__ = ["FolderLock"]
 

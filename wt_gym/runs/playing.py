@@ -108,7 +108,7 @@ def play(
 
     Raises
     ------
-    wt_gym.errors.SimulationError
+    wt_gym.base.errors.SimulationError
         If the simulation cannot start; what fails later is the ending.
     """
     observation, _ = env.reset(seed=seed, options=options)

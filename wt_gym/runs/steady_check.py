@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import operating_point
-from wt_gym.errors import SimulationError
 from wt_gym.runs.executors import executor_for
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator

@@ -6,7 +6,7 @@ import json
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.files import write_text_whole
+from wt_gym.base.files import write_text_whole
 from wt_gym.runs.definition import digest
 from wt_gym.runs.folder_lock import FolderLock
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from wt_gym.errors import did_you_mean
+from wt_gym.base.errors import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import ItemsView, Iterator

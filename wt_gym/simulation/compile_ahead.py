@@ -21,7 +21,7 @@ from typing import IO, TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
-from wt_gym.compiled import argument_types
+from wt_gym.base.compiled import argument_types
 from wt_gym.simulation.compilation import COMPILE_ALONE, compiling
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.model.assembly import build_lattice

@@ -81,7 +81,7 @@ class TurbineSimulator(Protocol):
 
         Raises
         ------
-        wt_gym.errors.SimulationError
+        wt_gym.base.errors.SimulationError
             If there is no such start.
         """
         ...
@@ -94,7 +94,7 @@ class TurbineSimulator(Protocol):
 
         Raises
         ------
-        wt_gym.errors.SimulationError
+        wt_gym.base.errors.SimulationError
             If the simulation fails; it must then be reset.
         """
         ...

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, cast
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
+from wt_gym.base.errors import SimulationError, did_you_mean
+from wt_gym.base.fields import later_field
 from wt_gym.deprecated import renamed_arguments, renamed_attribute
-from wt_gym.errors import SimulationError, did_you_mean
-from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
 from wt_gym.multibody.integrators.hamming import STARTERS
 from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, IntegratorEntry, SchemeSettings, integrator_name

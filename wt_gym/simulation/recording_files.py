@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.files import write_netcdf_whole, write_text_whole, write_whole
+from wt_gym.base.files import write_netcdf_whole, write_text_whole, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.base.errors import ActionError, InflowError, SimulationError
 from wt_gym.deprecated import renamed_arguments
-from wt_gym.errors import ActionError, InflowError, SimulationError
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities

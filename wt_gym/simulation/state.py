@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from wt_gym.errors import SimulationError
-from wt_gym.fields import counting_fields
+from wt_gym.base.errors import SimulationError
+from wt_gym.base.fields import counting_fields
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,7 +23,7 @@ __all__ = ["SimulatorState", "fingerprint"]
 def fingerprint(*parts: object) -> str:
     """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text.
 
-    A field declared by `wt_gym.fields.later_field` counts only where it has another value than its default.
+    A field declared by `wt_gym.base.fields.later_field` counts only where it has another value than its default.
     """
     digest = hashlib.sha256()
 

@@ -25,11 +25,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
+from wt_gym.base.warn_once import warn_once
 from wt_gym.simulation.fidelity import FIDELITIES, Fidelity, fidelity
 from wt_gym.structure.beam import skew
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
-from wt_gym.warn_once import warn_once
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

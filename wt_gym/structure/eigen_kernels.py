@@ -2,7 +2,7 @@
 
 import math
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 OK, NOT_DEFINITE, NOT_CONVERGED = 0, 1, 2
 EPSILON = 2.0**-53

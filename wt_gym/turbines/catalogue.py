@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.errors import TurbineDefinitionError, did_you_mean
+from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Turbine

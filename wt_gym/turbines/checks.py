@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 
 __all__ = [
     "ArrayRecord",

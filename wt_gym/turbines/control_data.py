@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.fields import later_field
+from wt_gym.base.fields import later_field
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_ascending, check_number, fail
 
 __all__ = ["ControlData"]
@@ -86,7 +86,7 @@ class ControlData(ArrayRecord):
 
     Raises
     ------
-    wt_gym.errors.TurbineDefinitionError
+    wt_gym.base.errors.TurbineDefinitionError
         For a number out of range, or a table with a part missing.
     """
 

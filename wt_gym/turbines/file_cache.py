@@ -13,8 +13,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from wt_gym.files import whole_file
-from wt_gym.user_cache import user_cache
+from wt_gym.base.files import whole_file
+from wt_gym.base.user_cache import user_cache
 
 __all__ = ["load", "store"]
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.fields import later_field
+from wt_gym.base.fields import later_field
 from wt_gym.turbines.airfoil import Airfoil, Polar
 from wt_gym.turbines.beam import BeamStations
 from wt_gym.turbines.blade import Blade

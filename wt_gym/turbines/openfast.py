@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.model import Turbine

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.airfoil import Airfoil, Polar, blend_polars, camber_line, cosine_grid
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.openfast_text import TextFile, as_number

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import check_number
 from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.openfast_text import TextFile, as_number

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.errors import TurbineDefinitionError
-from wt_gym.files import decoded_text
+from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import decoded_text
 from wt_gym.turbines.checks import fail, short
 
 __all__ = ["TextFile", "as_number", "existing_file"]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.beam import BeamStations, inertia_matrix
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Tower

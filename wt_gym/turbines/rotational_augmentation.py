@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.attached_flow import attached_lift
+from wt_gym.base.attached_flow import attached_lift
 from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.checks import check_number, fail
 

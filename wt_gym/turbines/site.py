@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
-from wt_gym.errors import TurbineDefinitionError, did_you_mean
+from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.turbines.checks import check_number
 
 __all__ = ["SITE", "at_controller_density", "with_site", "without_site"]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import file_cache
 from wt_gym.turbines.checks import check_array, check_ascending, check_number, fail, short
 from wt_gym.turbines.windio_keys import check_values, take_out_foreign_keys

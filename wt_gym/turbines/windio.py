@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.constants import AIR_DENSITY
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.constants import AIR_DENSITY
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.model import Turbine
 from wt_gym.turbines.source import Node, WindioFile, read_windio
 from wt_gym.turbines.windio_blade import read_blade

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.source import Node, within
 from wt_gym.turbines.windio_nacelle import rpm

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 
 __all__ = ["ForeignKeys", "check_values", "take_out_foreign_keys"]
 

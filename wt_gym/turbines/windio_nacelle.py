@@ -9,7 +9,7 @@ leaves out is estimated (see `windio_estimates`) and said in a note.
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
 from wt_gym.turbines.shaft_damping import rotor_inertia_without_generator

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import fail
 
 __all__ = ["to_version_2"]

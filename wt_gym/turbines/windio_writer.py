@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from wt_gym.constants import AIR_DENSITY
-from wt_gym.files import whole_file
+from wt_gym.base.constants import AIR_DENSITY
+from wt_gym.base.files import whole_file
 from wt_gym.turbines.airfoil import Airfoil
 from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
 from wt_gym.turbines.blade import Blade

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.user_cache import user_cache
+from wt_gym.base.user_cache import user_cache
 from wt_gym.wind.kaimal import KaimalParameters
 from wt_gym.wind.mann import MannParameters
 

@@ -31,7 +31,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from wt_gym.errors import InflowError, did_you_mean
+from wt_gym.base.errors import InflowError, did_you_mean
 from wt_gym.wind.mann_files import read_hawc2, read_hipersim
 from wt_gym.wind.protocol import Inflow
 from wt_gym.wind.series import SeriesInflow

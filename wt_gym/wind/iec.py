@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from wt_gym.errors import InflowError, did_you_mean
+from wt_gym.base.errors import InflowError, did_you_mean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

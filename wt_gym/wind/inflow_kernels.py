@@ -6,7 +6,7 @@ first point that is not finite, or -1.
 
 import math
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 # No nnan, ninf or reassoc: each lets the optimizer drop a check for NaN (isfinite(x) is x - x == 0 to the compiler).
 _FASTMATH = {"contract", "afn", "arcp", "nsz"}

@@ -41,8 +41,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import scipy.fft
 
-from wt_gym.blas_threads import one_blas_thread
-from wt_gym.errors import InflowError
+from wt_gym.base.blas_threads import one_blas_thread
+from wt_gym.base.errors import InflowError
 from wt_gym.wind.coherence_kernels import parity_block
 from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.interpolation import SPECTRUM_OF, sample_gain, variance_read

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind.protocol import require_number
 from wt_gym.wind.turbulence_box import TurbulenceBox
 

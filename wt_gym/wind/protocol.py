@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import InflowError, did_you_mean
-from wt_gym.files import decoded_text
+from wt_gym.base.errors import InflowError, did_you_mean
+from wt_gym.base.files import decoded_text
 from wt_gym.wind.series import COLUMNS, SeriesInflow
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind.inflow_kernels import mean_velocity
 from wt_gym.wind.protocol import PointInflow, require_number
 

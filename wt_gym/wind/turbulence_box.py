@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind import box_cache, bts
 from wt_gym.wind.kaimal import KaimalParameters, synthesize
 from wt_gym.wind.mann import SHEAR, MannParameters, synthesize_mann

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind.carried import CarriedInflow
 from wt_gym.wind.inflow_kernels import add_tower_points, turbulent_velocity
 from wt_gym.wind.protocol import require_number

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import InflowError
+from wt_gym.base.errors import InflowError
 from wt_gym.wind.protocol import Inflow, WrappedInflow, velocity_ahead
 
 if TYPE_CHECKING:

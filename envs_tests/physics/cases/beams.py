@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from envs_tests.physics.cases.tools import ChainPoints, body_pose, frequencies, static_balance
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
-from wt_gym.errors import WtGymError
+from wt_gym.base.errors import WtGymError
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodyError, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.coordinates import ALL_DOFS, body_from_beam, circular_sections

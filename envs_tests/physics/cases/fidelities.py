@@ -25,7 +25,7 @@ import numpy as np
 from envs_tests.physics.validation import DATA, CaseResult, Check, Curve, Figure, case
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.analysis.metrics import damage_equivalent_load
-from wt_gym.fields import counting_fields
+from wt_gym.base.fields import counting_fields
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.fidelity import Fidelity, fidelity
 from wt_gym.simulation.state import fingerprint

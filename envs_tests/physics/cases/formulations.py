@@ -13,8 +13,8 @@ from scipy.linalg import eigh
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.analysis.metrics import run_metrics
+from wt_gym.base.ids import present_id
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.ids import present_id
 from wt_gym.multibody.constraints.descriptor import descriptor_form
 from wt_gym.multibody.system import HammingIntegrator
 from wt_gym.multibody.tree import output_kernels, tree_kernels

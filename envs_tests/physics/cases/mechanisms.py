@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.multibody.integrators.stability import hamming_matrix
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem

@@ -8,11 +8,11 @@ from typing import cast
 import numpy as np
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case, read_table, worst
-from wt_gym.agents.comparison import Case, change, inflow_of, run_cases, table
 from wt_gym.analysis.metrics import damage_equivalent_load
-from wt_gym.constants import GRAVITY
+from wt_gym.base.constants import GRAVITY
 from wt_gym.control import Demand
 from wt_gym.control.controllers import WindEstimator, checked_demand, make_controller, readings_of
+from wt_gym.experiment.comparison import Case, change, inflow_of, run_cases, table
 from wt_gym.runs.playing import run_baseline, run_controller
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
@@ -304,15 +304,15 @@ def iea22_steady() -> CaseResult:
     for k, v in enumerate(wind):
         one, two, three = found[k], openfast[k], hawc2[k]
         lines.append(
-            f"| {v:g} m/s | {one[0]:.3f} rpm | {_percent(one[0], two[0])} | {_percent(one[0], three[0])} "
+            f"| {v:g} m/s | {one[0]:.3f} rpm | {_iea22_percent(one[0], two[0])} | {_iea22_percent(one[0], three[0])} "
             f"| {one[1]:.2f}° | {one[1] - two[1]:+.2f}° | {one[1] - three[1]:+.2f}° "
-            f"| {one[2]:.0f} kN | {_percent(one[2], two[2])} | {_percent(one[2], three[2])} "
-            f"| {one[3]:.3f} MW | {_percent(one[3], two[3])} | {_percent(one[3], three[3])} |"
+            f"| {one[2]:.0f} kN | {_iea22_percent(one[2], two[2])} | {_iea22_percent(one[2], three[2])} "
+            f"| {one[3]:.3f} MW | {_iea22_percent(one[3], two[3])} | {_iea22_percent(one[3], three[3])} |"
         )
     drift = max(abs(s.drift) for s in states)
     lines += [
         "",
-        f"Fidelity: {FIDELITY.name}. No tilt, as published. Largest drift of the rotor speed: {100 * drift:.2f} %.",
+        f"Fidelity: {IEA22_FIDELITY.name}. No tilt, as published. Largest drift of the rotor speed: {100 * drift:.2f} %.",
     ]
     titles = ("rotor speed [rpm]", "pitch [deg]", "thrust [kN]", "electrical power [MW]")
     figures = {

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import WtGymError
+from wt_gym.base.errors import WtGymError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.substructure import sub_body_at
 

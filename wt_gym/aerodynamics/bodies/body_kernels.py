@@ -17,7 +17,7 @@ velocity at the mirrored point.
 import numpy as np
 
 from wt_gym.aerodynamics.induction.induction_kernels import FAST, FOUR_PI
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 BLOCK = 256  # targets whose numbers stay in the first-level cache
 FAR_OFF = 1e12  # square of the distance at which the far field takes near points, which follow on their own [m^2]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 
 @kernel(fastmath=False)

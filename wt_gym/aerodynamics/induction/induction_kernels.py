@@ -19,7 +19,7 @@ times.
 import numpy as np
 
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH, load, reciprocal, reciprocal_root, spread, store
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 TINY = np.float32(1e-30)  # [m^2] keeps the distance of a target that lies on a node from becoming NaN
 ZERO = np.float32(0.0)

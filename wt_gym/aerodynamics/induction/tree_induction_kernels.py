@@ -31,7 +31,7 @@ from wt_gym.aerodynamics.induction.induction_kernels import (
     vector_from,
 )
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH, load, reciprocal_root, spread, store
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 TILE = 3  # most rows, and nodes, of a tile
 BRANCHES = 4  # clusters in a cluster

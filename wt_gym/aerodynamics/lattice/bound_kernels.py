@@ -10,7 +10,7 @@ point there too.
 import numpy as np
 
 from wt_gym.aerodynamics.induction.induction_kernels import FAST, FOUR_PI
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 
 @kernel(fastmath=FAST, separate=True, distinct=True)

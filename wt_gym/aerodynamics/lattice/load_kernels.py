@@ -4,7 +4,7 @@ import numpy as np
 
 from wt_gym.aerodynamics.lattice.section_kernels import linear_at
 from wt_gym.aerodynamics.lattice.separation_kernels import separation_drag
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 
 @kernel(fastmath=False)

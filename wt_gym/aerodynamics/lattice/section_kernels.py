@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 LEAST_SHARE = 0.02  # of a step of Newton's method; where none helps the smallest is taken
 STEEPEST = 0.9  # slope of the right-hand side over s for a strip alone, in the Jacobian

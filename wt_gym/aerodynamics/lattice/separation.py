@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.attached_flow import attached_lift
+from wt_gym.base.attached_flow import attached_lift
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

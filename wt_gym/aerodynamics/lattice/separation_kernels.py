@@ -3,7 +3,7 @@
 import numpy as np
 
 from wt_gym.aerodynamics.lattice.section_kernels import DRAG, POINT, linear_at
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 STATIC = -1.0  # in the place of a separation point: the flow follows the static polar
 

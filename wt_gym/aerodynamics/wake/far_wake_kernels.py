@@ -34,7 +34,7 @@ import math
 import numpy as np
 
 from wt_gym.aerodynamics.induction.induction_kernels import FAST, FOUR_PI
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 N_CELL = 5
 # entries of AeroArrays.far: 1 or 0, three coordinates, three components, share of each cell that acts

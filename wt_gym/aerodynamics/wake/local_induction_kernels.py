@@ -24,7 +24,7 @@ sheet changes the mean of the speeds on its two sides by (pi / 3) e / h of half 
 import math
 
 from wt_gym.aerodynamics.induction.induction_kernels import FOUR_PI
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 CORE_CUT = 0.874  # cut-off over the radius of a Lamb-Oseen core, exp(0.558) / 2
 SHEET_CUT = 0.184  # cut-off over the width of a flat sheet, exp(-1) / 2

@@ -2,7 +2,7 @@
 
 from wt_gym.aerodynamics.induction.induction_kernels import FOUR_PI
 from wt_gym.aerodynamics.lattice.load_kernels import chordwise_strength, spanwise_strength
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 NO_CIRCULATION = 1e-12  # [m^2/s]
 LAMB = 4.0 * 1.25643  # growth of the Lamb-Oseen core, rc^2 = 4 * 1.25643 nu t

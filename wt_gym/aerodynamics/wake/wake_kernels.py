@@ -5,7 +5,7 @@ import numpy as np
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.wake.far_wake_kernels import far_wake_velocity
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 
 @kernel(fastmath=False, inline="always")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.library import VARIABLE
 from wt_gym.bridges.openfast.measurement import (
@@ -27,7 +28,6 @@ from wt_gym.bridges.openfast.run_folder import DriverRun, ServedController, prep
 from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.turbine_file import TURBINE_FILE, write_turbine
 from wt_gym.control.starting_point import starting_point
-from wt_gym.errors import SimulationError, TurbineDefinitionError
 from wt_gym.simulation.channels import Signals, channel_table
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.turbines.openfast_text import TextFile
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import os
 import sys
 from pathlib import Path
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 
 __all__ = ["VARIABLE", "find_library"]
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.base.constants import GRAVITY
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.bridges.openfast.input_text import plain_line, write_lines
 from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
-from wt_gym.constants import GRAVITY
-from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.mirror import clockwise_image
 
 if TYPE_CHECKING:

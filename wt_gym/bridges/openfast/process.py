@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.child_process import ChildEndedError, ChildFailedError, ChildProcess
+from wt_gym.base.errors import SimulationError
 from wt_gym.bridges.openfast import worker
-from wt_gym.child_process import ChildEndedError, ChildFailedError, ChildProcess
-from wt_gym.errors import SimulationError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,9 +8,9 @@ import sysconfig
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from wt_gym.base.errors import SimulationError
+from wt_gym.base.user_cache import user_cache
 from wt_gym.bridges.compiler import CompilerError, compile_library, library_name
-from wt_gym.errors import SimulationError
-from wt_gym.user_cache import user_cache
 
 __all__ = ["relay_library"]
 

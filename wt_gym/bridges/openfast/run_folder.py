@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
 from wt_gym.bridges.openfast.model_copy import copy_named_files
 from wt_gym.bridges.openfast.wind_file import write_wind
-from wt_gym.errors import SimulationError, TurbineDefinitionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

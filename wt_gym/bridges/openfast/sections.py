@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.base.constants import GRAVITY
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.bridges.openfast.mode_shapes import TopBody, bending_shapes
-from wt_gym.constants import GRAVITY
-from wt_gym.errors import TurbineDefinitionError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
+from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.library import find_library
 from wt_gym.bridges.openfast.measurement import Measurement
@@ -21,7 +22,6 @@ from wt_gym.bridges.openfast.relay import relay_library
 from wt_gym.bridges.openfast.run_folder import ServedController, prepare_run
 from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.wind_file import repeats
-from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of

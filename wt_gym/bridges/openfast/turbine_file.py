@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.errors import TurbineDefinitionError
-from wt_gym.files import write_text_whole
+from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import write_text_whole
 from wt_gym.turbines import (
     Airfoil,
     BeamStations,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.errors import InflowError
 from wt_gym.bridges.openfast.model_files import write_inflow
-from wt_gym.errors import InflowError
 from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulentInflow, bts
 
 if TYPE_CHECKING:

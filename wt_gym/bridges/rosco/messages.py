@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, dataclass
 
-from wt_gym.errors import WtGymError
+from wt_gym.base.errors import WtGymError
 
 __all__ = [
     "FIRST_CALL", "LAST_CALL", "MOST_BLADES", "READINGS", "SET_POINTS", "Field", "Message", "MessageError", "SetPoints",

@@ -7,6 +7,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Protocol
 
+from wt_gym.base.errors import ServerError
 from wt_gym.bridges.rosco.messages import (
     FIRST_CALL,
     LAST_CALL,
@@ -16,7 +17,6 @@ from wt_gym.bridges.rosco.messages import (
     read_message,
     write_set_points,
 )
-from wt_gym.errors import ServerError
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -60,7 +60,7 @@ class RoscoServer:
     ------
     ModuleNotFoundError
         Without the package pyzmq.
-    wt_gym.errors.ServerError
+    wt_gym.base.errors.ServerError
         If the address is none, or taken.
     """
 
@@ -106,7 +106,7 @@ class RoscoServer:
 
         Raises
         ------
-        wt_gym.errors.ServerError
+        wt_gym.base.errors.ServerError
             If no message comes for too long.
         ValueError
             If the number of turbines is below 1.

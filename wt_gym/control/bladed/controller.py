@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.control.actions import Demand
 from wt_gym.control.bladed.library import DEFAULT_FUNCTION, Library, check_library
 from wt_gym.control.bladed.records import (
@@ -30,7 +31,6 @@ from wt_gym.control.bladed.records import (
 )
 from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.sensors import Lidar
-from wt_gym.errors import ControllerError, SimulationError
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
@@ -100,7 +100,7 @@ class BladedController:
         If a file does not exist.
     ValueError
         If the library cannot be loaded.
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         For a turbine with more than three blades.
     """
 
@@ -165,7 +165,7 @@ class BladedController:
 
         Raises
         ------
-        wt_gym.errors.SimulationError
+        wt_gym.base.errors.SimulationError
             If the library says that it failed, or demands what is not finite.
         """
         self._revive()

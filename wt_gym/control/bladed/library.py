@@ -2,8 +2,8 @@
 
 Such libraries keep their state in global variables. So each instance loads a private copy of the file, whose variables
 are its own, and unloads it when it is closed. What the original depends on is found because the original is loaded,
-too, but never called. An isolated library runs in a process of its own (`wt_gym.child_process`), so that a crash is an
-error of the controller and not the end of the training.
+too, but never called. An isolated library runs in a process of its own (`wt_gym.base.child_process`), so that a crash
+is an error of the controller and not the end of the training.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.child_process import ChildEndedError, ChildProcess
+from wt_gym.base.child_process import ChildEndedError, ChildProcess
+from wt_gym.base.errors import SimulationError
 from wt_gym.control.bladed import worker
 from wt_gym.control.bladed.records import MESSAGE_LENGTH
-from wt_gym.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -128,7 +128,7 @@ class Library:
 
         Raises
         ------
-        wt_gym.errors.SimulationError
+        wt_gym.base.errors.SimulationError
             If the process of an isolated library ended.
         """
         if self._child is not None:

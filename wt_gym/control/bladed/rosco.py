@@ -16,12 +16,12 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wt_gym.base.errors import ControllerError
 from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.bladed.rosco_input import start_stop_values, value_text, write_rosco_input
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.controllers.rotor_rules import same_rotor
-from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.openfast_text import TextFile
 
@@ -82,7 +82,7 @@ def _package() -> Path:
 
     Raises
     ------
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If it is not installed.
     """
     spec = importlib.util.find_spec("rosco")
@@ -99,7 +99,7 @@ def rosco_library() -> Path:
 
     Raises
     ------
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If the package ``rosco`` is not installed, or brings no library for this machine.
     """
     folder = _package() / "lib"
@@ -149,7 +149,7 @@ class RoscoController(BladedController):
 
     Raises
     ------
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If the package ``rosco`` is not installed.
     FileNotFoundError
         If there is no such input file.

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.base.files import write_text_whole
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters
 from wt_gym.control.operating_point import operating_point, rotor_inertia, torque_curve, tracks_tip_speed_ratio
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.rotor_table import RotorTable
-from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.control.bladed import controller as bladed
 from wt_gym.control.bladed import rosco
 from wt_gym.control.bladed.controller import BladedController
@@ -41,7 +42,6 @@ from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamp
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
 from wt_gym.control.controllers.yaw import YawByDeadBand
-from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
@@ -360,7 +360,7 @@ def compiled_files(choice: str, parameters: dict[str, Any]) -> tuple[Path, ...]:
     ------
     ValueError
         See `wt_gym.control.controllers.make_controller`.
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If the package ``rosco`` is needed and not installed.
     """
     parts = _parts(choice)

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
+from wt_gym.base.errors import ControllerError
 from wt_gym.control.actions import Demand
 from wt_gym.control.sensors import Lidar
-from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -314,7 +314,7 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
 
     Raises
     ------
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If it is not a `Demand`, has not one finite angle a blade, or a yaw rate or torque that is not finite.
     """
     if not isinstance(demand, Demand):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from wt_gym.base.errors import ControllerError
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.drive_mode import drive_mode
 from wt_gym.control.controllers.filters import LowPass, SecondOrderLowPass
@@ -28,7 +29,6 @@ from wt_gym.control.operating_point import (
     torque_curve,
 )
 from wt_gym.control.sensors import Notch
-from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
@@ -267,7 +267,7 @@ class BaselineController:
 
         Raises
         ------
-        wt_gym.errors.ControllerError
+        wt_gym.base.errors.ControllerError
             For a turbine with another number of blades.
         """
         p, pitch = self.parameters, np.asarray(pitch, dtype=np.float64)

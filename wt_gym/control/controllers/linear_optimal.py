@@ -110,7 +110,7 @@ class LinearOptimalPitch:
             If no design is shipped for the turbine.
         FileNotFoundError
             If there is no such file.
-        wt_gym.errors.ControllerError
+        wt_gym.base.errors.ControllerError
             If the file is not a design.
         """
         return cls(turbine, load_design(_shipped(turbine) if file is None else file), gain)

@@ -6,7 +6,7 @@
 ``path/file.py:Class:key=value,...``    your own class, or a function, in a file
 ``module:Class:key=value,...``          the same in a module
 ``FOLDER``, ``FILE.zip:key=value,...``  a trained model
-another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.agents.names`
+another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.experiment.names`
 ======================================  ===========================================================================
 """
 
@@ -21,10 +21,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.control.controllers.catalogue import CONTROLLERS, catalogue_controller, declared_parameters
 from wt_gym.control.controllers.controller import Combined, Controller, is_addition, is_controller
 from wt_gym.control.controllers.own_class import call_maker, classes_in, load_class
-from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine

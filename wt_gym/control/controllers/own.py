@@ -12,6 +12,8 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.errors import ControllerError
+from wt_gym.base.warn_once import warn_once
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.pitch_law import GainTable
@@ -21,8 +23,6 @@ from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
 from wt_gym.control.rotor_table import blade_element_table
 from wt_gym.control.speed_loop import check_speed_loop
 from wt_gym.control.torque_loop import check_torque_curve, growing_mode, growth
-from wt_gym.errors import ControllerError
-from wt_gym.warn_once import warn_once
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -248,7 +248,7 @@ def own_controller(
 
     Raises
     ------
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If the closed loop is unstable.
     ValueError
         For a parameter that the turbine's controller does not have.
@@ -314,7 +314,7 @@ def own_law(turbine: Turbine) -> str:
 
     Raises
     ------
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If the loop below rated is unstable with published numbers and with those of the rule.
     """
     tracks = tracks_tip_speed_ratio(turbine)

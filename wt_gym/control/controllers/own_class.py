@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.errors import did_you_mean
+from wt_gym.base.errors import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wt_gym.errors import ControllerError
+from wt_gym.base.errors import ControllerError
 
 __all__ = ["GainTable", "PitchLaw"]
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.errors import ControllerError
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.controller import AtSetPoint, Controller, demanded_power_of, lidar_of, parts_of
 from wt_gym.control.controllers.discon import BaselineParameters
@@ -27,7 +28,6 @@ from wt_gym.control.controllers.speed_exclusion import SpeedExclusion
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.operating_point import least_pitch, torque_curve
 from wt_gym.control.sensors import LowPass
-from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
@@ -236,7 +236,7 @@ class Supervisor:
         ------
         ValueError
             If the generator is a damper, which takes no torque.
-        wt_gym.errors.ControllerError
+        wt_gym.base.errors.ControllerError
             If winds or set points do not fit each other.
         TypeError
             If the base is none whose pitch can be shifted.

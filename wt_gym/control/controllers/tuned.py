@@ -1,8 +1,8 @@
 """Parameters that a search found: the reference that learned control is compared with.
 
-The records of `wt_gym.agents.tuning` lie in ``data/tuned*.json`` with the cost, the winds, the seeds and every trial;
-docs/baselines.md says what they are worth. They were found on the NREL 5-MW. On another turbine the numbers without a
-dimension are the same, and times go with the turn of the rotor.
+The records of `wt_gym.experiment.tuning` lie in ``data/tuned*.json`` with the cost, the winds, the seeds and every
+trial; docs/baselines.md says what they are worth. They were found on the NREL 5-MW. On another turbine the numbers
+without a dimension are the same, and times go with the turn of the rotor.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _name(key: str) -> str:
 
 @cache
 def record_of(name: str) -> dict[str, Any]:
-    """Record of the search behind a name of `TUNED`, as `wt_gym.agents.tuning.tune` writes it."""
+    """Record of the search behind a name of `TUNED`, as `wt_gym.experiment.tuning.tune` writes it."""
     path = Path(__file__).with_name("data") / f"{name}.json"
     out: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return out

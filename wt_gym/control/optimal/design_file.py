@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.errors import ControllerError
+from wt_gym.base.files import whole_file
 from wt_gym.control.controllers.fading import FadeParameters
 from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.errors import ControllerError
-from wt_gym.files import whole_file
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -71,7 +71,7 @@ class LinearDesign:
 
     Raises
     ------
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If shapes do not fit, or a number is out of range.
     """
 
@@ -155,7 +155,7 @@ def load_design(path: str | Path) -> LinearDesign:
     ------
     FileNotFoundError
         If there is no such file.
-    wt_gym.errors.ControllerError
+    wt_gym.base.errors.ControllerError
         If it is none, or of a version that is not known.
     """
     file = Path(path)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.control.actions import ACTION_MODES, COMPONENTS, PITCH_FORMS, RESIDUAL_FORMS
 from wt_gym.envs.arguments import check_mapping, check_names
 from wt_gym.envs.options.group import OptionGroup, option, option_group
-from wt_gym.errors import did_you_mean
 
 __all__ = ["ActionOptions"]
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import gymnasium as gym
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
@@ -26,7 +27,6 @@ from wt_gym.envs.options.observations import ObservationOptions
 from wt_gym.envs.options.rewards import RewardOptions
 from wt_gym.envs.options.variation import Variation
 from wt_gym.envs.options.wind import WindOptions
-from wt_gym.errors import did_you_mean
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine
@@ -242,7 +242,7 @@ def options_of(arguments: Mapping[str, Any]) -> EnvOptions:
     ------
     TypeError
         If there is no such argument.
-    ValueError, wt_gym.errors.InflowError
+    ValueError, wt_gym.base.errors.InflowError
         If something is given twice, or has no meaning.
     """
     return EnvOptions.from_dict(arguments)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.envs.arguments import check_number, real_number, real_numbers, shown
 from wt_gym.envs.options.group import OptionGroup, option, option_group
-from wt_gym.errors import did_you_mean
 
 __all__ = ["LEAST_LEVEL", "MOVING_KINDS", "REFERENCE_KINDS", "GridOptions", "checked_reference"]
 

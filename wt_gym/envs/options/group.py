@@ -12,8 +12,8 @@ from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.envs.arguments import shown
-from wt_gym.errors import did_you_mean
 
 __all__ = ["Described", "OptionGroup", "described", "option", "option_group", "plain_value", "section"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.envs.arguments import check_mapping, check_number
 from wt_gym.envs.options.group import OptionGroup, option, option_group
-from wt_gym.errors import did_you_mean
 
 __all__ = ["COST_LIMITS", "PITCH_TRAVEL", "LimitOptions"]
 

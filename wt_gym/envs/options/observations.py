@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.control import Lidar
 from wt_gym.envs.arguments import check_names, check_number, shown
 from wt_gym.envs.options.group import OptionGroup, option, option_group
-from wt_gym.errors import did_you_mean
 
 __all__ = ["MOST_READINGS", "SENSORS", "ObservationOptions"]
 

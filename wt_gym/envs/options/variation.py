@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from wt_gym.base.errors import InflowError, did_you_mean
 from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
 from wt_gym.envs.options.group import OptionGroup, option, option_group
-from wt_gym.errors import InflowError, did_you_mean
 from wt_gym.wind.iec import reference_intensity
 
 __all__ = ["CHOICES", "HELD_BACK", "NO_SENSOR", "PRESETS", "RANGES", "STRUCTURAL", "TRAIN", "Variation"]

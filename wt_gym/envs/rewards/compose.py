@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, TypeAlias, cast
 
+from wt_gym.base.errors import did_you_mean
 from wt_gym.envs.arguments import check_mapping, check_number, shown
 from wt_gym.envs.rewards.damage import Damage
 from wt_gym.envs.rewards.extremes import ExtremeLoads
@@ -16,7 +17,6 @@ from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
 from wt_gym.envs.rewards.operation import ActuatorUse, Overspeed
 from wt_gym.envs.rewards.power import Power
 from wt_gym.envs.rewards.tracking import PowerTracking
-from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import RewardTerm, Transition

@@ -6,7 +6,7 @@ Closed loops, or a blade held to its hub as in Gebhardt et al. 2012, eqs. 6–11
     [B   0 ] [λ ] = [−γ − 2 α φ̇ − α² φ    ]      (Baumgarte 1972, critically damped)
 """
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.tree.linear_algebra_kernels import cholesky, solve_lower, solve_upper
 from wt_gym.multibody.tree.rotation_kernels import cross_add, rotation_exp
 from wt_gym.multibody.tree.tree_kernels import OK, SINGULAR_CONSTRAINTS, SINGULAR_MASS, joint_frame

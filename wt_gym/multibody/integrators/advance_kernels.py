@@ -5,7 +5,7 @@ so that a compiled step contains one scheme only. Constants among the arguments 
 or ``int(0)``: a bare one would compile a form of the kernel for this value alone, beside the one that Python calls.
 """
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.integrators.implicit_kernels import implicit_advance
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.tree.rate_kernels import rates, tree_rates

@@ -33,7 +33,7 @@ system that is linear in the increments and multipliers, so that one solution of
 
 import math
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.integrators.integrator_kernels import normalize_quaternions
 from wt_gym.multibody.tree.linear_algebra_kernels import factorize, solve_factorized
 from wt_gym.multibody.tree.rate_kernels import (

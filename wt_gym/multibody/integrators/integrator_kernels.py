@@ -13,7 +13,7 @@ state, in the norm of the mass matrix), before the last evaluation; Baumgarte's 
 system without projection leaves it to them.
 """
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.tree.rate_kernels import keep_drift, prescribe_servos, project, rates
 from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
 

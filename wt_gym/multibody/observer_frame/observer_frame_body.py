@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from scipy.linalg import null_space
 
-from wt_gym.errors import WtGymError
+from wt_gym.base.errors import WtGymError
 from wt_gym.structure.beam import skew
 from wt_gym.structure.flexible_body import particle_fields
 from wt_gym.structure.modes import lowest_modes

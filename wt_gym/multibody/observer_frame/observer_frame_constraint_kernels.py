@@ -9,7 +9,7 @@ the second section about an axis, and the angle of a hinge on which a torque act
 
 import math
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.tree.rotation_kernels import rotation_exp, tangent_bias
 
 DISPLACEMENT, ORTHOGONAL, TORQUE = range(3)

@@ -2,7 +2,7 @@
 
 import math
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import (
     TORQUE,
     add_loads,

@@ -6,7 +6,7 @@ a six-row border and a modal basis a small full matrix: both are factorized by t
 deserves. Of the constant matrices only the lower triangles are read.
 """
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 # ---- envelope matrices ---------------------------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 """Compiled quantities that follow from a known motion: energies, and the loads that the joints transmit."""
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.tree.rotation_kernels import cross_add
 from wt_gym.multibody.tree.tree_kernels import inertia_terms, kinematics
 

@@ -1,6 +1,6 @@
 """Compiled motion of material points of a body, and the loads of forces on them."""
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 
 @kernel(inline="always")

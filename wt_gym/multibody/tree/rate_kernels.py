@@ -1,6 +1,6 @@
 """Compiled right-hand side of a system: the rates of its positions, velocities and servos."""
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.constraints.constraint_kernels import constraint_rows, solve_constrained
 from wt_gym.multibody.tree.linear_algebra_kernels import cholesky, solve_lower, solve_upper
 from wt_gym.multibody.tree.sparse_kernels import factorize_tree, solve_tree

@@ -8,7 +8,7 @@ It serves any symmetric matrix of that pattern.
 
 import math
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 
 @kernel

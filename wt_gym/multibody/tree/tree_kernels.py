@@ -18,7 +18,7 @@ Equations that tie bodies as well are in :mod:`wt_gym.multibody.constraints.cons
 :mod:`wt_gym.multibody.tree.rate_kernels`.
 """
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.tree.rotation_kernels import cross_add, quaternion_rotation, rotation_exp, tangent_bias
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, SERVO = range(6)

@@ -1,6 +1,6 @@
 """Commands of the drives as inputs of the structure."""
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 
 @kernel(fastmath=False)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
-from wt_gym.errors import ActionError, SimulationError
+from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.simulation.drivetrain.drive_kernels import act
 from wt_gym.turbines import Drivetrain, PitchSystem
 

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
-from wt_gym.angles import wrapped
-from wt_gym.errors import ActionError, did_you_mean
+from wt_gym.base.angles import wrapped
+from wt_gym.base.errors import ActionError, did_you_mean
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.simulation.drivetrain.drives import holds_torque
 

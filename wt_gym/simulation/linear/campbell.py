@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from wt_gym.errors import SimulationError
-from wt_gym.files import whole_file
+from wt_gym.base.errors import SimulationError
+from wt_gym.base.files import whole_file
 from wt_gym.simulation.linear.linearization import linearize
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from wt_gym.picture_style import BLUE, GREEN, INK, ORANGE, baseline, plain
+from wt_gym.base.picture_style import BLUE, GREEN, INK, ORANGE, baseline, plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

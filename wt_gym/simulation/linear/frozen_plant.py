@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from wt_gym.aerodynamics import AeroState
 from wt_gym.aerodynamics.wake.wake_kernels import velocity_behind_disc
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.model.turbine_bodies import place_nacelle
 from wt_gym.simulation.step import coupling_kernels

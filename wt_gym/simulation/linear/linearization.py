@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import SimulationError, did_you_mean
+from wt_gym.base.errors import SimulationError, did_you_mean
 from wt_gym.simulation.channels import channel_table, parities
 from wt_gym.simulation.linear.frozen_plant import FrozenPlant
 from wt_gym.simulation.linear.linear_model import LinearModel, SteadyPoint, multiblade_model

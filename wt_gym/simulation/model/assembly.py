@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wt_gym.aerodynamics import TowerFlow, VortexLattice
-from wt_gym.blas_threads import one_blas_thread
+from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.simulation.model.blade_lattice import blade_planform

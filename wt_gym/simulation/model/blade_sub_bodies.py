@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.system import Joint, Points
 from wt_gym.structure.flexible_body import offset_marker
 from wt_gym.structure.modes import clamped_modes, select_modes

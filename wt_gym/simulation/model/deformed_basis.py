@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.system import Points
 from wt_gym.simulation.model.turbine_structure import bending_dofs, body_points
 from wt_gym.structure.beam import skew

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.errors import MultibodyError
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.aerodynamics import AerodynamicsError, BodySet, revolution_body, tower_body
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

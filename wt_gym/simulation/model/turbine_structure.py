@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
 from wt_gym.simulation.model.blade_sub_bodies import (
     SubBodyNodes,

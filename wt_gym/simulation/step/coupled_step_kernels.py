@@ -10,7 +10,7 @@ the kernel for this value alone, beside the one that Python calls.
 
 from wt_gym.aerodynamics.lattice.section_kernels import DISAGREEMENT
 from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, settle, solve
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.tree.tree_kernels import OK
 from wt_gym.simulation.step.coupling_kernels import rotor_loads, tower_drag
 from wt_gym.simulation.step.energy_kernels import check_energy

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.compiled import compiled_for, is_compiled, was_compiled
-from wt_gym.errors import SimulationError
+from wt_gym.base.compiled import compiled_for, is_compiled, was_compiled
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.model.deformed_basis import DeformedBasis

@@ -2,7 +2,7 @@
 
 import math
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.system import Points
 from wt_gym.multibody.tree.output_kernels import joint_wrenches
 from wt_gym.multibody.tree.point_kernels import point_loads, point_motion

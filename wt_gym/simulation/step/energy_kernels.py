@@ -20,7 +20,7 @@ that air which it turns in, rho (4/3 pi R^3) <|V|^2 + v^2> / 2, at its most with
 Sums below zero are forgotten, so that no energy given away earlier can hide what comes from nothing now.
 """
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.tree.output_kernels import energies
 from wt_gym.multibody.tree.tree_kernels import OK
 

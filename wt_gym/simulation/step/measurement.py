@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
 import numpy as np
 
-from wt_gym.compiled import compiled_for
+from wt_gym.base.compiled import compiled_for
 from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.model.turbine_structure import rotation_x, rotation_y
 from wt_gym.simulation.step import measurement_kernels

@@ -5,7 +5,7 @@ What laws written in Python know, the torque and the commands, is filled in afte
 
 import math
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.simulation.step.coupling_kernels import read_gauges, rotor_resultant
 
 SINGLE = (

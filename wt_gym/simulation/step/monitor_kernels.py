@@ -2,7 +2,7 @@
 
 import math
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, read_gauges
 
 

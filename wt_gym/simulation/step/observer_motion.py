@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import expm
 
-from wt_gym.errors import SimulationError
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.multibody.observer_frame import observer_frame_kernels

@@ -4,7 +4,7 @@ After each structural step the motion is written into the state of the turbine's
 the gauges, the monitor and the balance of energy read it. Arguments are ``motion``, `Motion`, and ``o``, `Observed`.
 """
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import rows_of
 from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations, hold_velocities, refresh, step
 from wt_gym.multibody.tree.rate_kernels import prescribe_servos

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.compiled import compiled_for
-from wt_gym.errors import SimulationError
+from wt_gym.base.compiled import compiled_for
+from wt_gym.base.errors import SimulationError
 from wt_gym.simulation.step.wind_kernels import ask_for_wind, felt_wind, receive_wind
 from wt_gym.wind.protocol import fill_velocity, read_only
 

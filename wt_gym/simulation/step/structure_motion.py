@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from wt_gym.compiled import compiled_for
-from wt_gym.errors import SimulationError
+from wt_gym.base.compiled import compiled_for
+from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.arrays import Inputs, Tree, Work
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.integrators.hamming import History, new_history

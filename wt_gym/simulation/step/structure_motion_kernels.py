@@ -14,7 +14,7 @@ of `Structure` that are None: they are arguments of their own below, by whose ty
 apply.
 """
 
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 from wt_gym.multibody.integrators.advance_kernels import advance, end_rates
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.step.coupling_kernels import rotor_motion

@@ -2,7 +2,7 @@
 
 from wt_gym.aerodynamics.bodies.tower_kernels import add_tower_flow
 from wt_gym.aerodynamics.wake.wake_kernels import rows_for_wind, store_wind, velocity_behind_disc
-from wt_gym.compiled import kernel
+from wt_gym.base.compiled import kernel
 
 
 @kernel(fastmath=False)

@@ -1,0 +1,1 @@
+"""Foundations that every package may use: errors, files, compiled kernels, child processes, caches."""

@@ -1,0 +1,138 @@
+"""Files that are there when they are whole, and values as a JSON file gives them back."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from typing import BinaryIO
+
+    import xarray as xr
+
+__all__ = [
+    "decoded_text", "json_values", "remove_partial", "require_writable", "shipped_folder", "whole_file",
+    "write_netcdf_whole", "write_text_whole", "write_whole",
+]  # fmt: skip
+
+
+def shipped_folder() -> Path:
+    """Folder of recipes, hyperparameters and trained agents: ``agents`` of a clone, ``wt_gym/agents`` of a wheel."""
+    package = Path(__file__).parents[1]
+    installed = package / "agents"
+    return installed if (installed / "recipes").is_dir() else package.parent / "agents"
+
+
+def json_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Give a table as a JSON file of it gives it back: tuples as lists, what JSON does not know as text."""
+    read: dict[str, Any] = json.loads(json.dumps(values, default=str))
+    return read
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a temporary path to write to, which takes the name of the file in the end: nobody ever meets half of it.
+
+    Processes that write the same file at the same time do not disturb each other. Where writing fails, the file stays
+    as it was and the temporary one is removed.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Its folder exists.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        yield partial
+        with partial.open("rb+") as file:  # on the disk before the old content is gone
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def require_writable(folder: Path) -> None:
+    """Make a folder if there is none, and try to write there: permissions do not tell of full or read-only disks.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+
+    Raises
+    ------
+    OSError
+        If nothing can be written there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder) as file:
+        file.write(b"\0")
+
+
+def remove_partial(folder: Path) -> None:
+    """Remove what killed processes had begun to write; what a running one writes at the moment stays."""
+    for file in folder.glob(".*.partial"):
+        if not _writes(file):
+            with suppress(PermissionError):
+                file.unlink(missing_ok=True)
+
+
+def _writes(partial: Path) -> bool:
+    """Whether the process whose number stands in the name of a temporary file is another one that runs."""
+    number = partial.name.split(".")[-2]
+    if not number.isdigit() or int(number) == os.getpid():  # one of an earlier process with the same number
+        return False
+    if os.name == "nt":  # where a file that is written cannot be removed, and os.kill would end the process
+        return False
+    try:
+        os.kill(int(number), 0)  # only asks
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # it is someone else's
+        pass
+    return True
+
+
+def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:
+    """Write a file as `whole_file` does.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    write : callable
+        Gets the open file.
+    """
+    with whole_file(path) as partial, partial.open("wb") as file:
+        write(file)
+
+
+def write_text_whole(path: Path, text: str) -> None:
+    """Write a text in UTF-8 as `whole_file` does."""
+    write_whole(path, lambda file: file.write(text.encode()))
+
+
+def write_netcdf_whole(path: Path, data: xr.Dataset) -> None:
+    """Write a data set as NetCDF 4, as `whole_file` does.
+
+    The file is made in memory: the HDF5 library crashes the process where it finds no room on a disk.
+    """
+    write_whole(path, lambda file: file.write(data.to_netcdf(engine="h5netcdf")))
+
+
+def decoded_text(data: bytes) -> str:
+    """Return the text of a file, UTF-8 with or without its mark or else Latin-1, with the line ends of this system."""
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")

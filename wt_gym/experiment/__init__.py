@@ -1,0 +1,1 @@
+"""Agents and controllers in winds: runs, comparisons, reports, benchmark tasks, load cases."""

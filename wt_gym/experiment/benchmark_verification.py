@@ -1,0 +1,236 @@
+"""Repeats runs of the benchmark that somebody else made, and compares the numbers."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.base.errors import BenchmarkError
+from wt_gym.benchmark import ResultFolder, load_task
+from wt_gym.benchmark.archive import MODELS, RUNS, model_folder, read_archive, write_archive
+from wt_gym.benchmark.fingerprint import differing
+from wt_gym.benchmark.reference import SAME
+from wt_gym.benchmark.tasks import recorded_name
+from wt_gym.control.controllers.names import Name
+from wt_gym.experiment.benchmark_runs import Entry, Job, definition_of, entry_of, run_jobs
+from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, model_digests, model_files
+from wt_gym.runs.definition import digest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from wt_gym.benchmark import BenchmarkTask
+    from wt_gym.runs.executors import Executor
+
+__all__ = ["Verified", "drawn", "opened", "pack", "verify"]
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A run and its repetition.
+
+    Attributes
+    ----------
+    label : str
+        Agent, task and wind.
+    deviation : float
+        Largest relative difference of a metric, over those of the recorded run [-]; infinite where the runs ended
+        differently.
+    metric : str
+        Of that difference.
+    other : tuple of str
+        Parts of the fingerprint in which the recorded run differs from the present sources.
+    """
+
+    label: str
+    deviation: float
+    metric: str
+    other: tuple[str, ...]
+
+    @property
+    def same(self) -> bool:
+        """Whether the numbers are those recorded, within what processors differ by."""
+        return self.deviation <= SAME
+
+
+@contextmanager
+def opened(source: Path) -> Iterator[tuple[ResultFolder, dict[str, Path]]]:
+    """Results of a folder or an archive, and the models in it by the name of `model_folder`.
+
+    Parameters
+    ----------
+    source : pathlib.Path
+    """
+    if source.is_dir():
+        yield ResultFolder(source), {}
+        return
+    if not source.is_file():
+        raise FileNotFoundError(f"no folder of results or archive at {source}")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        read_archive(source, folder)
+        models = folder / MODELS
+        yield ResultFolder(folder / RUNS), {one.name: one for one in models.iterdir()} if models.is_dir() else {}
+
+
+def pack(folder: ResultFolder, paths: Iterable[str | Path], file: Path) -> dict[str, Any]:
+    """Write results and the models that made them into one file.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+    paths : iterable of path
+        Trained models, or their folders; those that made no run are left out.
+    file : pathlib.Path
+
+    Returns
+    -------
+    dict
+        ``runs`` and ``models`` (numbers), ``bytes``, and ``missing``: names of trained agents whose model is not among
+        the paths.
+
+    Raises
+    ------
+    wt_gym.base.errors.BenchmarkError
+        If there are no results.
+    """
+    results = list(folder)
+    if not results:
+        raise BenchmarkError(f"{folder.path} holds no results; wt-gym benchmark run makes them")
+    known = {model_folder(model_digests(path)): path for path in paths}
+    used: dict[str, set[str]] = {}
+    for result in results:
+        if (sums := _sums(result)) is not None:
+            used.setdefault(model_folder(sums), set()).add(result["agent"])
+    models = {name: _files(known[name]) for name in used if name in known}
+    write_archive(file, [folder.file(result["definition"]) for result in results], models)
+    missing = sorted(agent for name in used if name not in known for agent in used[name])
+    return {"runs": len(results), "models": len(models), "bytes": file.stat().st_size, "missing": missing}
+
+
+def verify(
+    folder: ResultFolder,
+    models: dict[str, Path],
+    agents: Sequence[str] = (),
+    sample: int | None = 6,
+    seed: int = 0,
+    executor: Executor | None = None,
+    repeated: Path | None = None,
+) -> list[Verified]:
+    """Repeat runs and compare their metrics with the recorded ones.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+    models : dict
+        Folders of models by the name of `model_folder`.
+    agents : sequence of str
+        Further agents as ``NAME=CHOICE``: models that are elsewhere, and classes in files.
+    sample : int, optional
+        How many runs, drawn evenly; None: all.
+    seed : int
+        Of the draw.
+    executor : Executor, optional
+        Does the runs.
+    repeated : pathlib.Path, optional
+        Keeps the repetitions.
+
+    Raises
+    ------
+    wt_gym.base.errors.BenchmarkError
+        If there are no results, a task is unknown, or an agent cannot be made from what is there.
+    """
+    results = list(folder)
+    if not results:
+        raise BenchmarkError(f"{folder.path} holds no results")
+    results = drawn(results, sample, seed)
+    given = [entry_of(text) for text in agents]
+    jobs = [_job(result, models, given) for result in results]
+    with tempfile.TemporaryDirectory() as name:
+        kept = ResultFolder(Path(name) if repeated is None else repeated)
+        run_jobs(jobs, kept, executor)
+        return [_compared(job, result, kept.read(definition_of(job)))
+                for job, result in zip(jobs, results, strict=True)]  # fmt: skip
+
+
+def _files(path: str | Path) -> list[Path]:
+    """Files of a model, with the record of its training where it is beside it."""
+    files = model_files(path)
+    record = files[0].with_name(RECORD_FILE)
+    return [*files, *([record] if record.is_file() else [])]
+
+
+def drawn(results: Sequence[Any], sample: int | None, seed: int) -> list[Any]:
+    """Some of the results, drawn evenly without repetition, in their order; all of them where there are not more."""
+    if sample is None or sample >= len(results):
+        return list(results)
+    chosen = np.random.default_rng(seed).choice(len(results), sample, replace=False)
+    return [results[k] for k in sorted(chosen)]
+
+
+def _sums(result: dict[str, Any]) -> dict[str, str] | None:
+    """Digests of the model that made a run; None where no model did."""
+    agent = result["definition"]["agent"]
+    return agent["sha256"] if agent["kind"] == "trained" else None
+
+
+def _job(result: dict[str, Any], models: dict[str, Path], given: Sequence[Entry]) -> Job:
+    """The job that a result says it was."""
+    definition = result["definition"]
+    task = _task(definition)
+    wind = next((wind for wind in task.winds if digest(wind.definition) == digest(definition["wind"])), None)
+    if wind is None:
+        raise BenchmarkError(f"{result['agent']}: {definition['wind']} must be a wind of {task.id}")
+    return Job(task, wind, _entry(result, models, given))
+
+
+def _task(definition: dict[str, Any]) -> BenchmarkTask:
+    task = load_task(recorded_name(definition))
+    if task.version != definition["version"]:
+        recorded = f"{definition['task']}-v{definition['version']}"
+        raise BenchmarkError(f"{recorded} must be a task of this version of the package; known: {task.id}")
+    return task
+
+
+def _entry(result: dict[str, Any], models: dict[str, Path], given: Sequence[Entry]) -> Entry:
+    """Agent of a result, with the interface that its definition has."""
+    about = {key: value for key, value in result["definition"]["agent"].items() if key != "name"}
+    interface, name = result["definition"].get("interface", {}), result["agent"]
+    if (match := next((one for one in given if one.definition == about), None)) is not None:
+        return Entry(name, match.choice, about, interface)
+    if about["kind"] == "trained":
+        folder = models.get(model_folder(about["sha256"]))
+        if folder is None:
+            raise BenchmarkError(
+                f"the model of {name!r} must be in the archive or be given as NAME=PATH with the files of its digests"
+            )
+        path = folder if (folder / MODEL_FILE).is_file() else next(folder.glob("*.zip"))
+        return Entry(name, str(path), about, interface)
+    if "class" in about:
+        raise BenchmarkError(f"the class of {name!r} must be given as NAME=FILE.py:Class, with the same source")
+    of_controller = about["kind"] == "controller"
+    target = about["controller"] if of_controller else about["kind"]
+    made = entry_of(Name("controller" if of_controller else "word", target, about.get("parameters", {})).text)
+    if made.definition != about:
+        raise BenchmarkError(f"{name!r} must be {about}; what has this name here is {made.definition}")
+    return Entry(name, made.choice, about, interface)
+
+
+def _compared(job: Job, recorded: dict[str, Any], found: dict[str, Any]) -> Verified:
+    """Differences of a repetition."""
+    other = tuple(differing(recorded["definition"]["fingerprint"], found["definition"]["fingerprint"]))
+    if recorded["ending"] != found["ending"] or recorded["metrics"].keys() - found["metrics"].keys():
+        return Verified(job.label, float("inf"), f"ending ({recorded['ending']}, now {found['ending']})", other)
+    deviations = {"duration": _deviation(recorded["duration"], found["duration"])}
+    deviations |= {key: _deviation(value, found["metrics"][key]) for key, value in recorded["metrics"].items()}
+    metric = max(deviations, key=deviations.__getitem__)
+    return Verified(job.label, deviations[metric], metric, other)
+
+
+def _deviation(recorded: float, found: float) -> float:
+    return abs(found - recorded) / abs(recorded) if recorded else (0.0 if found == 0.0 else float("inf"))

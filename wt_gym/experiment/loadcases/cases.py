@@ -1,0 +1,380 @@
+"""Which design load cases there are, what is run for each of them, and with which factors loads become design loads.
+
+Cases and factors are those of IEC 61400-1, edition 3 (2005) with amendment 1 (2010), table 2 (design load cases) and
+table 3 (partial safety factors for loads, γ_f); edition 4 (2019) keeps them for the cases that are run here and rewords
+2.1 and 2.2. The wind models are those of `wt_gym.wind.iec`. Characteristic values follow 7.6.2 of edition 3: what
+is worst in a transient, averaged over the azimuths of the rotor; the mean over the seeds of what is worst in
+turbulence, of the larger half of the seeds in 2.1 and 2.2.
+
+What the standard leaves to the designer is chosen here, and said in ``docs/loadcases.md``: how the turbine notices a
+fault and stops, which sensors are wrong by how much, when in a gust things happen, how the wind stands to the rotor.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.envs.options import WindOptions
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
+from wt_gym.runs.definition import described
+from wt_gym.simulation.drivetrain.faults import DriveFault, GeneratorLoss, SensorBias, ShutDown, StuckPitch
+from wt_gym.wind import TransientInflow
+from wt_gym.wind.iec import OPERATING_GUST_DURATION
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+__all__ = ["CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "Condition", "DesignCase", "Plan", "inflow_of", "plan_of"]
+
+Fault = DriveFault | SensorBias
+
+NORMAL, ABNORMAL, EXTRAPOLATED = 1.35, 1.1, 1.25
+"""Partial safety factors γ_f on unfavorable loads: normal and abnormal design situations (table 3), and production in
+normal turbulence, where the load is extrapolated to 50 years (DLC 1.1)."""
+EXTRAPOLATION = 1.5
+"""What the mean of the ten-minute extremes of DLC 1.1 is multiplied with in place of a statistical extrapolation
+(amendment 1, 7.6.2: for moments of the blade root and the deflection of the tip)."""
+DEFLECTION_FACTOR = 1.1
+"""Material factor γ_m on the stiffness behind a tip deflection (7.6.5); the factor of consequence is 1.0 for blades."""
+
+SKIP = 30.0
+"""Start of a run that is left out, in which the wake forms [s]."""
+EVENT = 40.0
+"""Time at which a transient or a fault begins [s]."""
+YAW_ERRORS = (0.0, -8.0, 8.0)
+"""Directions of the wind against the nacelle in turbulence, from one seed to the next [deg]."""
+DETECTION, STUCK_DETECTION = 0.2, 5.0
+"""From the loss of the generator, and from a blade that sticks, to the shut-down that follows [s]."""
+NORMAL_STOP = 0.5
+"""Pitch rate of a normal shut-down in greatest pitch rates; that of an emergency is the greatest."""
+SPEED_READS, MOMENT_READS = 0.95, 0.25
+"""What a wrong sensor of rotor and generator speed reads of the truth, and what a wrong one of a blade's flapwise root
+moment adds, in reference moments (`wt_gym.control.reference_loads.reference_flap_moment`)."""
+GUST_TIMES = (0.0, 0.25, 0.375, 0.5)
+"""When in an operating gust the turbine is stopped, in durations of the gust: at its beginning, in the dip, where it
+rises fastest, at its peak."""
+_FAULT_LENGTH, _GUST_LENGTH, _ECD_LENGTH = 65.0, 30.0, 40.0
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a run is: the wind, what fails, and how long. Plain values, which can be hashed.
+
+    Attributes
+    ----------
+    wind : str
+        "NTM", "ETM" or "EWM", turbulent; "EOG", "ECD+", "ECD-", "EWS-vertical+" and the like: transients that begin at
+        `EVENT`. The turbine is parked in "EWM".
+    speed : float
+        Mean wind speed at the hub [m/s].
+    seed : int or None
+        Of the turbulence.
+    direction : float
+        Of the wind against the nacelle [deg].
+    azimuth : float
+        Of blade 1 at the start [deg].
+    faults : tuple
+        Of `wt_gym.simulation.drivetrain.faults`.
+    label : str
+        What fails, in words.
+    duration : float
+        [s].
+    turbulence : {"kaimal", "mann"}
+        Spectra of a turbulent wind.
+    """
+
+    wind: str
+    speed: float
+    duration: float
+    seed: int | None = None
+    direction: float = 0.0
+    azimuth: float = 0.0
+    faults: tuple[Fault, ...] = ()
+    label: str = ""
+    turbulence: str = "kaimal"
+
+    @property
+    def parked(self) -> bool:
+        """Whether the rotor idles with feathered blades, so that nobody controls it."""
+        return self.wind == "EWM"
+
+    @property
+    def stops_at(self) -> float | None:
+        """When a shut-down begins [s]."""
+        return min((fault.time for fault in self.faults if isinstance(fault, ShutDown)), default=None)
+
+    @property
+    def group(self) -> tuple[str, float, str]:
+        """Of what this is one realization, among others with other seeds, directions and azimuths."""
+        return self.wind, self.speed, self.label
+
+    @property
+    def name(self) -> str:
+        """What is worst, in a table."""
+        words = [self.wind, f"{self.speed:g} m/s", self.label]
+        return ", ".join(filter(None, words))
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything as JSON values."""
+        faults = [{"kind": type(fault).__name__, **asdict(fault)} for fault in self.faults]
+        values: dict[str, Any] = described(asdict(self) | {"faults": faults}, "condition")
+        return values
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much of each case is run.
+
+    Attributes
+    ----------
+    speeds : tuple of float
+        Mean wind speeds of the cases over the whole range [m/s].
+    fault_speeds : tuple of float
+        Those with faults in turbulence [m/s].
+    shear_speeds : tuple of float
+        Those of extreme shear [m/s].
+    gust_speeds : tuple of float
+        Those of the coherent gust [m/s].
+    stop_speeds : tuple of float
+        Those of a stop in a gust [m/s].
+    seeds : int
+        Realizations a speed in turbulence, at most 6.
+    events : int
+        Realizations a speed and fault, at most 12.
+    length : float
+        Measured part of a turbulent run [s].
+    azimuths : tuple of float
+        Of blade 1 at the start of a transient [deg].
+    gust_times : tuple of float
+        Of `GUST_TIMES`.
+    """
+
+    speeds: tuple[float, ...]
+    fault_speeds: tuple[float, ...]
+    shear_speeds: tuple[float, ...]
+    gust_speeds: tuple[float, ...]
+    stop_speeds: tuple[float, ...]
+    seeds: int
+    events: int
+    length: float
+    azimuths: tuple[float, ...]
+    gust_times: tuple[float, ...]
+
+
+def plan_of(turbine: Turbine, quick: bool = False) -> Plan:
+    """What is run for a turbine: all of it, or enough to see whether an agent comes through.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    quick : bool
+        Three speeds, two seeds of 100 s, one azimuth and two times of a gust.
+    """
+    rated, out = turbine.rated_wind_speed, turbine.cut_out
+    speeds = tuple(float(v) for v in range(2 * math.ceil(0.5 * turbine.cut_in), math.floor(out) + 1, 2))
+    if not quick:
+        gusts = (rated - 2.0, rated, rated + 2.0)
+        return Plan(speeds, speeds, speeds, gusts, (gusts[0], gusts[2], out), 6, 12, 600.0, (0.0, 30.0, 60.0, 90.0),
+                    GUST_TIMES)  # fmt: skip
+    targets = (0.75 * rated, rated + 0.6, 0.5 * (rated + out))
+    few = tuple(sorted({_nearest(speeds, speed) for speed in targets}))
+    return Plan(few, few[1:], few[1:], (rated,), (rated + 2.0,), 2, 2, 100.0, (0.0,), GUST_TIMES[1::2])
+
+
+def _nearest(speeds: tuple[float, ...], target: float) -> float:
+    """The first of the nearest speeds."""
+    return min(speeds, key=lambda speed: abs(speed - target))
+
+
+@dataclass(frozen=True)
+class DesignCase:
+    """A design load case.
+
+    Attributes
+    ----------
+    title : str
+    conditions : callable
+        Gives the runs for a turbine and a `Plan`.
+    factor : float or None
+        γ_f; None where fatigue is what counts.
+    larger_half : bool
+        Whether the mean is that of the larger half of the realizations.
+    """
+
+    title: str
+    conditions: Callable[[Turbine, Plan], list[Condition]]
+    factor: float | None = NORMAL
+    larger_half: bool = False
+
+    @property
+    def fatigue(self) -> bool:
+        """Whether fatigue is what counts."""
+        return self.factor is None
+
+    @property
+    def extrapolated(self) -> bool:
+        """Whether loads are extrapolated to 50 years."""
+        return self.factor == EXTRAPOLATED
+
+
+def _turbulent(wind: str, first: int) -> Callable[[Turbine, Plan], list[Condition]]:
+    """Production in turbulence, with the held-out seeds from number ``first`` on."""
+
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
+        seeds = EVALUATION_WIND_SEEDS[first : first + plan.seeds]
+        return [
+            Condition(wind, speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
+            for speed in plan.speeds
+            for k, seed in enumerate(seeds)
+        ]
+
+    return conditions
+
+
+def _transients(winds: tuple[str, ...], which: str, length: float) -> Callable[[Turbine, Plan], list[Condition]]:
+    """Production in a transient, from several azimuths."""
+
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
+        return [
+            Condition(wind, speed, EVENT + length, azimuth=azimuth)
+            for speed in getattr(plan, which)
+            for wind in winds
+            for azimuth in plan.azimuths
+        ]
+
+    return conditions
+
+
+def _in_turbulence(
+    faults: Callable[[Turbine], dict[str, tuple[Fault, ...]]],
+) -> Callable[[Turbine, Plan], list[Condition]]:
+    """A fault in normal turbulence."""
+
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
+        seeds = EVALUATION_WIND_SEEDS[12 : 12 + plan.events]
+        return [
+            Condition("NTM", speed, EVENT + _FAULT_LENGTH, seed, faults=what, label=label)
+            for speed in plan.fault_speeds
+            for label, what in faults(turbine).items()
+            for seed in seeds
+        ]
+
+    return conditions
+
+
+def _in_gust(
+    label: str, faults: Callable[[Turbine, float], tuple[Fault, ...]]
+) -> Callable[[Turbine, Plan], list[Condition]]:
+    """Something that happens at several times of an operating gust."""
+
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
+        times = [EVENT + share * OPERATING_GUST_DURATION for share in plan.gust_times]
+        return [
+            Condition("EOG", speed, EVENT + _GUST_LENGTH, azimuth=azimuth, faults=faults(turbine, time),
+                      label=f"{label} {time - EVENT:.1f} s after its beginning")
+            for speed in plan.stop_speeds
+            for time in times
+            for azimuth in plan.azimuths
+        ]  # fmt: skip
+
+    return conditions
+
+
+def _parked(turbine: Turbine, plan: Plan) -> list[Condition]:
+    """A parked turbine in the turbulent extreme wind of 50 years."""
+    speed = _sampler(turbine, "extreme-turbulent").speeds[0]
+    return [
+        Condition("EWM", speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
+        for k, seed in enumerate(EVALUATION_WIND_SEEDS[: plan.seeds])
+    ]
+
+
+def _grid_loss(turbine: Turbine, time: float) -> tuple[Fault, ...]:
+    """The generator is lost; the turbine notices and stops as fast as it can."""
+    return GeneratorLoss(time), ShutDown(time + DETECTION, turbine.pitch.max_rate)
+
+
+def _control_faults(turbine: Turbine) -> dict[str, tuple[Fault, ...]]:
+    """Loss of the grid, and sensors that read wrong for the rest of the run."""
+    moment = MOMENT_READS * reference_flap_moment(turbine)
+    return {
+        "grid loss": _grid_loss(turbine, EVENT),
+        "rotor speed reads low": (SensorBias(EVENT, ("rotor_speed", "generator_speed"), SPEED_READS),),
+        "flap moment of blade 1 reads high": (SensorBias(EVENT, ("root_flap_moment_1",), 1.0, moment),),
+    }
+
+
+def _stuck(turbine: Turbine) -> dict[str, tuple[Fault, ...]]:
+    """One blade sticks; the turbine notices late and feathers the others."""
+    stop = ShutDown(EVENT + STUCK_DETECTION, turbine.pitch.max_rate)
+    return {"blade 1 stuck": (StuckPitch(EVENT, 1), stop)}
+
+
+def _normal_stop(turbine: Turbine, time: float) -> tuple[Fault, ...]:
+    """A shut-down as every day has it."""
+    return (ShutDown(time, NORMAL_STOP * turbine.pitch.max_rate),)
+
+
+_SHEARS = ("EWS-vertical+", "EWS-vertical-", "EWS-horizontal+", "EWS-horizontal-")
+CASES = {
+    "1.1": DesignCase("Production, normal turbulence, extrapolated", _turbulent("NTM", 0), EXTRAPOLATED),
+    "1.2": DesignCase("Production, normal turbulence, fatigue", _turbulent("NTM", 0), None),
+    "1.3": DesignCase("Production, extreme turbulence", _turbulent("ETM", 6)),
+    "1.4": DesignCase(
+        "Coherent gust with change of direction", _transients(("ECD+", "ECD-"), "gust_speeds", _ECD_LENGTH)
+    ),
+    "1.5": DesignCase("Extreme shear", _transients(_SHEARS, "shear_speeds", _GUST_LENGTH)),
+    "2.1": DesignCase("Grid loss or a wrong sensor", _in_turbulence(_control_faults), larger_half=True),
+    "2.2": DesignCase("A blade stuck", _in_turbulence(_stuck), ABNORMAL, larger_half=True),
+    "2.3": DesignCase("Grid loss in an operating gust", _in_gust("grid loss", _grid_loss), ABNORMAL),
+    "4.2": DesignCase("Shut-down in an operating gust", _in_gust("stop", _normal_stop)),
+    "6.1": DesignCase("Parked, extreme wind of 50 years", _parked),
+}
+"""Design load cases by number."""
+
+
+def inflow_of(condition: Condition, turbine: Turbine) -> Inflow:
+    """Wind of a run.
+
+    Parameters
+    ----------
+    condition : Condition
+    turbine : Turbine
+
+    Returns
+    -------
+    Inflow
+
+    Raises
+    ------
+    wt_gym.base.errors.InflowError
+        If the turbine has no class of IEC 61400-1 that says how strong the wind is.
+    """
+    direction, rng = math.radians(condition.direction), np.random.default_rng(0)
+    if condition.wind == "EWM":
+        sampler = _sampler(turbine, "extreme-turbulent", direction=direction, turbulence=condition.turbulence)
+        return sampler.sample(rng, wind_seed=condition.seed).inflow
+    if condition.wind in ("NTM", "ETM"):
+        options = {"turbulence_model": condition.wind, "turbulence": condition.turbulence}
+        sampler = _sampler(turbine, "turbulent", direction=direction, **options)
+        return sampler.sample(rng, wind_speed=condition.speed, wind_seed=condition.seed).inflow
+    where = condition.speed, turbine.hub_height, turbine.rotor_diameter
+    kind, sign = condition.wind.rstrip("+-"), -1 if condition.wind.endswith("-") else 1
+    if kind == "EOG":
+        return TransientInflow.eog(*where, turbine.turbulence_class, turbine.iec_class, start_time=EVENT)
+    if kind == "ECD":
+        return TransientInflow.ecd(*where, sign=sign, start_time=EVENT)
+    axis = kind.removeprefix("EWS-")
+    return TransientInflow.ews(*where, turbine.turbulence_class, axis, sign, start_time=EVENT)
+
+
+def _sampler(turbine: Turbine, kind: str, **options: Any) -> WindSampler:
+    return WindSampler(turbine, WindOptions(kind, (turbine.cut_in, turbine.cut_out), **options))

@@ -1,0 +1,441 @@
+"""Load cases as tables in text and as one HTML page that opens without a network."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from wt_gym.analysis.change import relative_change
+from wt_gym.analysis.metrics import METRICS, idle_sentence
+from wt_gym.analysis.paired import LIFETIME_EXPONENTS
+from wt_gym.analysis.plots import agent_styles, style, titles_at_left
+from wt_gym.analysis.report_page import (
+    Row,
+    Section,
+    agent_label,
+    badge,
+    details,
+    figure_element,
+    legend,
+    settings_element,
+    table,
+    today,
+    write_page,
+)
+from wt_gym.analysis.summary import format_difference, format_value
+from wt_gym.experiment.loadcases.cases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
+from wt_gym.experiment.loadcases.results import CLEARANCE, PARKED, SPEED
+from wt_gym.experiment.loadcases.study import RUNS_FOLDER, TABLE_FILE
+
+if TYPE_CHECKING:
+    from wt_gym.experiment.loadcases.results import CaseRun, LoadCaseResults, Value
+
+__all__ = ["load_case_tables", "write_load_case_report"]
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """How a quantity is shown."""
+
+    label: str
+    short: str
+    unit: str
+    factor: float
+    digits: int
+
+    def text(self, value: float) -> str:
+        """Value without its unit."""
+        return f"{value * self.factor:.{self.digits}f}".replace("-", "\u2212")
+
+    def change(self, value: float, other: float, signed: bool) -> tuple[str, str]:
+        """Class and text of a change: a share of the other value, but of margins, and of zero, a difference.
+
+        More is better of a margin, and worse of a load.
+        """
+        last = 10.0**-self.digits
+        relative = not signed and abs(other) * self.factor >= last
+        amount = relative_change(value, other) if relative else (value - other) * self.factor
+        least = _NEGLIGIBLE if relative else 0.5 * last
+        kind = "equal" if abs(amount) < least else "better" if (amount > 0.0) == signed else "worse"
+        text = f"{100.0 * amount:+.1f} %" if relative else f"{amount:+.{self.digits}f} {self.unit}"
+        return kind, text.replace("-", "\u2212")
+
+
+_EXTREMES = {
+    "blade_flap_max": _Shown("Blade root flapwise moment", "flap", "MN m", 1e-6, 1),
+    "blade_edge_max": _Shown("Blade root edgewise moment", "edge", "MN m", 1e-6, 1),
+    "tower_base_max": _Shown("Tower base bending moment", "tower base", "MN m", 1e-6, 0),
+    CLEARANCE: _Shown("Tip clearance", "clearance", "m", 1.0, 1),
+    SPEED: _Shown("Rotor speed", "speed", "rpm", 30 / np.pi, 1),
+}
+_TRACES = {
+    "wind_x": _Shown("Wind at the hub", "", "m/s", 1.0, 1),
+    "rotor_speed": _EXTREMES[SPEED],
+    "generator_power": _Shown("Electrical power", "", "MW", 1e-6, 2),
+    "pitch_1": _Shown("Pitch of blade 1", "", "deg", 180 / np.pi, 1),
+    "root_flap_moment_1": _Shown("Flapwise moment of blade 1", "", "MN m", 1e-6, 1),
+    "tower_base_fore_aft_moment": _Shown("Tower base fore-aft moment", "", "MN m", 1e-6, 0),
+}
+_ENDINGS = {
+    "overspeed": "overspeed", "standstill": "standstill", "tower_strike": "tower strike",
+    "failure": "simulation failed",
+}  # fmt: skip
+_HEADS = [f"{shown.label} <small>[{shown.unit}]</small>" for shown in _EXTREMES.values()]
+_NEGLIGIBLE = 0.01
+"""Differences of extremes below this share are called equal."""
+_BEYOND = "\u2020"
+_NONE = "\u2013"
+
+
+def load_case_tables(results: LoadCaseResults) -> list[str]:
+    """Markdown: design loads by case and agent, and loads over a life.
+
+    Parameters
+    ----------
+    results : LoadCaseResults
+
+    Returns
+    -------
+    list of str
+        Lines.
+    """
+    head = [f"{shown.short} [{shown.unit}]" for shown in _EXTREMES.values()]
+    lines = [f"| case | agent | came through | {' | '.join(head)} |", "|---" * (3 + len(head)) + "|"]
+    for case, agent in results.rows():
+        if not CASES[case].fatigue:
+            cells = [_cell(results, case, agent, key) for key in _EXTREMES]
+            lines.append(f"| {case} | {agent} | {_survival(results, case, agent)} | {' | '.join(cells)} |")
+    return lines + _lifetime_lines(results) + _idle_lines(results)
+
+
+def _idle_lines(results: LoadCaseResults) -> list[str]:
+    """Sentences on agents under which the turbine made no power without a reason."""
+    lines = []
+    for agent in results.agents:
+        runs = [run for case in results.cases for run in results.runs.get((case, agent), [])]
+        lines.append(idle_sentence(agent, ((run.condition.name, run.result.get("idle_time", 0.0)) for run in runs)))
+    sentences = [line for line in lines if line is not None]
+    return ["", *sentences] if sentences else []
+
+
+def _lifetime_lines(results: LoadCaseResults) -> list[str]:
+    """Loads over a life in Markdown, where there are any."""
+    if "1.2" not in results.cases or results.climate is None:
+        return []
+    head = [f"{METRICS[key].label} [{METRICS[key].unit}]" for key in LIFETIME_EXPONENTS]
+    lines = ["", f"| lifetime (DLC 1.2) | came through | {' | '.join(head)} |", "|---" * (2 + len(head)) + "|"]
+    for agent in results.agents:
+        cells = [_lifetime(results, agent, key) for key in LIFETIME_EXPONENTS]
+        lines.append(f"| {agent} | {_survival(results, '1.2', agent)} | {' | '.join(cells)} |")
+    return lines
+
+
+def _cell(results: LoadCaseResults, case: str, agent: str, key: str) -> str:
+    """Design value; with a dagger where a run ended early."""
+    value = results.value(case, agent, key)
+    if value is None:
+        return _NONE
+    passed, planned = results.survived(case, agent)
+    return _EXTREMES[key].text(value.design) + ("" if passed == planned else f" {_BEYOND}")
+
+
+def _survival(results: LoadCaseResults, case: str, agent: str) -> str:
+    """How many runs came through, and what became of the others."""
+    passed, planned = results.survived(case, agent)
+    failures = [f"{len(runs)} {_ENDINGS[end]}" for end, runs in results.failures(case, agent).items()]
+    return f"{passed} of {planned}" + (f" ({', '.join(failures)})" if failures else "")
+
+
+def _lifetime(results: LoadCaseResults, agent: str, key: str) -> str:
+    """Load over a life with its change against the first agent."""
+    value, base = results.lifetime(agent, key), results.lifetime(results.agents[0], key)
+    if value is None:
+        return _NONE
+    change = "" if agent == results.agents[0] or base is None else f" ({format_difference(key, value, base)})"
+    return format_value(key, value) + change
+
+
+def write_load_case_report(results: LoadCaseResults, path: str | Path, title: str | None = None) -> Path:
+    """Write the page.
+
+    Parameters
+    ----------
+    results : LoadCaseResults
+    path : str or path
+        HTML file; its folder is created if missing.
+    title : str, optional
+
+    Returns
+    -------
+    pathlib.Path
+    """
+    path = Path(path)
+    return write_page(
+        path,
+        title=title or f"{results.turbine}: design load cases",
+        result=_result(results),
+        facts=_facts(results),
+        sections=[
+            Section("verdict", "Who comes through, and with which loads?", _verdict(results), link="Verdict"),
+            Section("table", "Extreme loads by case", _table(results), _TABLE_CAPTION, "By case"),
+            Section(
+                "loads", "Design loads side by side", figure_element("loads-figure", _loads(results)), link="Loads"
+            ),
+            _lifetime_section(results),
+            Section("failed", "What did not come through", _failed(results), _FAILED_CAPTION, "Failures"),
+            Section("transients", "Transients", _transients(results), _TRANSIENTS_CAPTION),
+            Section("runs", "Runs", _links(path.parent)),
+            Section("method", "How to read the numbers", _method(results), link="Method"),
+        ],
+    )
+
+
+_TABLE_CAPTION = (
+    "Design values: characteristic ones, in small print, times the partial safety factor \u03b3 of the case. \u2020: a"
+    " run ended early, so that its extremes are those until then."
+)
+_FAILED_CAPTION = "Runs that did not go as planned, with the time at which they ended."
+_TRANSIENTS_CAPTION = "Courses in transients, from 10 s before them on. All rows share one time axis."
+
+
+def _lost(results: LoadCaseResults, agent: str) -> list[str]:
+    """Cases that an agent does not come through."""
+    return [c for c, a in results.rows() if a == agent and len(set(results.survived(c, a))) > 1]
+
+
+def _result(results: LoadCaseResults) -> str:
+    """Who came through; what all have in common is said once."""
+    lost = {agent: _lost(results, agent) for agent in results.agents}
+    if not any(lost.values()):
+        who = results.agents[0] if len(lost) == 1 else "Both agents" if len(lost) == 2 else "All agents"
+        return f"{who} come{'s' if len(lost) == 1 else ''} through all {len(results.cases)} load cases."
+    common = [case for case in results.cases if len(lost) > 1 and all(case in cases for cases in lost.values())]
+    words = [f"No agent comes through DLC {', '.join(common)}"] if common else []
+    for agent, cases in lost.items():
+        alone = [case for case in cases if case not in common]
+        if alone:
+            words.append(f"{agent} does not come through DLC {', '.join(alone)}")
+        elif not common:
+            words.append(f"{agent} comes through all cases")
+    return "; ".join(words) + "."
+
+
+def _facts(results: LoadCaseResults) -> dict[str, str | None]:
+    """What stands below the result."""
+    settings, climate = results.settings, results.climate
+    n_runs = len({id(run.result) for runs in results.runs.values() for run in runs})
+    return {
+        "Turbine": results.turbine,
+        "Cases": f"DLC {', '.join(results.cases)} of IEC 61400-1",
+        "Runs": f"{n_runs}, {'quick' if settings['quick'] else 'full'} set",
+        "Turbulence": settings.get("turbulence"),
+        "Wind climate": None if climate is None else f"{climate.mean_speed:g} m/s on average",
+        "Simulation": f"fidelity \u201c{settings['fidelity']}\u201d",
+        "Date": today(),
+    }
+
+
+def _verdict(results: LoadCaseResults) -> str:
+    """A row an agent: whether it comes through, and its worst design values with the cases that they are of."""
+    styles, base = agent_styles(results), results.agents[0]
+    rows = []
+    for agent in results.agents:
+        lost = _lost(results, agent)
+        number = sum(results.survived(case, a)[0] for case, a in results.rows() if a == agent)
+        planned = sum(results.survived(case, a)[1] for case, a in results.rows() if a == agent)
+        word = badge("lost" if lost else "better", f"Lost {planned - number} of {planned} runs" if lost else "Passed")
+        cells = [_governing_cell(results, agent, base, key) for key in _EXTREMES]
+        rows.append(Row(agent_label(agent, styles[agent]), [word, *cells]))
+    head = ["Agent", "Verdict", *_HEADS]
+    more = [
+        "worst design value of all cases, and the case that it is of",
+        f"difference to <b>{escape(base)}</b>",
+        f"{_BEYOND} without cases in which a run ended early",
+    ]
+    marks = {
+        "better": "better",
+        "worse": "worse (both: by 1 % or more)",
+        "equal": "within \u00b11 %, or half the last digit of meters",
+    }
+    return legend(marks if len(results.agents) > 1 else {}, more) + table(head, rows, texts=(1,))
+
+
+def _governing(results: LoadCaseResults, agent: str, key: str) -> tuple[float, str, bool] | None:
+    """Worst design value over the cases that were come through, its case, and whether these were all."""
+    sign, whole, found = (-1.0 if key == CLEARANCE else 1.0), True, []
+    for case, name in results.rows():
+        if name != agent or CASES[case].fatigue:
+            continue
+        value = results.value(case, agent, key)
+        if len(set(results.survived(case, agent))) > 1:
+            whole = False
+        elif value is not None:
+            found.append((sign * value.design, case))
+    if not found:
+        return None
+    worst, case = max(found)
+    return sign * worst, case, whole
+
+
+def _governing_cell(results: LoadCaseResults, agent: str, base: str, key: str) -> str:
+    mine, other = _governing(results, agent, key), _governing(results, base, key)
+    if mine is None:
+        return _NONE
+    value, case, whole = mine
+    text = f"{_EXTREMES[key].text(value)}{'' if whole else f' {_BEYOND}'}<small class='note'>DLC {case}</small>"
+    if agent == base or other is None or not (whole and other[2]):
+        return text
+    kind, shown = _EXTREMES[key].change(value, other[0], signed=key == CLEARANCE)
+    return f"{text}<span class='diff {kind}'>{shown}</span>"
+
+
+def _table(results: LoadCaseResults) -> str:
+    """Extremes of all cases and agents, a block a case."""
+    styles, rows, before = agent_styles(results), [], ""
+    for case, agent in results.rows():
+        kind = CASES[case]
+        if kind.fatigue:
+            continue
+        if case != before:
+            rows.append(Row(f"DLC {case} {escape(kind.title)} <small>\u03b3 {kind.factor:g}</small>"))
+            before = case
+        passed, planned = results.survived(case, agent)
+        came = badge("better" if passed == planned else "lost", _survival(results, case, agent))
+        cells = [_html_cell(results, case, agent, key) for key in _EXTREMES]
+        rows.append(Row(agent_label(agent, None if agent == PARKED else styles[agent]), [came, *cells]))
+    head = ["Agent", "Came through", *_HEADS]
+    return table(head, rows, texts=(1,))
+
+
+def _html_cell(results: LoadCaseResults, case: str, agent: str, key: str) -> str:
+    """Design value, below it the characteristic one and where it comes from."""
+    value: Value | None = results.value(case, agent, key)
+    if value is None:
+        return _NONE
+    note = f"{_EXTREMES[key].text(value.characteristic)}: {escape(value.where)}"
+    return f"{escape(_cell(results, case, agent, key))}<small class='note where'>{note}</small>"
+
+
+def _loads(results: LoadCaseResults) -> go.Figure:
+    """Bars of the design values, a row a quantity."""
+    titles = [f"{shown.label} [{shown.unit}]" for shown in _EXTREMES.values()]
+    figure = make_subplots(len(_EXTREMES), 1, shared_xaxes=True, vertical_spacing=0.05, subplot_titles=titles)
+    styles = agent_styles(results) | {PARKED: {"color": "#5f6b76"}}
+    cases = [case for case in results.cases if not CASES[case].fatigue]
+    for row, (key, shown) in enumerate(_EXTREMES.items(), start=1):
+        for agent in dict.fromkeys(agent for _, agent in results.rows()):
+            values = [results.value(case, agent, key) if (case, agent) in results.runs else None for case in cases]
+            figure.add_bar(
+                x=[f"DLC {case}" for case in cases], y=[None if v is None else shown.factor * v.design for v in values],
+                name=agent, legendgroup=agent, showlegend=row == 1, marker_color=styles[agent]["color"], row=row, col=1,
+            )  # fmt: skip
+    titles_at_left(figure)
+    return style(figure, 190 * len(_EXTREMES) + 80)
+
+
+def _lifetime_section(results: LoadCaseResults) -> Section:
+    """Loads over a life."""
+    if "1.2" not in results.cases or results.climate is None:
+        return Section("lifetime", "", "")
+    climate, styles = results.climate, agent_styles(results)
+    rows = [
+        Row(agent_label(agent, styles[agent]), [escape(_lifetime(results, agent, key)) for key in LIFETIME_EXPONENTS])
+        for agent in results.agents
+    ]
+    head = ["Agent", *(f"{METRICS[key].label} <small>[{METRICS[key].unit}]</small>" for key in LIFETIME_EXPONENTS)]
+    caption = (
+        "DLC 1.2: the load at 1 Hz throughout that does the damage of production in normal turbulence, \u03b3 1."
+        f" Weibull distribution of the mean wind speed: {climate.mean_speed:g} m/s on average, exponent"
+        f" {climate.shape:g}, between {climate.cut_in:g} and {climate.cut_out:g} m/s. Starts, stops, idling and faults"
+        " are not in it."
+    )
+    return Section("lifetime", "Fatigue over a life", table(head, rows), caption, "Lifetime")
+
+
+def _failed(results: LoadCaseResults) -> str:
+    """Which runs did not go as planned."""
+    items = []
+    for case, agent in results.rows():
+        for end, runs in results.failures(case, agent).items():
+            items += [f"<li>{escape(_failed_run(case, agent, end, run))}</li>" for run in runs]
+    return f"<ul>{''.join(items)}</ul>" if items else ""
+
+
+def _failed_run(case: str, agent: str, end: str, run: CaseRun) -> str:
+    """One run that ended early, in words."""
+    seed = "" if run.condition.seed is None else f", seed {run.condition.seed}"
+    why = "" if run.result["failure"] is None else f": {run.result['failure']}"
+    return f"DLC {case}, {agent}, {run.condition.name}{seed}: {_ENDINGS[end]} after {run.result['time']:.1f} s{why}"
+
+
+def _transients(results: LoadCaseResults) -> str:
+    """Courses of the transients, the first azimuth of each."""
+    parts: list[str] = []
+    for case in results.cases:
+        shown: dict[tuple[Any, ...], dict[str, CaseRun]] = {}
+        for agent in results.agents:
+            for run in results.runs.get((case, agent), []):
+                if run.result["trace"]:
+                    shown.setdefault(run.condition.group, {}).setdefault(agent, run)
+        for runs in shown.values():
+            name = f"trace{len(parts)}"
+            heading = f"DLC {case}: {next(iter(runs.values())).condition.name}"
+            figure = figure_element(name, _courses(results, runs))
+            parts.append(details(heading, figure, opened=not parts))
+    return "".join(parts)
+
+
+def _links(folder: Path) -> str:
+    """Files of the runs, where they are beside the page."""
+    if not (folder / TABLE_FILE).exists():
+        return ""
+    return (
+        f"<p>All design values and endings: <a href='{TABLE_FILE}'>{TABLE_FILE}</a>. One file for each run, named by"
+        f" the hash of what it depends on: <a href='{RUNS_FOLDER}/'>{RUNS_FOLDER}/</a>.</p>"
+    )
+
+
+def _courses(results: LoadCaseResults, runs: dict[str, CaseRun]) -> go.Figure:
+    """Signals of agents in one transient."""
+    titles = [f"{shown.label} [{shown.unit}]" for shown in _TRACES.values()]
+    figure = make_subplots(len(_TRACES), 1, shared_xaxes=True, vertical_spacing=0.04, subplot_titles=titles)
+    styles = agent_styles(results)
+    for agent, run in runs.items():
+        trace, look = run.result["trace"], styles[agent]
+        for row, (key, shown) in enumerate(_TRACES.items(), start=1):
+            figure.add_scatter(
+                x=trace["time"], y=[shown.factor * value for value in trace[key]], mode="lines", name=agent,
+                legendgroup=agent, showlegend=row == 1, row=row, col=1,
+                line={"color": look["color"], "dash": look["dash"], "width": 1.6},
+            )  # fmt: skip
+    figure.update_xaxes(title_text="Time [s]", row=len(_TRACES), col=1)
+    titles_at_left(figure)
+    return style(figure, 140 * len(_TRACES) + 90)
+
+
+def _method(results: LoadCaseResults) -> str:
+    """How the numbers came about."""
+    items = [
+        "Cases and partial safety factors \u03b3 of IEC 61400-1, edition 3 with amendment 1, tables 2 and 3.",
+        "Characteristic values: the mean over the seeds, or over the azimuths of the rotor at the start, of what is"
+        " worst in a run; in DLC 2.1 and 2.2 over the worse half of the seeds; then the worst wind speed, sign and"
+        " time.",
+        f"DLC 1.1 is extrapolated to 50 years by the factor {EXTRAPOLATION:g} of the amendment, which is for blades;"
+        " what else is worst in production is a matter of DLC 1.3. It supposes runs of ten minutes.",
+        "Clearance: the deflection from the unloaded clearance counts, times \u03b3 and "
+        f"{DEFLECTION_FACTOR:g} on the stiffness. A negative value touches the tower.",
+        f"The first {SKIP:g} s of every run are left out. Flapwise moment, tower moment, clearance and rotor speed are"
+        " those of all structural steps, the edgewise moment of the control steps.",
+        "A turbine that stands after a shut-down has come through. Overspeed, a tip that strikes the tower, a rotor"
+        " that stops by itself and a simulation that leaves its range have not.",
+    ]
+    if results.settings["quick"]:
+        items.append("This is the quick set: too few seeds and too short runs for a certificate.")
+    listed = "".join(f"<li>{escape(item)}</li>" for item in items)
+    return f"<ul>{listed}</ul>{settings_element(results.settings)}"

@@ -1,0 +1,390 @@
+"""What the names of agents mean: those of controllers (`wt_gym.control.controllers.names`), and words for agents."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import logging
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.control.controllers.catalogue import compiled_files
+from wt_gym.control.controllers.names import (
+    ALIASES,
+    BASELINE,
+    PREFIX,
+    Name,
+    is_agent_class,
+    name_and_parameters,
+    parse_name,
+)
+from wt_gym.control.controllers.own_class import load_class, source_digest
+from wt_gym.deprecated import renamed_names
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+__all__ = [
+    "BASELINE",
+    "COMPARED",
+    "GROUPS",
+    "LEVELS",
+    "PREFIX",
+    "RESIDUAL_INTERFACE",
+    "WORDS",
+    "available",
+    "checked_choices",
+    "controller_of",
+    "default_name",
+    "each_named",
+    "each_seed",
+    "env_choices_of",
+    "fingerprint",
+    "is_base_controller",
+    "is_controller_name",
+    "named_choices",
+    "own_controller",
+    "read_name",
+    "split_name",
+    "with_model_options",
+]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
+
+_log = logging.getLogger(__name__)
+WORDS = ("zero", "random", "planner")
+"""Agents by word: zero actions, which leave everything to the base controller; even draws; planning on a copy of the
+simulator. A controller, a class of yours and a path are read by `wt_gym.control.controllers.names.parse_name`."""
+LEVELS = (0.03, 0.06, 0.1, 0.15, 0.2)
+"""Bands of constrained individual pitch in the word "baselines", in `reference_flap_moment`."""
+ROSCO = "rosco"
+"""The controller that a package brings; lists of controllers go without it where that is not installed."""
+GROUPS = {
+    "baselines": (
+        "zero", "random", BASELINE, ROSCO, "retuned", "tuned", "ipc", *(f"constrained_ipc:level={x:g}" for x in LEVELS)
+    ),
+}  # fmt: skip
+"""Words of the benchmark that stand for several agents."""
+COMPARED = (BASELINE, ROSCO, "tsr_tracking", "ipc", "tuned")
+"""Controllers that are compared where none is named."""
+RESIDUAL_INTERFACE: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
+"""Arguments of an environment in which a controller is the base controller of zero actions."""
+_WORD_ALIASES = {"constant": "zero", "Constant action": "zero"}
+_MODEL_PARAMETERS = ("algo", "env", "trust")
+
+
+def read_name(choice: str, near: Iterable[str] = ()) -> Name:
+    """What the name of an agent means.
+
+    Parameters
+    ----------
+    choice : str
+    near : iterable of str
+        Further names that may have been meant, for the message.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or has parameters that it cannot have.
+    """
+    name = parse_name(choice, WORDS, _WORD_ALIASES, near)
+    allowed = _MODEL_PARAMETERS if name.kind == "trained" else ()
+    if name.kind == "trained" or (name.kind == "word" and name.target != "planner"):
+        for key in name.parameters:
+            if key not in allowed:
+                raise ValueError(f"parameters of {choice!r} must be among {', '.join(allowed) or 'none'}, got {key!r}")
+    return name
+
+
+def available(choices: Iterable[str]) -> tuple[str, ...]:
+    """Choices of a ready-made list, without ROSCO where its package is not installed; a line of the log says so."""
+    found = tuple(choices)
+    if ROSCO not in found or importlib.util.find_spec(ROSCO) is not None:
+        return found
+    _log.warning("rosco is left out: the package rosco is not installed (pip install --no-deps rosco)")
+    return tuple(choice for choice in found if choice != ROSCO)
+
+
+def is_controller_name(choice: str) -> bool:
+    """Whether a choice names a controller of the library: ``controller:`` in front, or a name of `CONTROLLERS`."""
+    try:
+        return read_name(choice).kind == "controller"
+    except (ValueError, FileNotFoundError):
+        return False
+
+
+def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
+    """Name and parameters of a controller, with or without ``controller:`` in front.
+
+    Parameters
+    ----------
+    choice : str
+        For example ``"ipc+tower_dampers"`` or ``"constrained_ipc:level=0.1"``.
+
+    Returns
+    -------
+    name : str
+    parameters : dict
+        Both as `wt_gym.control.controllers.make_controller` takes them.
+
+    Raises
+    ------
+    ValueError
+        See `wt_gym.control.controllers.name_and_parameters`.
+    """
+    return name_and_parameters(choice.removeprefix(PREFIX))
+
+
+def is_base_controller(choice: str) -> bool:
+    """Whether a choice is a controller, of the library or a class of yours, which is loaded."""
+    name = read_name(choice)
+    return name.kind == "controller" or (name.kind == "class" and not is_agent_class(load_class(name.target)))
+
+
+def env_choices_of(choice: str) -> dict[str, Any]:
+    """Arguments of the environment that an agent chooses for itself: what it sees, what its actions mean.
+
+    Of a class its attribute ``env_kwargs``; of a model those in the file ``env=``, else in a file of its name ending in
+    ``.json`` beside it (``{"algo": "SAC", "env_kwargs": {...}}``).
+
+    Raises
+    ------
+    ValueError
+        If one is not the agent's to choose, or the file is damaged.
+    """
+    name = read_name(choice)
+    if name.kind == "class":
+        maker = load_class(name.target)
+        return checked_choices(getattr(maker, "env_kwargs", {}), choice) if is_agent_class(maker) else {}
+    if name.kind == "trained":
+        from wt_gym.experiment.trained_agent import model_card  # torch takes seconds to import
+
+        return checked_choices(model_card(name.target, name.parameters.get("env")).get("env_kwargs", {}), choice)
+    return {}
+
+
+def checked_choices(given: Any, choice: str) -> dict[str, Any]:
+    """Give back arguments of the environment that an agent may choose.
+
+    Raises
+    ------
+    ValueError
+        If they are not a table, or one is not the agent's to choose.
+    """
+    from wt_gym.benchmark.run import INTERFACE
+
+    if not isinstance(given, dict):
+        raise ValueError(f"env_kwargs of {choice} must be a table of arguments of the environment, got {given!r}")
+    if foreign := [key for key in given if key not in INTERFACE]:
+        raise ValueError(
+            f"env_kwargs of {choice} must be some of {', '.join(INTERFACE)}, got {', '.join(foreign)}: turbine and "
+            "wind are the same for all"
+        )
+    return given
+
+
+def split_name(text: str) -> tuple[str, str]:
+    """Name and choice of ``NAME=CHOICE``; the name is empty where there is none.
+
+    A name has no colon, so that ``constrained_ipc:level=0.1`` is a controller with a parameter.
+    """
+    name, separator, choice = text.partition("=")
+    return (name, choice) if separator and ":" not in name else ("", text)
+
+
+def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
+    """What "baseline" means in an environment: the base controller of residual actions, else `BASELINE`.
+
+    Parameters
+    ----------
+    env_id : str
+    env_kwargs : mapping
+        Arguments besides those of the id.
+    """
+    from wt_gym.envs.options import registered_arguments
+
+    arguments = registered_arguments(env_id, env_kwargs)
+    given = arguments.get("controller", BASELINE)
+    residual = arguments.get("action_mode") == "residual" and isinstance(given, str)
+    return parse_name(given).text if residual else BASELINE
+
+
+def with_model_options(choices: Iterable[str], algo: str | None = None, trust: bool = False) -> list[str]:
+    """Names in which trained models carry the options of a command line, where they say nothing themselves.
+
+    Parameters
+    ----------
+    choices : iterable of str
+        With or without ``NAME=`` in front.
+    algo : str, optional
+        Algorithm.
+    trust : bool
+        Load what could run code.
+    """
+    made = []
+    for given in choices:
+        label, choice = split_name(given)
+        more: dict[str, Any] = ({"algo": algo} if algo else {}) | ({"trust": True} if trust else {})
+        if more and _is_model(choice):
+            name = read_name(choice)
+            choice = Name(name.kind, name.target, more | name.parameters).text
+        made.append(f"{label}={choice}" if label else choice)
+    return made
+
+
+def _is_model(choice: str) -> bool:
+    """Whether a choice is a trained model; what is not a name at all is refused where it is used."""
+    try:
+        return read_name(choice).kind == "trained"
+    except (ValueError, FileNotFoundError):
+        return False
+
+
+def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]:
+    """Names for the agents of a command line: ``NAME=CHOICE``, or a name that follows from the choice.
+
+    Parameters
+    ----------
+    choices : iterable of str
+        Names of agents, with or without a label in front. The folder of a training with several seeds stands for one
+        agent a seed.
+    own : str
+        What "baseline" means, see `own_controller`.
+
+    Returns
+    -------
+    dict
+        Label to name, aliases resolved, in the given order.
+
+    Raises
+    ------
+    ValueError
+        If two agents get the same label, or a choice is none.
+    """
+    named = dict[str, str]()
+    for shown, single in each_named(choices, own):
+        if shown in named:
+            raise ValueError(f"two agents are called {shown!r}; give them names as NAME={single}")
+        named[shown] = single
+    return named
+
+
+def each_named(
+    choices: Iterable[str],
+    own: str = BASELINE,
+    groups: Mapping[str, Iterable[str]] | None = None,
+) -> Iterator[tuple[str, str]]:
+    """Label and name of each agent of a command line, aliases resolved.
+
+    Parameters
+    ----------
+    choices, own
+        As of `named_choices`.
+    groups : mapping, optional
+        Words that stand for several choices.
+
+    Raises
+    ------
+    ValueError
+        If a choice is none.
+    """
+    known = groups or {}
+    for given in (single for word in choices for single in (available(known[word]) if word in known else (word,))):
+        label, choice = split_name(given)
+        name = read_name(own if choice in ALIASES else choice, known)
+        for suffix, single in each_seed(name):
+            yield (label or default_name(name)) + suffix, single
+
+
+def each_seed(name: Name) -> list[tuple[str, str]]:
+    """Suffix of the label and text of each seed where a name is the folder of a training with several seeds.
+
+    Returns
+    -------
+    list of (str, str)
+        One pair with an empty suffix for anything else.
+
+    Raises
+    ------
+    FileNotFoundError
+        If no seed has been trained.
+    ValueError
+        If the plan of the training is damaged.
+    """
+    if name.kind != "trained":
+        return [("", name.text)]
+    from wt_gym.experiment.trained_agent import MODEL_FILE  # torch takes seconds to import
+
+    folders = _folders_of_seeds(Path(name.target))
+    if not folders:
+        return [("", name.text)]
+    trained = {seed: folder for seed, folder in folders.items() if (folder / MODEL_FILE).is_file()}
+    if not trained:
+        raise FileNotFoundError(f"no trained model in {name.target} yet: none of its seeds has one")
+    return [(f" seed {seed}", Name(name.kind, str(folder), name.parameters).text) for seed, folder in trained.items()]
+
+
+def _folders_of_seeds(folder: Path) -> dict[int, Path]:
+    """Folders of the seeds by number, as the plan of the training names them; none for anything else."""
+    from wt_gym.experiment.run_folder import SEEDS_FILE, read_plan, seed_folder
+
+    if not (folder / SEEDS_FILE).is_file():
+        return {}
+    return {seed: seed_folder(folder, seed) for seed in sorted(read_plan(folder)["seeds"])}
+
+
+def fingerprint(choice: str) -> dict[str, Any]:
+    """What an agent is, to tell whether a stopped evaluation can resume with it.
+
+    Parameters
+    ----------
+    choice : str
+
+    Returns
+    -------
+    dict
+        The choice; for a trained model or a class of yours the SHA-256 sums of its files too, and what else makes
+        it up.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such model or file.
+    """
+    name = read_name(choice)
+    if name.kind == "class":
+        made_of = {"class": name.target.rpartition(":")[2], "parameters": name.parameters}
+        return {"choice": name.text, "sha256": {name.target: source_digest(name.target)}, **made_of}
+    if name.kind == "controller" and (files := compiled_files(name.target, name.parameters)):
+        digests = {str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+        return {"choice": name.text, "sha256": digests}
+    if name.kind != "trained":
+        return {"choice": choice if choice in ALIASES else name.text}
+    from wt_gym.experiment.trained_agent import model_digests  # torch takes seconds to import
+
+    found: dict[str, Any] = {"choice": name.text, "sha256": model_digests(name.target)}
+    if "algo" in name.parameters:
+        found["algo"] = name.parameters["algo"]
+    if chosen := env_choices_of(choice):
+        found["env_kwargs"] = chosen
+    return found
+
+
+def default_name(name: Name) -> str:
+    """Label that says what a name is, the same in every command.
+
+    Of a trained model the name of its folder, of a file without the record of a training beside it that of the file; of
+    a class its name; of all else what is said.
+    """
+    if name.kind == "class":
+        return Name("class", name.target.rpartition(":")[2], name.parameters).text
+    if name.kind != "trained":
+        return name.text.removeprefix(PREFIX)
+    from wt_gym.experiment.trained_agent import RECORD_FILE
+
+    path = Path(os.path.abspath(name.target))  # a folder said as "." has a name too; links keep theirs
+    if path.is_dir():
+        return path.name
+    return path.parent.name if (path.parent / RECORD_FILE).is_file() else path.stem

@@ -1,0 +1,391 @@
+"""Agents on turbines, with sensors and in winds that they were not made for: what is left of their gain.
+
+Every condition is a variation of the environment (`wt_gym.envs.variation`), or a fault in it
+(`wt_gym.envs.fault_draws`), in which all agents meet the same winds. The
+gain of an agent is that of the load-reduction tasks of the benchmark, wind by wind against a reference in the same
+condition: the baseline controller, and the controller that the agent acts on top of.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.analysis.statistics import LEAST_PER_STRATUM, bootstrap_interval
+from wt_gym.base.errors import did_you_mean
+from wt_gym.base.files import write_text_whole
+from wt_gym.benchmark.run import benchmark_metrics
+from wt_gym.benchmark.tasks import load_task
+from wt_gym.control.controllers.names import BASELINE
+from wt_gym.envs.layout import layout_of
+from wt_gym.envs.options import Variation, registered_arguments
+from wt_gym.experiment.evaluation import evaluate
+from wt_gym.experiment.evaluation_config import EvaluationConfig
+from wt_gym.experiment.names import own_controller, read_name
+from wt_gym.experiment.pool import load_model
+from wt_gym.experiment.trained_environment import trained_arguments
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from wt_gym.analysis.results import Evaluation, Wind
+    from wt_gym.runs.executors import Executor
+
+__all__ = [
+    "CONDITIONS", "COST_TASK", "FAULTS", "FAULT_CONDITIONS", "NOMINAL", "RESULTS_FILE", "Condition", "Gain",
+    "Robustness", "base_of", "chosen",
+    "run_robustness",
+]  # fmt: skip
+
+NOMINAL = "nominal"
+RESULTS_FILE, TABLE_FILE = "robustness.json", "robustness.md"
+COST_TASK = "load-reduction-15"
+"""Task of the benchmark whose terms are the gain."""
+_DEGREE = math.pi / 180.0
+FAULT_TIME = 25.0
+"""At which the faults of conditions begin [s]."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What differs from the nominal turbine, sensors and wind.
+
+    Attributes
+    ----------
+    name : str
+    text : str
+    variation : Variation
+    fault : str
+        Kind of `wt_gym.envs.options.faults.FAULT_KINDS` that breaks; "" for none.
+    """
+
+    name: str
+    text: str
+    variation: Variation = field(default_factory=Variation)
+    fault: str = ""
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of the environment."""
+        if self.fault:
+            return {"faults": {"kinds": [self.fault], "time": FAULT_TIME}}
+        return {} if self.name == NOMINAL else {"variation": self.variation.as_dict()}
+
+
+CONDITIONS = {
+    one.name: one
+    for one in (
+        Condition(NOMINAL, "as the environment is"),
+        Condition("class-a", "turbulence class A", Variation(turbulence_class=("A",))),
+        Condition("class-c", "turbulence class C", Variation(turbulence_class=("C",))),
+        Condition("shear-low", "shear exponent -0.1", Variation(shear_exponent=-0.1)),
+        Condition("shear-high", "shear exponent 0.3", Variation(shear_exponent=0.3)),
+        Condition("yaw-plus", "wind from +15 deg", Variation(yaw_error=15.0 * _DEGREE)),
+        Condition("yaw-minus", "wind from -15 deg", Variation(yaw_error=-15.0 * _DEGREE)),
+        Condition("density", "air density × 0.9", Variation(air_density=0.9)),
+        Condition("blades", "blade stiffness × 0.85", Variation(blade_stiffness=0.85)),
+        Condition("tower", "tower frequencies × 0.92", Variation(tower_frequency=0.92)),
+        Condition("servo", "pitch drives with a lag of 0.4 s", Variation(drive_lag=0.4)),
+        Condition("rate-limit", "half the greatest pitch rate", Variation(pitch_rate=0.5)),
+        Condition("noise", "sensor noise of level 1, offsets of 0.4 scales", Variation(
+            sensor_noise=1.0, sensor_offset=0.4)),
+        Condition("delay", "all readings 0.2 s late", Variation(sensor_delay=0.2)),
+        Condition("dead-sensor", "flapwise moment of blade 1 reads zero", Variation(
+            dead_sensor=("root_flap_moment_1",))),
+        Condition("gain-low", "response to pitch × 0.75", Variation(pitch_gain=0.75)),
+        Condition("gain-high", "response to pitch × 1.25", Variation(pitch_gain=1.25)),
+    )
+}  # fmt: skip
+"""Conditions by name."""
+FAULT_CONDITIONS = {
+    one.name: one
+    for one in (
+        Condition(f"fault-{kind.replace('_', '-')}", text, fault=kind)
+        for kind, text in (
+            ("stuck_blade", "one blade stuck"),
+            ("slow_drive", "one pitch drive at 10 to 30 % of its rate"),
+            ("misaligned_blade", "one blade misaligned by 1 to 3°"),
+            ("iced_blade", "ice on one blade"),
+            ("biased_rotor_speed", "rotor speed reads 4 to 10 % wrong"),
+            ("dead_rotor_speed", "rotor speed reads zero"),
+            ("biased_generator_speed", "generator speed reads 2 to 5 % wrong"),
+            ("biased_moment", "flapwise moment of one blade shifted by 0.2 to 0.5 of the reference"),
+            ("dead_moment", "flapwise moment of one blade reads zero"),
+            ("biased_pitch", "pitch of one blade reads 2 to 5° wrong"),
+            ("dead_pitch", "pitch of one blade reads zero"),
+            ("biased_vane", "wind vane reads 15 to 30° wrong"),
+            ("dead_vane", "wind vane reads zero"),
+        )
+    )
+}
+"""Conditions with a fault that begins at `FAULT_TIME` and lasts, by name."""
+FAULTS = "faults"
+"""Stands for all of `FAULT_CONDITIONS`."""
+
+
+def chosen(names: Iterable[str] | None = None) -> tuple[Condition, ...]:
+    """Conditions by their names, the nominal one first; by default those without faults.
+
+    "faults" stands for all with one.
+
+    Raises
+    ------
+    ValueError
+        If there is no such condition.
+    """
+    known = CONDITIONS | FAULT_CONDITIONS
+    given = list(CONDITIONS if names is None else names)
+    given = [one for name in given for one in (FAULT_CONDITIONS if name == FAULTS else (name,))]
+    for name in given:
+        if name not in known:
+            raise ValueError(
+                f"a condition must be {FAULTS} or one of {', '.join(known)}, got {name!r}"
+                f"{did_you_mean(name, (FAULTS, *known))}"
+            )
+    return tuple(known[name] for name in dict.fromkeys((NOMINAL, *given)))
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Mean gain over the winds, with its 95 % interval.
+
+    Attributes
+    ----------
+    value : float or None
+        None where a run ended early.
+    low, high : float or None
+        None where there are too few winds.
+    by_wind : tuple of float or None
+        None for a run that ended early.
+    """
+
+    value: float | None
+    low: float | None
+    high: float | None
+    by_wind: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """Gains of agents in conditions.
+
+    Attributes
+    ----------
+    settings : dict
+        Environment, winds and lengths.
+    reference : str
+        The first agent.
+    bases : dict
+        Name of the controller that an agent acts on top of, None without one.
+    conditions : tuple of Condition
+    over_reference, over_base : dict
+        `Gain` by condition and agent.
+    idle : dict
+        Sentences on agents under which the turbine made no power without a reason, by condition.
+    """
+
+    settings: dict[str, Any]
+    reference: str
+    bases: dict[str, str | None]
+    conditions: tuple[Condition, ...]
+    over_reference: dict[str, dict[str, Gain]]
+    over_base: dict[str, dict[str, Gain]]
+    idle: dict[str, list[str]] = field(default_factory=dict)
+
+    def kept(self, condition: str, agent: str) -> float | None:
+        """Share of the nominal gain over the base controller that is left; None where there was none."""
+        own, nominal = (self.over_base[name].get(agent) for name in (condition, NOMINAL))
+        if own is None or nominal is None or own.value is None or nominal.value is None or nominal.value <= 0.0:
+            return None
+        return own.value / nominal.value
+
+    def to_json(self) -> dict[str, Any]:
+        """All of it, as JSON values."""
+        return {
+            "settings": self.settings,
+            "reference": self.reference,
+            "bases": self.bases,
+            "conditions": {one.name: one.arguments.get("variation", one.arguments) for one in self.conditions},
+            "over_reference": {c: {a: asdict(g) for a, g in of.items()} for c, of in self.over_reference.items()},
+            "over_base": {c: {a: asdict(g) for a, g in of.items()} for c, of in self.over_base.items()},
+            "idle": self.idle,
+            "kept": {
+                one.name: {a: self.kept(one.name, a) for a in self.over_base[one.name]} for one in self.conditions
+            },
+        }
+
+    def to_markdown(self) -> str:
+        """One table an agent."""
+        lines = []
+        for agent in (name for name in self.bases if name != self.reference):
+            base = self.bases[agent]
+            lines += [
+                f"### {agent}",
+                "",
+                f"| condition | gain over {self.reference} | gain over {base or '–'} | kept |",
+            ]
+            lines += ["|---|---|---|---|"]
+            for one in self.conditions:
+                share = self.kept(one.name, agent)
+                cells = [one.text, _shown(self.over_reference[one.name][agent])]
+                cells += [
+                    _shown(self.over_base[one.name].get(agent)),
+                    "–" if share is None else f"{100.0 * share:.0f} %",
+                ]
+                lines.append(f"| {' | '.join(cells)} |")
+            lines.append("")
+        lines += [f"{condition}: {sentence}" for condition, found in self.idle.items() for sentence in found]
+        return "\n".join(lines)
+
+
+def _shown(gain: Gain | None) -> str:
+    """Gain in percent, with its interval."""
+    if gain is None:
+        return "–"
+    if gain.value is None:
+        return f"{sum(one is None for one in gain.by_wind)} runs ended early"
+    text = f"{100.0 * gain.value:+.2f} %"
+    if gain.low is None or gain.high is None:
+        return text
+    return f"{text} ({100.0 * gain.low:+.2f} to {100.0 * gain.high:+.2f})"
+
+
+def base_of(choice: str, env_id: str, env_kwargs: Mapping[str, Any]) -> str | None:
+    """Name of the controller that an agent acts on top of.
+
+    Parameters
+    ----------
+    choice : str
+        As of `wt_gym.experiment.names.read_name`.
+    env_id : str
+    env_kwargs : mapping
+
+    Returns
+    -------
+    str or None
+        Of a trained residual agent the controller of its training, of a controller None: it is one itself.
+    """
+    name = read_name(choice)
+    if name.kind == "controller":
+        return None
+    if name.kind == "trained":
+        arguments = trained_arguments(load_model(name).record or {})
+        if arguments:
+            residual = arguments.get("action_mode") == "residual"
+            found = arguments.get("controller", BASELINE)
+            return found if residual and isinstance(found, str) else None
+    residual = registered_arguments(env_id, env_kwargs).get("action_mode") == "residual"
+    return own_controller(env_id, env_kwargs) if residual else None
+
+
+def run_robustness(
+    agents: Mapping[str, str],
+    config: EvaluationConfig,
+    conditions: Sequence[Condition] = tuple(CONDITIONS.values()),
+    *,
+    folder: str | Path,
+    overwrite: bool = False,
+    allow_other_environment: bool = False,
+    executor: Executor | None = None,
+    progress: bool = True,
+    told: Callable[[Condition], None] | None = None,
+) -> Robustness:
+    """Run agents in conditions; each condition is an evaluation of its own in the folder, whose runs are kept.
+
+    Parameters
+    ----------
+    agents : mapping
+        Name to word or path; the first is the reference. The controllers that agents act on top of are run too.
+    config : EvaluationConfig
+        Nominal environment, winds and lengths.
+    conditions : sequence of Condition
+        The nominal one first.
+    folder : str or path
+        Gets a folder a condition, and the results as JSON and Markdown.
+    overwrite, allow_other_environment, executor, progress
+        As of `wt_gym.experiment.evaluation.evaluate`.
+    told : callable, optional
+        Called with each condition before it is run.
+
+    Raises
+    ------
+    ValueError, OSError, ChildProcessError
+        As of `wt_gym.experiment.evaluation.evaluate`; and if the nominal environment has a variation.
+    """
+    if "variation" in config.env_kwargs or any(name.startswith("vary_") for name in config.env_kwargs):
+        raise ValueError("variation must be left out of env_kwargs: the conditions are variations")
+    if not conditions or conditions[0].name != NOMINAL:
+        raise ValueError(f"the first condition must be {NOMINAL!r}, got {[one.name for one in conditions]}")
+    folder, given = Path(folder), dict(agents)
+    bases = {name: base_of(choice, config.env_id, config.env_kwargs) for name, choice in given.items()}
+    everyone = dict(given)
+    for base in dict.fromkeys(base for base in bases.values() if base is not None):
+        if all(choice != base for choice in everyone.values()):
+            everyone[base] = base
+    label = {choice: name for name, choice in reversed(everyone.items())}
+    shown = {name: None if base is None else label[base] for name, base in bases.items()}
+    reference = next(iter(given))
+    over_reference: dict[str, dict[str, Gain]] = {}
+    over_base: dict[str, dict[str, Gain]] = {}
+    idle: dict[str, list[str]] = {}
+    for one in conditions:
+        if told is not None:
+            told(one)
+        found = evaluate(
+            everyone, replace(config, env_kwargs={**config.env_kwargs, **one.arguments}, replay=0.0),
+            folder=folder / one.name, overwrite=overwrite, allow_other_environment=allow_other_environment,
+            executor=executor, progress=progress,
+        )  # fmt: skip
+        idle[one.name] = list(found.idle_sentences.values())
+        metrics = _metrics(found, config)
+        over_reference[one.name] = {name: _gain(metrics, name, reference) for name in given if name != reference}
+        over_base[one.name] = {name: _gain(metrics, name, base) for name, base in shown.items() if base is not None}
+    settings = {
+        "env_id": config.env_id, "env_kwargs": registered_arguments(config.env_id, config.env_kwargs),
+        "winds": [asdict(wind) for wind in config.winds], "duration": config.duration, "skip": config.skip,
+        "cost": COST_TASK,
+    }  # fmt: skip
+    result = Robustness(settings, reference, shown, tuple(conditions), over_reference, over_base, idle)
+    write_text_whole(folder / RESULTS_FILE, json.dumps(result.to_json(), indent=1, default=str) + "\n")
+    write_text_whole(folder / TABLE_FILE, result.to_markdown())
+    return result
+
+
+_Metrics = dict[str, dict["Wind", "dict[str, float] | None"]]
+
+
+def _metrics(evaluation: Evaluation, config: EvaluationConfig) -> _Metrics:
+    """Metrics of every agent in every wind; None of a run that ended early."""
+    import gymnasium as gym
+
+    env = gym.make(config.env_id, **config.env_kwargs)
+    turbine = layout_of(env).turbine
+    env.close()
+    found: _Metrics = {}
+    for run in evaluation.runs:
+        complete = run.complete
+        data = run.data.isel(time=slice(1, None))
+        found.setdefault(run.agent, {})[run.wind] = benchmark_metrics(data, turbine, config.skip) if complete else None
+    return found
+
+
+def _gain(metrics: _Metrics, agent: str, reference: str) -> Gain:
+    """Gain over a reference in the same winds."""
+    improvement, of_agent, of_reference = load_task(COST_TASK).improvement, metrics[agent], metrics[reference]
+    gains: list[float | None] = []
+    for wind, mine in of_agent.items():
+        theirs = of_reference[wind]
+        gains.append(None if mine is None or theirs is None else improvement(mine, theirs))
+    values = np.array([gain for gain in gains if gain is not None])
+    if len(values) < len(gains):
+        return Gain(None, None, None, tuple(gains))
+    strata = [wind.speed for wind in of_agent]
+    low = high = None
+    if min(strata.count(speed) for speed in set(strata)) >= LEAST_PER_STRATUM:
+        low, high = bootstrap_interval(lambda k: values[k].mean(axis=-1), strata)
+    return Gain(float(values.mean()), low, high, tuple(gains))

@@ -1,0 +1,186 @@
+"""The folder of a training: what it holds, and a lock against two trainings in it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.base.files import write_text_whole
+from wt_gym.experiment.trained_agent import (
+    BEST_MODEL_FILE,
+    BEST_NORMALIZATION_FILE,
+    MODEL_FILE,
+    NORMALIZATION_FILE,
+    RECORD_FILE,
+    read_record,
+)
+from wt_gym.runs.folder_lock import FolderLock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+__all__ = ["SEEDS_FILE", "RunFolder", "read_plan", "seed_folder"]
+
+SEEDS_FILE = "seeds.json"
+"""Plan and summary of a training with several seeds."""
+
+_BUFFER_FILE = "replay_buffer.pkl"
+_CHECKPOINTS, _TENSORBOARD = "checkpoints", "tensorboard"
+_FILES = (
+    MODEL_FILE, NORMALIZATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, _BUFFER_FILE, SEEDS_FILE,
+)  # fmt: skip
+_CHECKPOINT_FILES = ("*_steps.zip", "*_steps.pkl")
+_RECORDINGS = "recordings"
+_RLLIB = "rllib-"  # and the steps
+
+
+def seed_folder(folder: Path, seed: int) -> Path:
+    """Folder of one seed in that of a training with several."""
+    return folder / f"seed-{seed}"
+
+
+def read_plan(folder: Path) -> dict[str, Any]:
+    """Read the plan of a training with several seeds: which ones are its own, whatever other folders there are.
+
+    Returns
+    -------
+    dict
+        ``seeds``, a list of int, ``config``, as of `wt_gym.learning.training.config.TrainingConfig.to_json`, and, once
+        there is one, ``summary``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder holds no such training.
+    ValueError
+        If the plan is damaged.
+    """
+    file = folder / SEEDS_FILE
+    try:
+        plan = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{file} is damaged: {error}") from error
+    seeds = plan.get("seeds") if isinstance(plan, dict) else None
+    whole = isinstance(seeds, list) and seeds and all(isinstance(seed, int) for seed in seeds)
+    if isinstance(plan, dict) and whole and "config" in plan:
+        return plan
+    raise ValueError(f"{file} is damaged: it must name the seeds and the configuration of a training")
+
+
+class RunFolder(FolderLock):
+    """Folder of one training; a context that holds its lock.
+
+    Parameters
+    ----------
+    path : str or path
+        Created when the lock is taken.
+
+    Raises
+    ------
+    ValueError
+        On entering, if another process trains there.
+    """
+
+    subfolders = (_CHECKPOINTS,)
+
+    def __init__(self, path: str | Path):
+        super().__init__(path, "training")
+
+    @property
+    def model(self) -> Path:
+        """The model as it was last saved."""
+        return self.path / MODEL_FILE
+
+    @property
+    def normalization(self) -> Path:
+        """Statistics that belong to the model."""
+        return self.path / NORMALIZATION_FILE
+
+    @property
+    def buffer(self) -> Path:
+        """Replay buffer that belongs to the model."""
+        return self.path / _BUFFER_FILE
+
+    @property
+    def checkpoints(self) -> Path:
+        """Folder of the models on the way."""
+        return self.path / _CHECKPOINTS
+
+    def rllib(self, steps: int) -> Path:
+        """Folder of RLlib's checkpoint after so many steps."""
+        return self.path / f"{_RLLIB}{steps}"
+
+    def former_checkpoints(self, steps: int) -> list[Path]:
+        """Folders of RLlib's checkpoints but that after so many steps, by their age, the oldest first."""
+        others = [folder for folder in self.path.glob(f"{_RLLIB}*") if folder != self.rllib(steps)]
+        return sorted(others, key=lambda folder: int(folder.name.removeprefix(_RLLIB)))
+
+    @property
+    def recordings(self) -> Path:
+        """Folder of the recorded episodes of a pretraining; all seeds of a training have one."""
+        with_seeds = (self.path.parent / SEEDS_FILE).is_file()
+        return (self.path.parent if with_seeds else self.path) / _RECORDINGS
+
+    def remove_recordings(self) -> None:
+        """Remove the recorded episodes in this folder, which nothing needs after the training."""
+        shutil.rmtree(self.path / _RECORDINGS, ignore_errors=True)
+
+    @property
+    def tensorboard(self) -> Path:
+        """Folder of the figures for TensorBoard."""
+        return self.path / _TENSORBOARD
+
+    @property
+    def used(self) -> bool:
+        """Whether a training has been here."""
+        return any(True for _ in self._left())
+
+    def refuse_used(self, overwrite: bool) -> None:
+        """Refuse a folder in which a training has been, unless that is to be overwritten.
+
+        Raises
+        ------
+        ValueError
+        """
+        if self.used and not overwrite:
+            raise ValueError(f"{self.path} holds a training already: resume it, overwrite it, or take another folder")
+
+    def record(self) -> dict[str, Any]:
+        """Read the record.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is none.
+        ValueError
+            If it is damaged.
+        """
+        file = self.path / RECORD_FILE
+        if not file.is_file():
+            more = "; a stopped pretraining resumes by the command that began it" if self.recordings.is_dir() else ""
+            raise FileNotFoundError(f"{self.path} holds no training: there is no {RECORD_FILE}{more}")
+        return read_record(file)
+
+    def write_record(self, record: dict[str, Any]) -> None:
+        """Write the record; arguments of an environment that JSON does not know are written as text."""
+        text = json.dumps(record, indent=1, default=str) + "\n"
+        write_text_whole(self.path / RECORD_FILE, text)
+
+    def clear(self) -> None:
+        """Remove what a training left here, and nothing else; folders of single seeds stay."""
+        for file in list(self._left()):
+            file.unlink()
+        for folder in self.path.glob(f"{_RLLIB}*"):
+            shutil.rmtree(folder)
+        for folder in (self.checkpoints, self.tensorboard):
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
+
+    def _left(self) -> Iterator[Path]:
+        """Files that a training writes, as far as they are here."""
+        yield from (self.path / name for name in _FILES if (self.path / name).is_file())
+        for pattern in _CHECKPOINT_FILES:
+            yield from self.checkpoints.glob(pattern)
+        yield from self.tensorboard.glob("**/events.out.tfevents.*")

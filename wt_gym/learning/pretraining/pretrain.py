@@ -1,0 +1,603 @@
+"""Pretrain a policy: record episodes, identify what offsets do, follow the gradient of the cost, record again.
+
+Between two recordings the policy changes only in the model, thousands of times faster than in the simulator; each round
+starts from what the present policy really does, so that errors of the model do not add up. Models that plan in a
+learned latent state do likewise (Hafner et al., arXiv:1912.01603); here the model is the linear one that also designs
+`wt_gym.control.controllers.linear_optimal`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import gymnasium as gym
+import numpy as np
+import torch
+
+from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
+from wt_gym.base.constants import DAY
+from wt_gym.benchmark.fingerprint import benchmark_fingerprint
+from wt_gym.deployment.export.network import network_of
+from wt_gym.envs.dial import scaled
+from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.envs.wind_files import wind_files_of
+from wt_gym.experiment.dial_front import TURNED
+from wt_gym.experiment.trained_agent import TrainedAgent
+from wt_gym.learning.linear_design.identification import explained_share, identify
+from wt_gym.learning.linear_design.recording import Excitation, RecordingStore
+from wt_gym.learning.pretraining.episodes import (
+    EpisodeJob,
+    PlayedActions,
+    RecordedEpisode,
+    check_environment,
+    record_episode,
+)
+from wt_gym.learning.pretraining.objective import (
+    OUTPUTS,
+    Limits,
+    LinearizedEpisode,
+    Plants,
+    load_metrics,
+    plant_outputs,
+    tensor,
+)
+from wt_gym.runs.definition import described
+from wt_gym.runs.progress import clock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+    from wt_gym.deployment.export.network import Network
+    from wt_gym.envs.dial import DialDraws
+    from wt_gym.envs.turbine_env import WindTurbineEnv
+    from wt_gym.learning.pretraining.options import PretrainingOptions
+    from wt_gym.runs.executors import Executor
+
+__all__ = ["Round", "forecast_front", "pretrain"]
+
+_T = TypeVar("_T")
+_MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
+_AIM = 0.98
+"""Share of the limit that a multiplier aims at."""
+_SUMMED, _PROPORTIONAL = 2e-3, 0.1
+"""Where the travel is far beyond its limit: growth of a multiplier in a step of the optimizer, and its part in
+proportion to what is beyond. Multipliers are some hundredths."""
+_MEAN_OF_BATCHES = 0.2
+"""Part of the last batch in the mean travel of several."""
+_JUDGED = 4
+"""Factors of a dial with which each held-out wind is judged."""
+_untrained: dict[tuple[Any, ...], tuple[Any, list[RecordedEpisode]]] = {}
+"""Runs before any policy, of the last pretraining of this process: those of another seed are the same."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """What a round found.
+
+    Attributes
+    ----------
+    recorded : float
+        Mean lifetime cost of the policy that was recorded less that of the published controller, in the held-out winds.
+    forecast : float
+        The same of the policy after it, by the model.
+    fitted : float
+        The same in the winds of the optimization.
+    iteration : int
+        Of the optimizer, at which the held-out winds chose the policy.
+    conditions : list of (float, float)
+        Recorded and forecast cost in the held-out winds of each condition.
+    travel : float
+        Forecast pitch travel of the policy after it, in all its winds [rad/day].
+    multiplier : float
+        Of the budget of travel at the end of the optimization: price of a whole budget in the cost that is followed.
+    seconds : float
+        Of recording and optimization.
+    """
+
+    recorded: float
+    forecast: float
+    fitted: float
+    iteration: int
+    conditions: list[tuple[float, float]] = field(default_factory=list)
+    travel: float = 0.0
+    multiplier: float = 0.0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Identified:
+    """A condition.
+
+    Attributes
+    ----------
+    plants : Plants
+        From offsets to loads.
+    seen : Plants or None
+        From offsets to what the agent sees; None in the condition of the environment, where there is no such effect.
+    explained : dict
+        Shares of unseen runs that the plants explain, by wind speed.
+    """
+
+    plants: Plants
+    seen: Plants | None
+    explained: dict[float, dict[str, float]]
+
+
+@dataclass
+class _Budget:
+    """Pitch travel that a policy may have, with its Lagrangian multiplier.
+
+    The multiplier has a part that adds up what is traveled beyond the limit and one in proportion to it, which damps
+    (Stooke, Achiam, Abbeel, ICML 2020, arXiv:2007.03964).
+
+    Attributes
+    ----------
+    limit : float
+        [rad/s]; infinite without one.
+    multiplier : float
+        Of the share of the limit that is traveled, in the unit of the lifetime cost.
+    """
+
+    limit: float
+    multiplier: float = 0.0
+    _sum: float = 0.0
+    _share: float = 1.0
+
+    def lagrangian(self, cost: torch.Tensor, travel: torch.Tensor) -> torch.Tensor:
+        """What the optimizer makes small; as large a gradient whatever the multiplier."""
+        return (cost + self.multiplier * travel / self.limit) / (1.0 + self.multiplier)
+
+    def update(self, travel: float) -> None:
+        """Move the multiplier by what a batch has traveled [rad/s]."""
+        self._share += _MEAN_OF_BATCHES * (travel / (_AIM * self.limit) - self._share)
+        beyond = (self._share - 1.0) / (self._share + 1.0)
+        self._sum = max(0.0, self._sum + _SUMMED * beyond)
+        self.multiplier = max(0.0, self._sum + _PROPORTIONAL * beyond)
+
+    def beyond(self, travel: float) -> float:
+        """Travel beyond the limit [rad/s]."""
+        return max(travel - self.limit, 0.0)
+
+    def overdrawn(self, actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> float:
+        """What a policy travels beyond the limit in episodes [rad/s]; nothing is computed without a limit."""
+        return self.beyond(_travel(actor, episodes)) if math.isfinite(self.limit) else 0.0
+
+
+class _Deployed:
+    """Policy without torch, as it acts in a process that records.
+
+    Parameters
+    ----------
+    network : Network
+    """
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Any, Any]:
+        """Action of an observation as the environment gives it."""
+        return self._network.of_observation(observation), state
+
+
+def pretrain(
+    model: BaseAlgorithm,
+    env_id: str,
+    env_kwargs: dict[str, Any],
+    options: PretrainingOptions,
+    executor: Executor,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+    check: Callable[[], None] | None = None,
+    travel_limit: float | None = None,
+    recordings: Path | None = None,
+) -> dict[str, Any]:
+    """Change the actor of a model until it costs least.
+
+    Parameters
+    ----------
+    model : PPO or A2C
+        Fresh; its last layer is set to zero first, so that it begins as the base controller alone.
+    env_id : str
+    env_kwargs : dict
+        JSON values.
+    options : PretrainingOptions
+    executor : Executor
+        Entered.
+    seed : int
+        Of the order of episodes and of the noise.
+    progress : callable, optional
+        Called with lines.
+    check : callable, optional
+        Called after every episode and every step of the optimizer; what it raises ends the pretraining.
+    travel_limit : float, optional
+        Pitch travel that the policy may have, mean of the blades and of all episodes, whatever their condition or dial
+        [rad/day]. A Lagrangian multiplier holds it. The cheapest of ten points of the optimization within the limit is
+        kept, or without one that nearest to it.
+    recordings : path, optional
+        Folder that keeps each recorded episode as soon as it is done: what is there is not recorded again.
+
+    Returns
+    -------
+    dict
+        Record: options, shares that the plants explain by condition, rounds; JSON values.
+
+    Raises
+    ------
+    ValueError
+        If the environment or the model is of a kind that cannot be pretrained.
+    wt_gym.base.errors.SimulationError
+        If an episode ends early.
+    """
+    say = progress or (lambda _: None)
+    env = gym.make(env_id, **env_kwargs)
+    plain = turbine_env_of(env)
+    check_environment(plain)
+    policy: Any = model.policy
+    if not (hasattr(policy, "mlp_extractor") and hasattr(policy, "action_net")):
+        raise ValueError(f"pretraining needs a model of PPO or A2C, got {type(model).__name__}")
+    speeds = plain.wind.speeds
+    if speeds is None:
+        raise ValueError("pretraining needs winds with a mean speed: wind_speed=(low, high)")
+
+    def actor(observations: torch.Tensor) -> torch.Tensor:
+        actions: torch.Tensor = policy.action_net(policy.mlp_extractor.forward_actor(observations))
+        return actions
+
+    check = check or (lambda: None)
+    work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say, check, recordings)
+    names, dials = plain.layout.observation.names, plain.dials
+    dial_at = [] if dials is None else [names.index(f"dial_{name}") for name in DIAL_NAMES]
+    with torch.no_grad():
+        policy.action_net.weight.zero_()
+        policy.action_net.bias.zero_()
+        if isinstance(plain.options.dial.weights, str):
+            # few of many inputs: as strong together as the others, so that they bend the policy from the start
+            size = math.sqrt((len(names) - len(dial_at)) / len(dial_at))
+            policy.mlp_extractor.policy_net[0].weight[:, dial_at] *= size
+    (identified, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
+    high = plain.operation.action.pitch_high
+    limits = Limits(float(high[0]), float(high[1]), plain.options.controller.residual_washout)
+    budget = _Budget(math.inf if travel_limit is None else travel_limit / DAY)
+    torch.manual_seed(seed)
+    rng, rounds = np.random.default_rng(seed), []
+    for number in range(options.rounds):
+        began = time.monotonic()
+        recorded = first
+        if number > 0:
+            agent = _Deployed(network_of(TrainedAgent(model, None, {}), plain.layout))
+            recorded = work.recorded(agent, number)
+        made = [
+            LinearizedEpisode(
+                one, actor, of.plants, limits, _between(baselines, one.speed), plain.turbine.pitch.max_rate,
+                plain.turbine.drivetrain.rated_power, options.skip, dial_at, of.seen,
+            )
+            for one, of in zip(recorded, work.in_turns(identified), strict=True)
+        ]  # fmt: skip
+        before = _costs(actor, made[: options.held_out])
+        found = _optimized(actor, policy, made, options, rng, say, check, budget, dials)
+        after = _costs(actor, made[: options.held_out])
+        several = len(options.conditions)
+        of_each = [(float(np.mean(before[c::several])), float(np.mean(after[c::several]))) for c in range(several)]
+        rounds.append(
+            Round(
+                *found, conditions=of_each, travel=DAY * _travel(actor, made),
+                multiplier=budget.multiplier, seconds=round(time.monotonic() - began, 1),
+            )
+        )  # fmt: skip
+        say(
+            f"round {number + 1} of {options.rounds}: held-out winds {100 * rounds[-1].recorded:+.2f} % of the cost as "
+            f"recorded, {100 * rounds[-1].forecast:+.2f} % forecast"
+        )
+    env.close()
+    if rounds and budget.beyond(rounds[-1].travel / DAY) > 0.0:
+        say(
+            f"the budget of {travel_limit:g} rad/d is not kept: the policy nearest to it is forecast to travel "
+            f"{rounds[-1].travel:.0f} rad/d"
+        )
+    record = {
+        "options": asdict(options),
+        "explained": [{f"{speed:g} m/s": shares for speed, shares in of.explained.items()} for of in identified],
+        "rounds": [asdict(one) for one in rounds],
+    }
+    if dials is not None and rounds:
+        drawn = isinstance(plain.options.dial.weights, str)
+        record["front"] = forecast_front(actor, made[: options.held_out], TURNED if drawn else None)
+    return record
+
+
+def forecast_front(
+    actor: Callable[[torch.Tensor], torch.Tensor],
+    held_out: Sequence[LinearizedEpisode],
+    settings: Mapping[str, Mapping[str, float]] | None,
+) -> dict[str, list[float]]:
+    """Parts of the lifetime cost that a policy is forecast to have, less those of the base controller alone.
+
+    Parameters
+    ----------
+    actor : callable
+        Actions of observations.
+    held_out : sequence of LinearizedEpisode
+    settings : mapping of str to mapping, optional
+        Factors of the dial by name of a setting; None: those of the recordings, called "own".
+
+    Returns
+    -------
+    dict of list
+        Fatigue, power and travel by setting, means over the episodes.
+    """
+    alone = np.eye(len(DIAL_NAMES)).tolist()
+
+    def parts(one: LinearizedEpisode, offsets: torch.Tensor) -> list[float]:
+        return [float(one.cost(offsets, dial=tuple(unit))) for unit in alone]
+
+    dials = {"own": None} if settings is None else {
+        name: scaled(chosen.get(of, 1.0) for of in DIAL_NAMES) for name, chosen in settings.items()
+    }  # fmt: skip
+    with torch.no_grad():
+        base = np.array([parts(one, torch.zeros(3, one.steps)) for one in held_out])
+        found = {
+            name: np.mean([parts(one, one.offsets(actor, dial=dial)) for one in held_out] - base, axis=0)
+            for name, dial in dials.items()
+        }
+    return {name: [float(f"{value:.4g}") for value in values] for name, values in found.items()}
+
+
+def _before_any_policy(
+    work: _Work, env_id: str, env_kwargs: dict[str, Any], options: PretrainingOptions
+) -> tuple[Any, list[RecordedEpisode]]:
+    """Plants, and episodes under the base controller alone."""
+    told = {name: value for name, value in env_kwargs.items() if not name.startswith(("dial_", "cost_limits"))}
+    key = (env_id, json.dumps(told, sort_keys=True), json.dumps(asdict(options), sort_keys=True))
+    if key not in _untrained:
+        _untrained.clear()
+        _untrained[key] = work.identified(), work.recorded(None, 0)
+    return _untrained[key]
+
+
+def _between(values: dict[float, dict[str, float]], speed: float) -> dict[str, float]:
+    """Metrics at a wind speed, of those at several."""
+    at = sorted(values)
+    return {name: float(np.interp(speed, at, [values[s][name] for s in at])) for name in values[at[0]]}
+
+
+class _Work:
+    """Recordings of a pretraining."""
+
+    def __init__(
+        self,
+        env_id: str,
+        env_kwargs: dict[str, Any],
+        plain: WindTurbineEnv,
+        options: PretrainingOptions,
+        executor: Executor,
+        speeds: tuple[float, float],
+        say: Callable[[str], None],
+        check: Callable[[], None],
+        recordings: Path | None = None,
+    ) -> None:
+        self._check = check
+        self._store = None if recordings is None else RecordingStore(recordings, RecordedEpisode)
+        self._id, self._arguments, self._env = env_id, json.dumps(env_kwargs), plain
+        self._options, self._executor, self._speeds, self._say = options, executor, speeds, say
+
+    def _record(self, jobs: Sequence[EpisodeJob], what: str) -> list[RecordedEpisode]:
+        """Episodes of jobs, in their order; those of a condition run one after the other, with one environment."""
+        store = self._store
+        definitions = [self._definition(job) for job in jobs] if store is not None else []
+        found: dict[int, RecordedEpisode] = {}
+        if store is not None:
+            there = {k: store.find(definition) for k, definition in enumerate(definitions)}
+            found = {k: episode for k, episode in there.items() if episode is not None}
+        recorded, total, began = len(found), len(jobs), time.monotonic()
+        self._say(f"{what}: {recorded}/{total} recorded, {self._options.duration:g} s each")
+        queue = sorted(((k, job) for k, job in enumerate(jobs) if k not in found), key=lambda job: job[1].condition)
+        for (k, _), episode in self._executor.results(_numbered, queue):
+            found[k] = episode
+            if store is not None:
+                store.keep(definitions[k], episode)
+            self._check()
+            if len(found) % max(total // 8, 1) == 0 or len(found) == total:
+                left = (time.monotonic() - began) / (len(found) - recorded) * (total - len(found))
+                self._say(f"{what}: {len(found)}/{total}" + (f", about {clock(left)} min left" if left else ""))
+        return [found[k] for k in range(total)]
+
+    def _definition(self, job: EpisodeJob) -> dict[str, Any]:
+        """Everything on which the numbers of an episode depend."""
+        values = {part.name: getattr(job, part.name) for part in fields(job)}
+        return {"code": self._code, "wind_files": wind_files_of(json.loads(job.arguments)), **described(values)}
+
+    @cached_property
+    def _code(self) -> dict[str, str]:
+        """Digests of turbine, fidelity and code."""
+        return benchmark_fingerprint(self._env.turbine, self._env.fidelity, EpisodeJob.__module__)
+
+    def _job(self, speed: float, seed: int, condition: Mapping[str, Any], **more: Any) -> EpisodeJob:
+        told = json.dumps(condition)
+        return EpisodeJob(self._id, self._arguments, speed, seed, self._options.duration, condition=told, **more)
+
+    def in_turns(self, values: Sequence[_T]) -> list[_T]:
+        """What each episode of a round has of values by condition."""
+        return [values[k % len(values)] for k in range(self._options.episodes)]
+
+    def identified(self) -> tuple[list[_Identified], dict[float, dict[str, float]]]:
+        """Conditions, and metrics of the published controller in that of the environment, by wind speed."""
+        options, (low, high) = self._options, self._speeds
+        count = options.plant_speeds if high > low else 1
+        at = tuple(float(v) for v in np.linspace(low, high, count)) if count > 1 else (0.5 * (low + high),)
+        first = options.first_wind_seed + options.episodes
+        winds = [(v, first + i * options.excited + k) for i, v in enumerate(at) for k in range(options.excited)]
+        published = self._record([self._job(v, s, {}, baseline=True) for v, s in winds], "baseline runs")
+        baselines = {}
+        for i, v in enumerate(at):
+            metrics = [self._published(run) for run in published[i * options.excited : (i + 1) * options.excited]]
+            baselines[v] = {name: float(np.mean([m[name] for m in metrics])) for name in metrics[0]}
+        found: dict[str, _Identified] = {}
+        for condition in options.conditions:
+            key = json.dumps(condition, sort_keys=True)
+            if key not in found:
+                found[key] = self._identified(at, winds, condition)
+        return [found[json.dumps(condition, sort_keys=True)] for condition in options.conditions], baselines
+
+    def _identified(
+        self, at: tuple[float, ...], winds: Sequence[tuple[float, int]], condition: Mapping[str, Any]
+    ) -> _Identified:
+        options, env = self._options, self._env
+        steps = round(options.duration / env.control_dt)
+        spans = env.operation.action.pitch_high
+        drawn = [
+            PlayedActions((Excitation().draw(steps, env.control_dt, seed) / spans[:, None]).clip(-1.0, 1.0).T)
+            for _, seed in winds
+        ]
+        jobs = [self._job(v, s, condition) for v, s in winds]
+        jobs += [self._job(v, s, condition, agent=agent) for (v, s), agent in zip(winds, drawn, strict=True)]
+        which = f" in {json.dumps(condition)}" if condition else ""
+        runs = self._record(jobs, f"identification runs{which}")
+        still, moved = runs[: len(winds)], runs[len(winds) :]
+        taps = round(options.memory / env.control_dt)
+
+        def fitted(inputs: Sequence[NDArray[np.float64]], changes: Sequence[NDArray[np.float64]]) -> Any:
+            return identify(inputs, changes, taps, options.ridge, options.decay)
+
+        # the fit of the model is no linear response, and longer than the memory
+        slow = [name.startswith("model_") for name in env.layout.observation.names]
+        responses, seen, explained = [], [], {}
+        for i, v in enumerate(at):
+            own = slice(i * options.excited, (i + 1) * options.excited)
+            inputs = [run.offsets for run in moved[own]]
+            if not all(np.any([np.any(offsets[row]) for offsets in inputs]) for row in range(3)):
+                raise ValueError(
+                    f"pretraining needs winds in which offsets act, and at {v:g} m/s{which} they have faded out: give "
+                    "wind_speed a higher lower end, or leave the condition out"
+                )
+            pairs = list(zip(moved[own], still[own], strict=True))
+            changes = [plant_outputs(a) - plant_outputs(b) for a, b in pairs]
+            if not all(change.any() for change in changes):
+                raise ValueError(
+                    f"pretraining needs winds in which the turbine runs, and at {v:g} m/s{which} offsets change "
+                    "nothing: give wind_speed a lower upper end, or leave the condition out"
+                )
+            shares = explained_share(fitted(inputs[:-1], changes[:-1]), inputs[-1:], changes[-1:])
+            explained[v] = dict(zip(OUTPUTS, np.round(shares, 3).tolist(), strict=True))
+            responses.append(fitted(inputs, changes))
+            if condition:
+                told = [(a.observations - b.observations).T.astype(float) for a, b in pairs]
+                answers = fitted([offsets[:, :-1] for offsets in inputs], told)
+                answers[slow] = 0.0
+                seen.append(answers)
+            self._say(f"{v:g} m/s: explained " + ", ".join(f"{k} {s:.2f}" for k, s in explained[v].items()))
+        loop = Plants(at, np.stack(seen)) if condition else None
+        return _Identified(Plants(at, np.stack(responses)), loop, explained)
+
+    def _published(self, run: RecordedEpisode) -> dict[str, float]:
+        """Metrics of the published controller [MN m, MW]."""
+        skip = round(self._options.skip / run.dt)
+        flap, tower, pitch = map(tensor, (run.flap / 1e6, run.tower / 1e6, run.pitch))
+        found = load_metrics(flap, tower, pitch, run.dt, self._env.turbine.pitch.max_rate, skip, _MAIN)
+        power = np.minimum(run.power, self._env.turbine.drivetrain.rated_power)[skip:].mean() / 1e6
+        return {name: float(value) for name, value in found.items()} | {"captured_power": float(power)}
+
+    def recorded(self, agent: _Deployed | None, number: int) -> list[RecordedEpisode]:
+        """Episodes under a policy, in winds spread evenly over the range of the environment; the first are held out."""
+        options = self._options
+        low, high = self._speeds
+        order = np.random.default_rng(options.first_wind_seed).permutation(options.episodes)
+        winds = low + (high - low) * (order + 0.5) / options.episodes
+        dials, rng = self._env.dials, np.random.default_rng((options.first_wind_seed, number))
+        jobs = [
+            self._job(
+                round(speed, 2), options.first_wind_seed + n, condition, agent=agent,
+                dial=None if dials is None else dials.factors(rng),
+            )
+            for n, (speed, condition) in enumerate(zip(winds.tolist(), self.in_turns(options.conditions), strict=True))
+        ]  # fmt: skip
+        return self._record(jobs, f"episodes of round {number + 1}")
+
+
+def _numbered(job: tuple[int, EpisodeJob]) -> RecordedEpisode:
+    return record_episode(job[1])
+
+
+def _costs(actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> list[float]:
+    """Costs of a policy in episodes, with the factors of a dial that they were recorded with."""
+    with torch.no_grad():
+        return [float(one.cost(one.offsets(actor))) for one in episodes]
+
+
+def _travel(actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> float:
+    """Mean pitch travel of a policy in episodes [rad/s]."""
+    with torch.no_grad():
+        return float(np.mean([float(one.cost_and_travel(one.offsets(actor))[1]) for one in episodes]))
+
+
+def _optimized(
+    actor: Callable[[torch.Tensor], torch.Tensor],
+    policy: torch.nn.Module,
+    made: Sequence[LinearizedEpisode],
+    options: PretrainingOptions,
+    rng: np.random.Generator,
+    say: Callable[[str], None],
+    check: Callable[[], None],
+    budget: _Budget,
+    dials: DialDraws | None = None,
+) -> tuple[float, float, float, int]:
+    """Follow the gradient; keep what is best in the held-out winds, of what is within the budget in all winds.
+
+    With a dial each episode of a batch has other factors, and held-out winds are judged with the same few of each.
+    """
+    held, fitted = made[: options.held_out], made[options.held_out :]
+    judges = np.random.default_rng(options.first_wind_seed)
+    judged: list[tuple[float, ...] | None] = [None]
+    if dials is not None:
+        judged = [dials.factors(judges) for _ in range(_JUDGED * options.held_out)]
+    parts = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters()]  # type: ignore[union-attr]
+    optimizer = torch.optim.AdamW(parts, lr=options.learning_rate, weight_decay=options.weight_decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimizer, 2.0 * options.learning_rate, total_steps=options.iterations, pct_start=0.1
+    )
+    exponents = (options.blade_exponent, options.tower_exponent)
+
+    def mean_cost(episodes: Sequence[LinearizedEpisode]) -> float:
+        with torch.no_grad():
+            several = max(len(judged) // max(len(episodes), 1), 1)
+            pairs = [(one, judged[(several * k + j) % len(judged)]) for k, one in enumerate(episodes)
+                     for j in range(several)]  # fmt: skip
+            return float(np.mean([float(one.cost(one.offsets(actor, dial=d), dial=d)) for one, d in pairs]))
+
+    recorded = mean_cost(held)
+    best = (budget.overdrawn(actor, made), recorded, 0, [part.detach().clone() for part in parts])
+    every = max(options.iterations // 10, 1)
+    for number in range(1, options.iterations + 1):
+        traveled = []
+        for k in rng.choice(len(fitted), min(options.batch, len(fitted)), replace=False):
+            one, dial = fitted[k], None if dials is None else dials.factors(rng)
+            cost, travel = one.cost_and_travel(one.offsets(actor, options.noise, dial), exponents, dial)
+            (budget.lagrangian(cost, travel) / options.batch).backward()
+            traveled.append(float(travel.detach()))
+        budget.update(float(np.mean(traveled)))
+        torch.nn.utils.clip_grad_norm_(parts, 0.5)
+        optimizer.step()
+        optimizer.zero_grad()
+        schedule.step()
+        check()
+        if number % every == 0 or number == options.iterations:
+            now, beyond = mean_cost(held), budget.overdrawn(actor, made)
+            more = f", {DAY * beyond:.0f} rad/d beyond the budget" if math.isfinite(budget.limit) else ""
+            say(f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds{more}")
+            if (beyond, now) < best[:2]:
+                best = (beyond, now, number, [part.detach().clone() for part in parts])
+    with torch.no_grad():
+        for part, kept in zip(parts, best[3], strict=True):
+            part.copy_(kept)
+    return recorded, best[1], mean_cost(fitted[: options.held_out]), best[2]

@@ -1,0 +1,398 @@
+"""Training with stable-baselines3, sb3-contrib or RLlib: PPO, SAC and TQC, to be stopped, resumed and repeated."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+import time
+from contextlib import closing, contextmanager, nullcontext
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import torch
+from stable_baselines3.common.logger import Logger, configure
+
+import wt_gym
+from wt_gym.envs.layout import layout_of
+from wt_gym.envs.options.limits import PITCH_TRAVEL
+from wt_gym.experiment.run_folder import RunFolder
+from wt_gym.experiment.trained_agent import BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, RECORD_FILE, TrainedAgent
+from wt_gym.experiment.trained_environment import resolved_arguments, with_pay
+from wt_gym.learning.pretraining.options import PretrainingOptions
+from wt_gym.learning.training.budgets import BudgetUpdates, budgeted_of
+from wt_gym.learning.training.callbacks import Checkpoints, Evaluations, Watch, stop_on_signals
+from wt_gym.learning.training.config import TrainingConfig
+from wt_gym.learning.training.environments import make_training_env
+from wt_gym.learning.training.learners import LocalLearner
+from wt_gym.learning.training.models import load_model, make_model, save_model
+from wt_gym.learning.training.selection import FIGURES, SelectionEvaluation
+from wt_gym.runs.executors import executor_for
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from wt_gym.learning.training.callbacks import StopRequest
+    from wt_gym.learning.training.learners import Learner
+
+__all__ = ["TrainingConfig", "resume", "train"]
+
+_CURVE = ("steps", "episode_return", "episode_length")
+_EVALUATION_CURVE = ("steps", *FIGURES)
+
+
+def train(
+    config: TrainingConfig,
+    folder: str | Path,
+    *,
+    progress: bool = True,
+    overwrite: bool = False,
+    on_evaluation: Callable[[int, dict[str, Any]], bool] | None = None,
+    stop: StopRequest | None = None,
+    learner: Learner | None = None,
+) -> dict[str, Any]:
+    """Train a policy.
+
+    SIGINT and SIGTERM end the training after the step in which they come; everything is written, and `resume`
+    continues it.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+    folder : str or path
+        Gets ``model.zip``, ``vecnormalize.pkl`` (the statistics), ``training.json`` (the record), ``checkpoints/``,
+        ``best_model.zip`` with its statistics, ``tensorboard/``, and the replay buffer of SAC and TQC.
+    progress : bool
+        Show progress on standard error.
+    overwrite : bool
+        Remove an earlier training from the folder.
+    on_evaluation : callable, optional
+        Called with steps and figures after every evaluation; training stops where it gives False.
+    stop : StopRequest, optional
+        Looked at after every step; default: one that SIGINT and SIGTERM set.
+    learner : Learner, optional
+        Of `wt_gym.learning.training.learners`; default: stable-baselines3 in this process.
+
+    Returns
+    -------
+    dict
+        The record: algorithm, configuration, status, steps, wall_seconds, control_dt, the learning curve, and the
+        evaluations. ``status`` is "finished", "time limit", "interrupted" (``stopped_by`` names the signal) or
+        "stopped" (by ``on_evaluation``).
+
+    Raises
+    ------
+    ValueError
+        If the folder holds a training already or another process trains in it, environment and hyperparameters cannot
+        be had, or nothing would hold a budget.
+    """
+    config, learner = config.with_hyperparameters(), learner or LocalLearner()
+    learner.check(config)
+    _refuse_budgets_of_a_pretraining(config)
+    with RunFolder(folder) as run:
+        run.refuse_used(overwrite)
+        with closing(_environments(config, learner)) as venv:
+            model = make_model(config, venv)
+            session = _Session(config, run, venv, model, {}, on_evaluation, learner)
+            run.clear()  # nothing can be refused any more
+            if config.pretraining is not None:
+                session.pretrain(progress, stop)
+            record = session.learn(progress, stop)
+            run.remove_recordings()
+            return record
+
+
+def _refuse_budgets_of_a_pretraining(config: TrainingConfig) -> None:
+    """A pretraining knows what its offsets travel, and PPO after it holds the other budgets."""
+    others = sorted(set(config.budgets or {}) - {PITCH_TRAVEL})
+    if config.pretraining is not None and not config.total_steps and others:
+        raise ValueError(
+            f"a pretraining alone keeps a budget of {PITCH_TRAVEL}, and PPO after it the others: give steps, or leave "
+            f"out {', '.join(others)}"
+        )
+
+
+def resume(
+    folder: str | Path,
+    *,
+    total_steps: int | None = None,
+    max_seconds: float | None = None,
+    progress: bool = True,
+    stop: StopRequest | None = None,
+    learner: Learner | None = None,
+) -> dict[str, Any]:
+    """Resume a training that was stopped, or is to have more steps.
+
+    Steps, schedules, curves and statistics continue; environments start new episodes, in other winds than the first.
+
+    Parameters
+    ----------
+    folder : str or path
+        As `train` left it.
+    total_steps : int, optional
+        Altogether; default: as before.
+    max_seconds : float, optional
+        From now on; default: as before.
+    progress, stop, learner
+        As of `train`; the learner is of the engine that the training began with.
+
+    Returns
+    -------
+    dict
+        As of `train`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder holds no training.
+    ValueError
+        If the training is finished and has done its steps, began with another engine, or a file is damaged.
+    """
+    learner = learner or LocalLearner()
+    RunFolder(folder).record()  # before the lock makes a folder
+    with RunFolder(folder) as run:
+        record = run.record()
+        config = TrainingConfig.from_json(record.get("config"))
+        changes: dict[str, Any] = {"total_steps": total_steps, "max_seconds": max_seconds}
+        config = replace(config, **{name: value for name, value in changes.items() if value is not None})
+        if (engine := record.get("engine", LocalLearner.engine)) != learner.engine:
+            raise ValueError(
+                f"the engine of the training in {run.path} must be {engine}, got {learner.engine}: resume with "
+                f"--engine {engine}"
+            )
+        learner.check(config)
+        arguments = with_pay(resolved_arguments(config.env_id, config.env_kwargs))
+        before = with_pay(record.get("environment", arguments))
+        if differing := [name for name in {**before, **arguments} if before.get(name) != arguments.get(name)]:
+            raise ValueError(
+                f"{config.env_id} has other arguments now than when the training in {run.path} began: "
+                f"{', '.join(differing)}; start a new one, or give those of then by --env-kwargs"
+            )
+        with closing(_environments(config, learner)) as venv:
+            model = load_model(config, venv, run, buffered=learner.samples_here)
+            # one that was stopped at its last step still lacks its last evaluation: that is made up for
+            if model.num_timesteps >= config.total_steps and record.get("status") == "finished":
+                raise ValueError(
+                    f"the training in {run.path} has done its {config.total_steps} steps: give it more to resume"
+                )
+            return _Session(config, run, venv, model, record, None, learner).learn(progress, stop)
+
+
+def _environments(config: TrainingConfig, learner: Learner) -> VecNormalize:
+    """Environments to train on; where others are stepped, one that says what they are like."""
+    return make_training_env(config if learner.samples_here else replace(config, n_envs=1))
+
+
+class _Session:
+    """One go of a training, from a fresh or a loaded model."""
+
+    def __init__(
+        self,
+        config: TrainingConfig,
+        run: RunFolder,
+        venv: VecNormalize,
+        model: BaseAlgorithm,
+        before: dict[str, Any],
+        on_evaluation: Callable[[int, dict[str, Any]], bool] | None,
+        learner: Learner,
+    ):
+        self._learner = learner
+        self._config, self._run, self._model = config, run, model
+        # The networks are small: more threads only take time from the simulations.
+        torch.set_num_threads(1)
+        self._layout, self._wind = layout_of(venv), venv.get_attr("wind")[0]
+        self._first_step = model.num_timesteps
+        self._seconds_before = _entry(before, "wall_seconds", float, 0.0)
+        self._sessions = list(_entry(before, "sessions", list, []))
+        self._curve = _curve(before, _CURVE, self._first_step)
+        evaluated = _entry(before, "evaluation", dict, None) or {}
+        self._evaluation_seconds = _entry(evaluated, "seconds", float, 0.0)
+        self._pretraining = before.get("pretraining")
+        budgeted = budgeted_of(venv)
+        self._budgets = None if budgeted is None else BudgetUpdates(budgeted, before.get("budgets"))
+        self._evaluation = self._evaluations = None
+        if config.eval_every:
+            self._evaluation = SelectionEvaluation(config, self._wind, evaluated)
+            self._evaluations = Evaluations(
+                config.eval_every,
+                self._evaluation,
+                lambda: TrainedAgent(model, venv, {"wind_seeds": list(self._wind.seeds or ())}),
+                _curve({"curve": evaluated.get("curve", {})}, _EVALUATION_CURVE, self._first_step),
+                self._save_best,
+                on_evaluation,
+            )
+
+    def pretrain(self, progress: bool, stop: StopRequest | None) -> None:
+        """Change the fresh model by gradient on an identified model, before it learns in the environment.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Where somebody asks to stop; the same training, begun again, resumes with what has been recorded.
+        """
+        from wt_gym.learning.pretraining.pretrain import pretrain  # for those who ask for it
+
+        config = self._config
+        began = time.monotonic()
+        workers, options = min(config.n_envs, os.cpu_count() or 1), PretrainingOptions.of(config.pretraining or {})
+        say = (lambda line: print(line, file=sys.stderr, flush=True)) if progress else None
+
+        def check() -> None:
+            if request.signal_number is not None:
+                raise KeyboardInterrupt(
+                    f"the pretraining was stopped by {request.name}; its recordings are in {self._run.recordings}, and "
+                    "the same command resumes with them"
+                )
+
+        with (
+            stop_on_signals() if stop is None else nullcontext(stop) as request,
+            executor_for("local", workers, None) as executor,
+        ):
+            self._pretraining = pretrain(
+                self._model, config.env_id, config.env_kwargs, options, executor, config.seed, say, check,
+                (config.budgets or {}).get(PITCH_TRAVEL), self._run.recordings,
+            )  # fmt: skip
+        self._pretraining["seconds"] = round(time.monotonic() - began, 1)
+
+    def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:
+        """Train until the steps are done, time is over or somebody asks to stop; give the record."""
+        config, model = self._config, self._model
+        with stop_on_signals() if stop is None else nullcontext(stop) as self._stop, self._logger():
+            self._watch = Watch(config, self._layout.control_dt, self._curve, self._stop, progress)
+            callbacks = [self._watch, *self._learner.figures]
+            if self._budgets is not None:
+                callbacks.append(self._budgets)
+            if self._evaluations is not None:
+                callbacks.append(self._evaluations)
+            callbacks.append(Checkpoints(config.checkpoint_steps, config.checkpoint_minutes, self._checkpoint))
+            self._run.write_record(self._record("running"))
+            # no step needs no episode, and the first one may take minutes to begin
+            if config.total_steps > 0 or self._evaluations is not None:
+                self._learner.learn(config, model, self._run, callbacks)
+            self._watch.finish()
+            status = self._watch.ended
+            if status == "finished" and model.num_timesteps < config.total_steps:
+                status = "stopped"
+            if self._evaluations is not None and status in ("finished", "time limit"):
+                self._evaluations.finish()
+                model.logger.dump(model.num_timesteps)
+            record = self._record(status)
+            self._save(record)
+        return record
+
+    @contextmanager
+    def _logger(self) -> Iterator[None]:
+        """Write to TensorBoard, if it is asked for and installed."""
+        if self._config.tensorboard is False or importlib.util.find_spec("tensorboard") is None:
+            self._model.set_logger(Logger(None, []))
+            yield
+            return
+        logger = configure(str(self._run.tensorboard), ["tensorboard"])
+        self._model.set_logger(logger)
+        try:
+            yield
+        finally:
+            logger.close()
+
+    def _save(self, record: dict[str, Any]) -> None:
+        """Write all that resuming needs."""
+        self._learner.save(self._model, self._run)
+        save_model(self._model, self._run.model, self._run.normalization)
+        self._run.write_record(record)
+
+    def _checkpoint(self) -> None:
+        """Keep the model of this step, and write all that resuming needs."""
+        folder, prefix, steps = self._run.checkpoints, self._config.algorithm.lower(), self._model.num_timesteps
+        folder.mkdir(exist_ok=True)
+        statistics = folder / f"{prefix}_vecnormalize_{steps}_steps.pkl"
+        save_model(self._model, folder / f"{prefix}_{steps}_steps.zip", statistics)
+        self._save(self._record("running"))
+
+    def _save_best(self) -> None:
+        save_model(self._model, self._run.path / BEST_MODEL_FILE, self._run.path / BEST_NORMALIZATION_FILE)
+
+    def _record(self, status: str) -> dict[str, Any]:
+        """How it was trained, as JSON values."""
+        config, layout, steps = self._config, self._layout, int(self._model.num_timesteps)
+        seconds = self._watch.seconds
+        session = {"from_step": self._first_step, "to_step": steps, "seconds": seconds, "status": status}
+        return {
+            "algorithm": config.algorithm,
+            "engine": self._learner.engine,
+            "status": status,
+            "stopped_by": self._stop.name if status == "interrupted" else None,
+            "steps": steps,
+            "wall_seconds": self._seconds_before + seconds,
+            "control_dt": layout.control_dt,
+            "rotation": layout.turbine.rotation,
+            "observation": list(layout.observation.names),
+            "action": list(layout.action.names),
+            "normalized": config.resolved["normalize_observations"],
+            "wind_seeds": self._wind_seeds(),
+            "wt_gym": wt_gym.__version__,
+            "versions": {name: version(name) for name in self._learner.packages},
+            "config": config.to_json(),
+            "environment": resolved_arguments(config.env_id, config.env_kwargs),
+            "pretraining": self._pretraining,
+            "budgets": None if self._budgets is None else self._budgets.record(config.budgets or {}),
+            "curve": self._curve,
+            "evaluation": self._evaluation_record(),
+            "sessions": [*self._sessions, session],
+        }
+
+    def _wind_seeds(self) -> list[int] | None:
+        """Seeds of all turbulence that the model may have met; None for winds of other kinds."""
+        if self._wind.seeds is None:
+            return None
+        options = self._config.pretraining
+        before = () if options is None else PretrainingOptions.of(options).wind_seeds
+        return sorted({*map(int, self._wind.seeds), *before})
+
+    def _evaluation_record(self) -> dict[str, Any] | None:
+        """Evaluations while training, as JSON values."""
+        if self._evaluations is None or self._evaluation is None:
+            return None
+        return {
+            "winds": [asdict(wind) for wind in self._evaluation.winds],
+            "baseline": self._evaluation.baseline,
+            "curve": self._evaluations.curve,
+            "best": self._evaluations.best,
+            "seconds": self._evaluation_seconds + self._evaluation.seconds,
+        }
+
+
+def _entry(record: dict[str, Any], name: str, kind: type, missing: Any) -> Any:
+    """Entry of the record of an earlier session.
+
+    Raises
+    ------
+    ValueError
+        If it is of another type.
+    """
+    value = record.get(name)
+    if value is None:
+        return missing
+    if not isinstance(value, kind):
+        raise ValueError(f"{RECORD_FILE} is damaged: {name} is {value!r:.80}")
+    return value
+
+
+def _curve(record: dict[str, Any], names: tuple[str, ...], steps: int) -> dict[str, list[Any]]:
+    """Curve of an earlier session up to the steps of its model, or an empty one.
+
+    Raises
+    ------
+    ValueError
+        If it lacks a column, or they differ in length.
+    """
+    curve: dict[str, Any] = _entry(record, "curve", dict, {}) or {name: [] for name in names}
+    columns: list[Any] = [curve.get(name) for name in names]
+    if not all(isinstance(column, list) and len(column) == len(columns[0]) for column in columns):
+        raise ValueError(f"{RECORD_FILE} is damaged: its curve must have the columns {', '.join(names)} of one length")
+    kept = sum(step <= steps for step in curve["steps"])
+    return {name: column[:kept] for name, column in zip(names, columns, strict=True)}

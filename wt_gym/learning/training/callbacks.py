@@ -1,0 +1,265 @@
+"""What happens at every step of a training: curve, figures, checkpoints, evaluation, and reasons to stop."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
+
+from wt_gym.envs.options import registered_arguments
+from wt_gym.runs.progress import ProgressLine, clock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from types import FrameType
+
+    from wt_gym.learning.training.config import TrainingConfig
+    from wt_gym.learning.training.selection import SelectionEvaluation
+
+__all__ = ["Checkpoints", "EpisodeFigures", "Evaluations", "StopRequest", "Watch", "stop_on_signals"]
+
+
+class StopRequest:
+    """Whether somebody asked the training to stop, and by which signal."""
+
+    signal_number: int | None = None
+
+    @property
+    def name(self) -> str | None:
+        """Name of the signal."""
+        return None if self.signal_number is None else signal.Signals(self.signal_number).name
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[StopRequest]:
+    """Turn SIGINT (Ctrl-C) and SIGTERM into a request; the second one ends the program as usual.
+
+    Signals reach the main thread alone: in another one nothing is changed.
+    """
+    request = StopRequest()
+    if threading.current_thread() is not threading.main_thread():
+        yield request
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in numbers}
+
+    def ask(number: int, _frame: FrameType | None) -> None:
+        request.signal_number = number
+        for each in numbers:
+            signal.signal(each, before[each])
+
+    for number in numbers:
+        signal.signal(number, ask)
+    try:
+        yield request
+    finally:
+        for number in numbers:
+            signal.signal(number, before[number])
+
+
+class Watch(BaseCallback):
+    """Keeps the learning curve, shows progress and stops at the time limit or when asked to.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+    control_dt : float
+        [s].
+    curve : dict of list
+        Continued from what it holds.
+    stop : StopRequest
+    shown : bool
+        Show progress.
+    """
+
+    def __init__(
+        self, config: TrainingConfig, control_dt: float, curve: dict[str, list[Any]], stop: StopRequest, shown: bool
+    ):
+        super().__init__()
+        self._config, self._control_dt, self._stop = config, control_dt, stop
+        self._relative = bool(registered_arguments(config.env_id, config.env_kwargs).get("relative_reward"))
+        self._line, self._started, self._first_step = ProgressLine(shown), time.monotonic(), 0
+        self.curve, self.ended = curve, "finished"
+
+    @property
+    def seconds(self) -> float:
+        """Time since the start [s]."""
+        return time.monotonic() - self._started
+
+    def _on_training_start(self) -> None:
+        self._first_step = self.num_timesteps
+
+    def _on_step(self) -> bool:
+        for info in self.locals["infos"]:
+            if "episode" in info:
+                self.curve["steps"].append(int(self.num_timesteps))
+                self.curve["episode_return"].append(float(info["episode"]["r"]))
+                self.curve["episode_length"].append(float(info["episode"]["l"]) * self._control_dt)
+        self._line.show(self.text)
+        limit = self._config.max_seconds
+        if self._stop.signal_number is not None:
+            self.ended = "interrupted"
+        elif limit is not None and self.seconds >= limit:
+            self.ended = "time limit"
+        return self.ended == "finished"
+
+    def text(self) -> str:
+        """Describe the state of the training."""
+        limit, seconds = self._config.max_seconds, self.seconds
+        recent = self.curve["episode_return"][-10:]
+        returns = f"mean return of the last {len(recent)} {np.mean(recent):.1f}" if recent else "none finished yet"
+        if recent and self._relative:
+            returns += " (0: as the base controller alone)"
+        rate = (self.num_timesteps - self._first_step) / max(seconds, 1e-9)
+        return (
+            f"training {self.num_timesteps} of about {self._config.total_steps} steps, {clock(seconds)}"
+            f"{f' of {clock(limit)}' if limit is not None else ''} min, {rate:.0f}"
+            f" steps/s, {len(self.curve['steps'])} episodes, {returns}"
+        )
+
+    def finish(self) -> None:
+        """Show the last line."""
+        self._line.show(self.text(), final=True)
+
+
+class EpisodeFigures(BaseCallback):
+    """Gives the logger, and so TensorBoard, what the environment tells of its episodes, means since the last writing.
+
+    ``episode/``: return, length [s], mean power [MW], highest rotor speed [rad/s], least tip clearance [m], share of
+    terminated episodes; ``reward/``: each term, summed over an episode.
+    """
+
+    def _on_training_start(self) -> None:
+        self._episodes: list[dict[str, Any]] = [_new_episode() for _ in range(self.training_env.num_envs)]
+
+    def _on_step(self) -> bool:
+        for i, info in enumerate(self.locals["infos"]):
+            episode = self._episodes[i]
+            episode["power"].append(info["generator_power"])
+            episode["speed"] = max(episode["speed"], info["rotor_speed_max"])
+            episode["clearance"] = min(episode["clearance"], info["tip_clearance_min"])
+            for name, value in info["reward_terms"].items():
+                episode["terms"][name] = episode["terms"].get(name, 0.0) + value
+            if "episode" in info:
+                self._write(episode, info)
+                self._episodes[i] = _new_episode()
+        return True
+
+    def _write(self, episode: dict[str, Any], info: dict[str, Any]) -> None:
+        """Hand an episode to the logger."""
+        figures = {
+            "episode/return": info["episode"]["r"],
+            "episode/length_s": info["time"],
+            "episode/mean_power_mw": 1e-6 * float(np.mean(episode["power"])),
+            "episode/rotor_speed_max": episode["speed"],
+            "episode/tip_clearance_min": episode["clearance"],
+            "episode/terminated": float("termination" in info),
+        } | {f"reward/{name}": value for name, value in episode["terms"].items()}
+        for name, value in figures.items():
+            self.logger.record_mean(name, value)
+
+
+def _new_episode() -> dict[str, Any]:
+    return {"power": [], "speed": 0.0, "clearance": float("inf"), "terms": {}}
+
+
+class Checkpoints(BaseCallback):
+    """Saves by steps and by time, whichever comes first.
+
+    Parameters
+    ----------
+    steps : int
+        Between two of them.
+    minutes : float
+        Wall time between two of them; 0: only steps count.
+    save : callable
+        Called without arguments.
+    """
+
+    def __init__(self, steps: int, minutes: float, save: Callable[[], None]):
+        super().__init__()
+        self._steps, self._seconds, self._save = steps, 60.0 * minutes, save
+        self._last_time = time.monotonic()
+
+    def _on_training_start(self) -> None:
+        self._next = self._steps * (self.num_timesteps // self._steps + 1)
+
+    def _on_step(self) -> bool:
+        by_time = self._seconds > 0.0 and time.monotonic() - self._last_time >= self._seconds
+        if self.num_timesteps >= self._next or by_time:
+            self._save()
+            self._last_time = time.monotonic()
+            self._next = self._steps * (self.num_timesteps // self._steps + 1)
+        return True
+
+
+class Evaluations(BaseCallback):
+    """Evaluates the policy every so many steps, keeps the curve and the best model.
+
+    Parameters
+    ----------
+    every : int
+        Steps.
+    evaluation : SelectionEvaluation
+    agent : callable
+        Gives the agent to evaluate.
+    curve : dict of list
+        Continued from what it holds.
+    save_best : callable
+        Called without arguments where the return is the highest so far.
+    report : callable, optional
+        Called with steps and figures; training stops where it gives False.
+    """
+
+    def __init__(
+        self,
+        every: int,
+        evaluation: SelectionEvaluation,
+        agent: Callable[[], Any],
+        curve: dict[str, list[Any]],
+        save_best: Callable[[], None],
+        report: Callable[[int, dict[str, Any]], bool] | None = None,
+    ):
+        super().__init__()
+        self._every, self._evaluation, self._agent, self.curve = every, evaluation, agent, curve
+        self._save_best, self._report = save_best, report
+
+    @property
+    def best(self) -> dict[str, Any] | None:
+        """Steps and figures of the best model so far."""
+        if not self.curve["steps"]:
+            return None
+        row = int(np.argmax(self.curve["episode_return"]))
+        return {name: values[row] for name, values in self.curve.items()}
+
+    def _on_training_start(self) -> None:
+        self._next = self._every * (self.num_timesteps // self._every + 1)
+
+    def _on_step(self) -> bool:
+        if self.num_timesteps < self._next:
+            return True
+        self._next = self._every * (self.num_timesteps // self._every + 1)
+        return self.evaluate()
+
+    def evaluate(self) -> bool:
+        """Evaluate now; whether training continues."""
+        figures = self._evaluation(self._agent())
+        steps = int(self.model.num_timesteps)
+        for name, value in {"steps": steps, **figures}.items():
+            self.curve[name].append(value)
+        for name, value in figures.items():
+            if value is not None:
+                self.logger.record(f"evaluation/{name}", value)
+        if cast("dict[str, Any]", self.best)["steps"] == steps:
+            self._save_best()
+        return self._report is None or self._report(steps, figures)
+
+    def finish(self) -> None:
+        """Evaluate the last policy, unless that has been done."""
+        if self.curve["steps"][-1:] != [int(self.model.num_timesteps)]:
+            self.evaluate()

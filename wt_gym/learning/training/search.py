@@ -1,0 +1,251 @@
+"""Search of hyperparameters with Optuna: trainings judged against the baseline controller in other winds.
+
+The winds are those by which a training chooses its best model (`SELECTION_WIND_SEEDS`). The study lives in the folder
+and resumes there; what it has found is a YAML file that training takes.
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from wt_gym.base.files import json_values, write_text_whole
+from wt_gym.experiment.run_folder import RunFolder
+from wt_gym.learning.train import train
+from wt_gym.learning.training.callbacks import stop_on_signals
+from wt_gym.learning.training.hyperparameters import replaced
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import optuna
+
+    from wt_gym.learning.training.callbacks import StopRequest
+    from wt_gym.learning.training.config import TrainingConfig
+
+__all__ = ["BEST_FILE", "SPACES", "Choice", "Range", "check_search", "search", "tried", "write_best"]
+
+BEST_FILE = "best.yml"
+_STORAGE = "search.db"
+
+
+@dataclass(frozen=True)
+class Range:
+    """Numbers from ``low`` to ``high``, evenly in themselves or in their logarithm."""
+
+    low: float
+    high: float
+    log: bool = False
+
+    def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
+        """Value of a trial."""
+        kind: Callable[..., Any] = trial.suggest_int if isinstance(self.low, int) else trial.suggest_float
+        return kind(name, self.low, self.high, log=self.log)
+
+    def key(self, value: Any) -> Any:
+        """What Optuna knows a value by, None if it is outside."""
+        return value if isinstance(value, int | float) and self.low <= value <= self.high else None
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of several values."""
+
+    values: tuple[Any, ...]
+
+    def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
+        """Value of a trial; Optuna keeps texts, not lists."""
+        return json.loads(trial.suggest_categorical(name, [json.dumps(value) for value in self.values]))
+
+    def key(self, value: Any) -> Any:
+        """What Optuna knows a value by, None if it is outside."""
+        return json.dumps(value) if value in self.values else None
+
+
+_SHARED: dict[str, Range | Choice] = {
+    "learning_rate": Range(1e-5, 3e-3, log=True),
+    "gamma": Choice((0.95, 0.97, 0.98, 0.99, 0.995)),
+    "net_arch": Choice(([64, 64], [128, 128], [256, 256])),
+}
+_OFF_POLICY: dict[str, Range | Choice] = _SHARED | {
+    "batch_size": Choice((128, 256, 512)),
+    "learning_starts": Choice((1000, 2000, 5000, 10_000)),
+    "tau": Range(0.001, 0.05, log=True),
+    "update_every": Choice((1, 4, 8, 16, 32)),  # the updates keep pace with it: gradient_steps is -1
+}
+SPACES: dict[str, dict[str, Range | Choice]] = {
+    "PPO": _SHARED
+    | {
+        "rollout_steps": Choice((512, 1024, 2048, 4096)),
+        "batch_size": Choice((64, 128, 256, 512)),
+        "n_epochs": Range(3, 15),
+        "gae_lambda": Range(0.85, 1.0),
+        "clip_range": Range(0.1, 0.4),
+        "ent_coef": Range(1e-7, 1e-2, log=True),
+        "log_std_init": Range(-2.5, 0.0),
+    },
+    "SAC": _OFF_POLICY,
+    "TQC": _OFF_POLICY | {"top_quantiles_to_drop_per_net": Range(0, 6)},
+}
+"""What is searched, by algorithm."""
+
+
+class _Interrupted(Exception):
+    """Somebody asked to stop in the middle of a trial."""
+
+
+def check_search(config: TrainingConfig, trials: int) -> None:
+    """Refuse a search that has nothing to try or nothing to compare.
+
+    Raises
+    ------
+    ValueError
+    """
+    if not 1 <= trials <= 100_000:
+        raise ValueError(f"the number of trials must be from 1 to 100000, got {trials}")
+    if not config.eval_every:
+        raise ValueError("eval_every of a search must be above 0, which compares evaluations; got 0")
+
+
+def tried(config: TrainingConfig, hyperparameters: dict[str, Any]) -> TrainingConfig:
+    """Configuration of a trial."""
+    return replace(config, hyperparameters=replaced(config.resolved, hyperparameters))
+
+
+def write_best(
+    config: TrainingConfig, folder: Path, hyperparameters: dict[str, Any], value: float, ended: int
+) -> dict[str, Any]:
+    """Write the hyperparameters of the best trial as training takes them, and give them."""
+    whole = replaced(config.resolved, hyperparameters)
+    values = {name: list(entry) if isinstance(entry, tuple) else entry for name, entry in whole.items()}
+    text = (
+        f"# {config.algorithm}: best of {ended} trials of {config.total_steps} steps, return against the baseline's "
+        f"{value:+.2f}\n" + yaml.safe_dump({config.env_id: values}, sort_keys=False, default_flow_style=None)
+    )
+    write_text_whole(folder / BEST_FILE, text)
+    return values
+
+
+def search(
+    config: TrainingConfig, folder: str | Path, trials: int, progress: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """Search the hyperparameters of the highest return against the baseline's at the end of a training.
+
+    The first trial are the present hyperparameters, where they lie in the search space. Trials that lag behind the
+    others are ended early.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+        Of every trial, except for what is searched.
+    folder : str or path
+        Gets the study ``search.db``, a folder for each trial and ``best.yml``; a study that is there resumes.
+    trials : int
+        Altogether, with those of earlier sessions.
+    progress : callable, optional
+        Called with a line after every trial.
+
+    Returns
+    -------
+    dict
+        ``status`` ("finished" or "interrupted"), ``stopped_by``, ``best`` (hyperparameters), ``value`` and ``trials``,
+        the number of those that have ended.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to compare trials by, or the study in the folder belongs to another configuration.
+    """
+    import optuna  # in the extra "tune"
+
+    check_search(config, trials)
+    space = SPACES[config.algorithm]
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    with RunFolder(folder) as run, stop_on_signals() as stop:
+        study = optuna.create_study(
+            storage=f"sqlite:///{(run.path / _STORAGE).absolute()}",
+            study_name="search",
+            direction="maximize",
+            sampler=optuna.samplers.TPESampler(seed=config.seed),
+            pruner=optuna.pruners.MedianPruner(n_startup_trials=5, n_warmup_steps=config.total_steps // 3),
+            load_if_exists=True,
+        )
+        _claim(study, config)
+        if not _ended(study):
+            keys = {name: part.key(config.resolved.get(name)) for name, part in space.items()}
+            study.enqueue_trial({name: key for name, key in keys.items() if key is not None})
+
+        def value(trial: optuna.Trial) -> float:
+            return _run_trial(trial, config, run.path, stop)
+
+        def note(study: optuna.Study, trial: optuna.trial.FrozenTrial) -> None:
+            if progress is not None:
+                result = trial.state.name.lower() if trial.value is None else f"return {trial.value:+.2f}"
+                progress(f"trial {trial.number}: {result} with {trial.params}")
+            _write_best(study, config, run.path)
+            if stop.signal_number is not None:
+                study.stop()
+
+        # an interrupted trial counts as failed
+        with suppress(_Interrupted):
+            study.optimize(value, n_trials=max(0, trials - _ended(study)), callbacks=[note])
+        best = _write_best(study, config, run.path)
+        return {
+            "status": "finished" if _ended(study) >= trials else "interrupted",
+            "stopped_by": stop.name if _ended(study) < trials else None,
+            "best": best,
+            "value": study.best_value if best else None,
+            "trials": _ended(study),
+        }
+
+
+def _claim(study: optuna.Study, config: TrainingConfig) -> None:
+    """Keep the configuration with the study, or refuse another one."""
+    given = json_values(config.with_hyperparameters().to_json())
+    kept = study.user_attrs.setdefault("config", given)
+    if kept != given:
+        changed = [name for name in given if kept.get(name) != given[name]]
+        raise ValueError(f"the configuration must be that of the search in this folder, got other {', '.join(changed)}")
+    study.set_user_attr("config", given)
+
+
+def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: StopRequest) -> float:
+    """Train with the hyperparameters of a trial; give the return against the baseline's of the last evaluation."""
+    import optuna
+
+    def keep(steps: int, figures: dict[str, Any]) -> bool:
+        trial.report(figures["episode_return"], steps)
+        return not trial.should_prune()
+
+    its_config = tried(config, _hyperparameters(trial, config.algorithm))
+    record = train(
+        its_config, folder / f"trial-{trial.number}", on_evaluation=keep, overwrite=True, progress=False, stop=stop
+    )
+    if record["status"] == "interrupted":
+        raise _Interrupted
+    if record["status"] == "stopped":
+        raise optuna.TrialPruned
+    return float(record["evaluation"]["curve"]["episode_return"][-1])
+
+
+def _hyperparameters(trial: optuna.Trial | optuna.trial.FrozenTrial, algorithm: str) -> dict[str, Any]:
+    """Hyperparameters of a trial."""
+    return {name: part.suggest(trial, name) for name, part in SPACES[algorithm].items()}
+
+
+def _ended(study: optuna.Study) -> int:
+    """Number of trials with a result, those that were ended early among them."""
+    return sum(trial.state.name in ("COMPLETE", "PRUNED") for trial in study.trials)
+
+
+def _write_best(study: optuna.Study, config: TrainingConfig, folder: Path) -> dict[str, Any] | None:
+    """Write the hyperparameters of the best trial as training takes them; None before there is one."""
+    if not any(trial.state.name == "COMPLETE" for trial in study.trials):
+        return None
+    found = _hyperparameters(study.best_trial, config.algorithm)
+    return write_best(config, folder, found, study.best_value, _ended(study))

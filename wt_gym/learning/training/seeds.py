@@ -1,0 +1,180 @@
+"""The same training with several seeds, one after another, and what they have in common."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.base.files import write_text_whole
+from wt_gym.experiment.run_folder import SEEDS_FILE, RunFolder, read_plan, seed_folder
+from wt_gym.learning.train import resume, train
+from wt_gym.learning.training.callbacks import stop_on_signals
+from wt_gym.learning.training.config import TrainingConfig
+from wt_gym.learning.training.selection import FIGURES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from wt_gym.learning.training.callbacks import StopRequest
+    from wt_gym.learning.training.learners import Learner
+
+__all__ = ["resume_seeds", "seeds_table", "train_seeds"]
+
+_RECENT = 10  # episodes
+
+
+def train_seeds(
+    config: TrainingConfig,
+    folder: str | Path,
+    seeds: Iterable[int],
+    *,
+    overwrite: bool = False,
+    progress: bool = True,
+    learner: Learner | None = None,
+) -> dict[str, Any]:
+    """Train with every seed, each in a folder ``seed-<n>`` of its own.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+        Its own seed does not matter.
+    folder : str or path
+        Gets the folders and ``seeds.json``: seeds, configuration and, in the end, the summary.
+    seeds : iterable of int
+    overwrite, progress, learner
+        As `wt_gym.learning.train.train`.
+
+    Returns
+    -------
+    dict
+        ``status`` ("finished" or "interrupted"), ``stopped_by`` and ``runs``, a row for each seed that was trained.
+
+    Raises
+    ------
+    ValueError
+        If there are no seeds, one stands twice, or the folder holds a training already.
+    """
+    seeds, folder = list(seeds), Path(folder)
+    if not seeds or len(set(seeds)) < len(seeds):
+        raise ValueError(f"seeds must be given and differ from each other, got {seeds}")
+    configs = [replace(config, seed=seed) for seed in seeds]  # refuses a bad one before the first is trained
+    with RunFolder(folder) as run, stop_on_signals() as stop:
+        run.refuse_used(overwrite)
+        for seed in seeds:  # now, not when its turn comes
+            RunFolder(seed_folder(folder, seed)).refuse_used(overwrite)
+        run.clear()
+        plan = {"seeds": seeds, "config": config.with_hyperparameters().to_json()}
+        _write(folder, plan)
+        records = (
+            train(c, seed_folder(folder, c.seed), overwrite=overwrite, progress=progress, stop=stop, learner=learner)
+            for c in configs
+        )
+        return _collect(folder, plan, seeds, records, stop)
+
+
+def resume_seeds(
+    folder: str | Path,
+    *,
+    total_steps: int | None = None,
+    max_seconds: float | None = None,
+    progress: bool = True,
+    learner: Learner | None = None,
+) -> dict[str, Any]:
+    """Resume `train_seeds` where it was stopped: with the seed it was at, then with those that have not begun.
+
+    Parameters
+    ----------
+    folder, total_steps, max_seconds, progress, learner
+        As `wt_gym.learning.train.resume`; new limits hold for every seed, from now on.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder holds no training of several seeds.
+    ValueError
+        If a file is damaged.
+    """
+    folder = Path(folder)
+    plan = read_plan(folder)
+    seeds, config = plan["seeds"], TrainingConfig.from_json(plan["config"])
+    changes: dict[str, Any] = {"total_steps": total_steps, "max_seconds": max_seconds}
+    config = replace(config, **{name: value for name, value in changes.items() if value is not None})
+    plan["config"] = config.to_json()
+
+    def resume_seed(seed: int, stop: StopRequest) -> dict[str, Any]:
+        run = RunFolder(seed_folder(folder, seed))
+        record = run.record() if run.model.exists() else None  # none: stopped by force before anything was saved
+        if record is None or not config.continues(record.get("config")):
+            fresh = replace(config, seed=seed)
+            return train(fresh, run.path, overwrite=True, progress=progress, stop=stop, learner=learner)
+        if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
+            return record
+        limits: dict[str, Any] = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
+        return resume(run.path, **limits, progress=progress, stop=stop, learner=learner)
+
+    with RunFolder(folder), stop_on_signals() as stop:
+        _write(folder, plan)  # the next one to resume has these limits, however this ends
+        return _collect(folder, plan, seeds, (resume_seed(seed, stop) for seed in seeds), stop)
+
+
+def seeds_table(runs: list[dict[str, Any]]) -> list[str]:
+    """Lines of a table: each seed's best model, and mean and standard deviation over the seeds."""
+    lines = ["seed   steps  return  best: steps  return   power  flap DEL   (against the baseline, other winds)"]
+    for run in runs:
+        best = run["best"] or {}
+        lines.append(
+            f"{run['seed']:4d} {run['steps']:7d} {_text(run['recent_return'], '7.1f')}"
+            f" {_text(best.get('steps'), '12d')} {_text(best.get('episode_return'), '+7.2f')}"
+            f" {_text(best.get('mean_power'), '+7.2%')} {_text(best.get('blade_flap_del'), '+9.1%')}"
+        )
+    for name, pattern in (("episode_return", "+.2f"), ("mean_power", "+.2%"), ("blade_flap_del", "+.1%")):
+        values = [run["best"][name] for run in runs if run["best"] and run["best"][name] is not None]
+        if len(values) > 1:
+            mean, deviation = np.mean(values), np.std(values, ddof=1)
+            lines.append(f"{FIGURES[name]}: {mean:{pattern}}, standard deviation {deviation:{pattern[1:]}}")
+    return lines
+
+
+def _text(value: float | None, pattern: str) -> str:
+    """A number, or a dash of the same width where there is none."""
+    width = int(pattern.lstrip("+").split(".")[0].rstrip("d"))
+    return f"{value:{pattern}}" if value is not None else "-".rjust(width)
+
+
+def _write(folder: Path, plan: dict[str, Any]) -> None:
+    text = json.dumps(plan, indent=1, default=str) + "\n"
+    write_text_whole(folder / SEEDS_FILE, text)
+
+
+def _collect(
+    folder: Path, plan: dict[str, Any], seeds: list[int], records: Iterable[dict[str, Any]], stop: StopRequest
+) -> dict[str, Any]:
+    """Run through the trainings until somebody asks to stop; keep and give the summary."""
+    runs = []
+    for seed, record in zip(seeds, records, strict=True):
+        evaluation, recent = record["evaluation"] or {}, record["curve"]["episode_return"][-_RECENT:]
+        runs.append(
+            {
+                "seed": seed,
+                "status": record["status"],
+                "steps": record["steps"],
+                "recent_return": float(np.mean(recent)) if recent else None,
+                "best": evaluation.get("best"),
+            }
+        )
+        if stop.signal_number is not None:
+            break
+    interrupted = len(runs) < len(seeds) or runs[-1]["status"] == "interrupted"
+    if not interrupted:
+        RunFolder(folder).remove_recordings()
+    summary = {
+        "status": "interrupted" if interrupted else "finished",
+        "stopped_by": stop.name if interrupted else None,
+        "runs": runs,
+    }
+    _write(folder, {**plan, "summary": summary})
+    return summary
