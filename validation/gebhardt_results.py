@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
+
 from validation.gebhardt_wind import boundary_layer
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator
 from wt_gym.turbines.catalogue import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine

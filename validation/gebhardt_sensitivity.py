@@ -6,8 +6,8 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-
 from validation.case import CaseResult, Check, Curve, Figure, case
+
 from validation.gebhardt_results import (
     GEBHARDT,
     LATTICE,

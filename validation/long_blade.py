@@ -10,10 +10,10 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.exact_rod import BarChain, exact_rod
 from validation.tree_tools import ChainPoints, static_balance
+
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodyError, MultibodySystem
 from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.coordinates import ALL_DOFS

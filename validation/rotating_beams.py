@@ -7,9 +7,9 @@ A beam clamped to a hub that turns at constant speed about x: flap is motion alo
 from __future__ import annotations
 
 import numpy as np
-
 from validation.case import CaseResult, Check, Curve, Figure, case, worst
 from validation.tree_tools import frequencies, rate_jacobian, read_table
+
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.tree_tools import body_pose, frequencies, static_balance
+
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.coordinates import body_from_beam, circular_sections

@@ -6,7 +6,7 @@ import pytest
 from turbine_contract import both_checkers_are_content, random_episode, snapshot_repeats
 
 import wt_gym  # noqa: F401 - registers the environments
-from validation.gebhardt_wind import boundary_layer
+from envs_tests.physics.cases.gebhardt import boundary_layer
 from wt_gym.base.errors import ActionError, InflowError, TurbineDefinitionError
 from wt_gym.control import operating_point
 from wt_gym.control.rotor_table import rotor_table

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.gebhardt_results import RPM, make_simulator, published, simulate
-from validation.gebhardt_wind import boundary_layer
+from envs_tests.physics.cases.gebhardt import RPM, boundary_layer, make_simulator, published, simulate
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines.catalogue import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine

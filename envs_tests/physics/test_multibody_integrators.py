@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from validation.integrators import (
+from envs_tests.physics.cases.mechanisms import (
     HAMMING_TABLE,
     amplification,
     oscillator,

@@ -412,7 +412,7 @@ FIDELITIES = {
     ),
     "gebhardt": GEBHARDT,
     # the same with all that the paper names: wakes from trailing edges and tips, tower and nacelle as closed bodies,
-    # the ground, in a flow without viscosity; the loads are Joukowski's, see validation/gebhardt_full.py
+    # the ground, in a flow without viscosity; the loads are Joukowski's, see the case gebhardt-2012-full
     "gebhardt-full": replace(
         GEBHARDT,
         name="gebhardt-full",
