@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
-BASE = frozenset({"base", "deprecated", "tasks", "turbine_records"})
+BASE = frozenset({"base", "tasks", "turbine_records"})
 """Modules beside the rooms, which any room may use and which use none."""
 
 KNOWS = {

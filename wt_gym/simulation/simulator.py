@@ -11,7 +11,6 @@ import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.base.errors import ActionError, InflowError, SimulationError
-from wt_gym.deprecated import renamed_arguments
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
@@ -187,7 +186,6 @@ class Simulator:
         values, n_blades = self._measurement.values, self.turbine.n_blades
         return Signals(values * parities(n_blades) if self.mirrored else values.copy(), n_blades)
 
-    @renamed_arguments(thrust_before="wake_thrust")  # rename: keep
     def reset(
         self,
         rotor_speed: float,
@@ -267,7 +265,6 @@ class Simulator:
         self._measure()
         return self.signals
 
-    @renamed_arguments(go_on="accumulate")  # rename: keep
     def advance(
         self,
         duration: float,
