@@ -59,7 +59,7 @@ def write_record(record: dict, path: Path = RECORD) -> None:
 def run(names: list[str], folder: Path, overwrite: bool) -> None:
     """Measure tasks and keep the figures of each as soon as it is done."""
     import wt_gym
-    from validation.record import source_commit
+    from envs_tests.physics.validation import source_commit
     from wt_gym.experiment.task_scores import STUDIES, measure
 
     commit, started = source_commit(RECORD), time.process_time()

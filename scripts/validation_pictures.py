@@ -73,7 +73,7 @@ def curves_of(result):
     """Figures of a case as plain data: few points, four digits."""
     import numpy as np
 
-    from validation.case import Figure
+    from envs_tests.physics.validation import Figure
 
     figures = {}
     for title, figure in result.figures.items():
@@ -91,7 +91,7 @@ def curves_of(result):
 
 def run(names, path):
     """Run cases and keep their curves, each when it is done."""
-    from validation.case import load_cases, run_case
+    from envs_tests.physics.validation import load_cases, run_case
 
     known = load_cases()
     for name in names:
@@ -198,7 +198,7 @@ def margin(case):
     A bound that is missed counts as 1 and by how much, in parts of the bound or of the width of the interval; a sign
     that is missed as 2.
     """
-    from validation.case import bounds_of
+    from envs_tests.physics.validation import bounds_of
 
     worst = None
     for check in case["checks"]:
@@ -264,7 +264,7 @@ def draw(folder):
     """Draw all pictures whose data are there; gives their paths."""
     import matplotlib as mpl
 
-    from validation.record import read_record
+    from envs_tests.physics.validation import read_record
     from wt_gym.base.picture_style import SVG
 
     written, figures = [], {}

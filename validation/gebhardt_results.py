@@ -19,11 +19,11 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
+
 from validation.gebhardt_wind import boundary_layer
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator
-from wt_gym.turbines.gebhardt_turbine import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
+from wt_gym.turbines.catalogue import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
 
 GEBHARDT = "Gebhardt, Preidikman, Jørgensen & Massa 2012, Int. J. Hydrogen Energy 37, 14719–14724"
 RPM = np.pi / 30.0

@@ -6,8 +6,8 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-
 from validation.case import CaseResult, Check, Curve, Figure, case
+
 from validation.gebhardt_results import (
     GEBHARDT,
     LATTICE,
@@ -18,7 +18,7 @@ from validation.gebhardt_results import (
     simulate,
     tower_statements,
 )
-from wt_gym.turbines.gebhardt_turbine import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
+from wt_gym.turbines.catalogue import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
 
 SPEEDS = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.4, 9.0, 11.5, 14.0])
 """Rotor speeds of the torque balance [rpm]."""

@@ -1,6 +1,6 @@
 """Wind of the operating points of Gebhardt et al. 2012."""
 
-from wt_gym.turbines.gebhardt_turbine import gebhardt_data
+from wt_gym.turbines.catalogue import gebhardt_data
 from wt_gym.wind import SteadyInflow
 
 __all__ = ["boundary_layer"]

@@ -12,12 +12,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.mixed_coordinates import NADA, crossing_frequency, oscillation, rig
+
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.nada_turbine import nada_speed
+from wt_gym.turbines.catalogue import nada_speed
 from wt_gym.wind import SteadyInflow
 
 BEFORE, SLOW = 7.0, 150.0

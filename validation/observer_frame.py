@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import eigh
-
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.tree_tools import read_table
+
 from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator, ObserverFrameSystem, Substructure
 from wt_gym.structure.beam import Beam, BeamSections
-from wt_gym.turbines.beam import inertia_matrix
+from wt_gym.turbines.blade import inertia_matrix
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

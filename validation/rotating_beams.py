@@ -7,14 +7,14 @@ A beam clamped to a hub that turns at constant speed about x: flap is motion alo
 from __future__ import annotations
 
 import numpy as np
-
 from validation.case import CaseResult, Check, Curve, Figure, case, worst
 from validation.tree_tools import frequencies, rate_jacobian, read_table
+
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes
-from wt_gym.turbines.beam import inertia_matrix
+from wt_gym.turbines.blade import inertia_matrix
 
 LENGTH, EI, MASS = 10.0, 1.4e4, 1.2
 UNIT = np.sqrt(MASS * LENGTH**4 / EI)

@@ -11,7 +11,7 @@ from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.rotor_table import blade_element_table, rotor_table
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.control_data import ControlData
+from wt_gym.turbines.model import ControlData
 
 
 def bare(name):

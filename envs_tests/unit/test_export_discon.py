@@ -23,7 +23,7 @@ from wt_gym.control.controllers.controller import lidar_of
 from wt_gym.control.optimal.design_file import LinearDesign, save_design
 from wt_gym.deployment.export.controller_parts import controller_parts
 from wt_gym.deployment.export.discon import export_discon
-from wt_gym.deployment.export.parameters import PARAMETERS
+from wt_gym.deployment.export.source import PARAMETERS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.catalogue import turbine_file
 

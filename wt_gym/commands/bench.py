@@ -26,7 +26,6 @@ import sys
 import tempfile
 import time
 from contextlib import suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.base.errors import did_you_mean
@@ -391,46 +390,6 @@ def measure_turbulence(fidelity: str, wall: float) -> dict[str, Any]:
     return {"box_s": {name: seconds(name) for name in ("nrel_5mw", "iea_15mw", "iea_22mw")}}
 
 
-def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
-    """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
-    from validation import mixed_coordinates, observer_frame
-    from wt_gym.multibody.system import HammingIntegrator
-    from wt_gym.simulation import FIDELITIES, Simulator
-    from wt_gym.wind import SteadyInflow
-
-    figures = {}
-    for form in ("embedded", "constrained"):
-        chosen = replace(FIDELITIES[fidelity], formulation=form)
-        simulator = Simulator("nrel_5mw", SteadyInflow(12.0), chosen)
-        simulator.reset(rotor_speed=1.267, pitch=0.07)
-        integrator = HammingIntegrator(simulator.structure.system, 0.01)
-        integrator.start(simulator.coupling.integrator.state.copy())
-        figures[f"turbine, {form}"] = structural_cost(integrator, wall / 5)
-    small = mixed_coordinates.small_turbine(speed=mixed_coordinates.Disc().speed)
-    integrator = HammingIntegrator(small.system, mixed_coordinates.STEP)
-    integrator.start(small.start)
-    figures["mixed coordinates"] = structural_cost(integrator, wall / 5)
-    load = observer_frame.ramp(observer_frame.FLAP_LOAD, observer_frame.edge_load()[0], 3.0)
-    for label, n_modes in (("finite elements", None), ("16 modes", 16)):
-        integrator = observer_frame.rotor(load, "undeformed", n_modes=n_modes)
-        figures[f"observer frame, {label}"] = structural_cost(integrator, wall / 5)
-    return {"structural": figures}
-
-
-def structural_cost(integrator: Any, wall: float, n: int = 20) -> dict[str, Any]:
-    """Unknowns of a system and the cost of a step, from calls of a few milliseconds that are seldom interrupted."""
-    system = integrator.system
-    step = best_of(lambda: integrator.advance(n), wall, most=500) / n * 1e6
-    if hasattr(system, "n_u"):
-        unknowns = {"velocities": system.n_u, "multipliers": system.n_constraints}
-        return unknowns | {"step_us": step, "rhs_us": step / (integrator.n_corrections + 1)}
-    return {
-        "velocities": sum(body.n for body in system.bodies),
-        "multipliers": len(integrator.state.multiplier),
-        "step_us": step,
-    }
-
-
 def best_of(call: Callable[[], object], wall: float, most: float = float("inf")) -> float:
     """Shortest time of a call within a wall time [s] and a number of calls."""
     call()
@@ -451,7 +410,6 @@ WORKERS = {
     "outside": measure_outside,
     "start": measure_start,
     "threads": measure_threads,
-    "structures": measure_structures,
     "turbulence": measure_turbulence,
     "vector": measure_vector,
 }
@@ -551,14 +509,8 @@ def measure(arguments: argparse.Namespace) -> None:
     figures["turbulence"] = in_process("turbulence", "training", wall)
     boxes = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in figures["turbulence"]["box_s"].items())
     print(f"turbulence box of 600 s:            {boxes}")
-    figures["kernels"] = in_process("structures", "training", wall) if IN_CLONE else {"structural": {}}
-    for form, cost in figures["kernels"]["structural"].items():
-        rhs = f", {cost['rhs_us']:5.2f} us per right-hand side" if "rhs_us" in cost else ""
-        print(
-            f"{form + ':':35s} {cost['step_us']:6.1f} us per structural step{rhs} "
-            f"({cost['velocities'] + cost['multipliers']} unknowns: "
-            f"{cost['velocities']} velocities, {cost['multipliers']} multipliers)"
-        )
+    structures = "bench_structures.py", "--seconds", str(wall)
+    figures["kernels"] = beside(*structures) if IN_CLONE else {"structural": {}}
     for fidelity in arguments.fidelity:
         figures[fidelity] = in_process("simulator", fidelity, wall) | in_process("environment", fidelity, wall)
         f = figures[fidelity]

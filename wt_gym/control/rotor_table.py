@@ -24,7 +24,7 @@ from wt_gym.base.user_cache import user_cache
 from wt_gym.control.design import fine_pitch
 from wt_gym.control.rotor import rotor_of
 from wt_gym.turbine_records import RECORDS
-from wt_gym.turbines.site import at_controller_density, without_site
+from wt_gym.turbines.model import at_controller_density, without_site
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from wt_gym.control.operating_point import OperatingPoint, operating_point
-from wt_gym.wind.protocol import start_speed
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine

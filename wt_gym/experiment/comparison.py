@@ -15,7 +15,6 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.base.options import check_duration
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
-from wt_gym.deprecated import renamed_names
 from wt_gym.envs.simulators import OWN, simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.names import RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
@@ -56,9 +55,6 @@ __all__ = [
     "run_cases",
     "table",
 ]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 COLUMNS = (
     ("mean_power", "power"),

@@ -21,7 +21,6 @@ from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.files import shipped_folder
 from wt_gym.base.ids import name_of
-from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_names
 from wt_gym.envs.options.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
 from wt_gym.experiment.comparison import half_width
@@ -92,7 +91,6 @@ class Part:
     arguments: dict[str, Any] = field(default_factory=dict)
 
 
-@renamed_arguments(contenders="agents")  # rename: keep
 @dataclass(frozen=True)
 class Study:
     """Agents in the winds of a task.
@@ -118,8 +116,6 @@ class Study:
     duration: float = 330.0
     skip: float = 30.0
     arguments: dict[str, dict[str, Any]] = field(default_factory=dict)
-
-    contenders = renamed_attribute("contenders", "agents")  # rename: keep
 
     @property
     def env_id(self) -> str:
@@ -274,7 +270,6 @@ STUDIES: dict[str, Study] = {
 """What the pages of the tasks show, by the name of the table."""
 
 
-@renamed_arguments(contender="agent", beneath="resting")  # rename: keep
 def agent_label(agent: str, resting: bool = False) -> str:
     """How an agent is called in a table."""
     if resting:
@@ -472,7 +467,3 @@ def _signed(value: float, digits: int, plus: bool = True) -> str:
     """Number with the minus sign of text; one that rounds to zero has no sign."""
     text = f"{value:+.{digits}f}" if plus else f"{value:.{digits}f}"
     return (text.lstrip("+-") if float(text) == 0.0 else text).replace("-", "−")
-
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)

@@ -31,7 +31,6 @@ from wt_gym.control.design import fine_pitch, rated_mechanical_power
 from wt_gym.control.operating_point import least_pitch, rotor_inertia
 from wt_gym.control.rotor_table import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.sensors import LowPass, Notch
-from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from typing import Any
@@ -425,7 +424,3 @@ class TsrTrackingController:
 
 def _times(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
-
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)

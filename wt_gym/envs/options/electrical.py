@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from wt_gym.base.options import Options, option, option_record
-from wt_gym.turbines.electrical import LONGEST_LAG
-from wt_gym.turbines.shaft_damper import STRONGEST
+from wt_gym.turbines.model import STRONGEST
+from wt_gym.turbines.variants import LONGEST_LAG
 
 __all__ = ["ElectricalOptions"]
 
 
 @option_record
 class ElectricalOptions(Options):
-    """Generator and converter, see `wt_gym.turbines.electrical`."""
+    """Generator and converter, see `wt_gym.turbines.variants`."""
 
     title = "electrical"
 

@@ -11,7 +11,7 @@ import numpy as np
 from wt_gym.base.errors import InflowError, did_you_mean
 from wt_gym.base.options import Options, not_empty, option, option_record, shown
 from wt_gym.wind import Inflow
-from wt_gym.wind.described import SUFFIXES, is_wind_path
+from wt_gym.wind.files import SUFFIXES, is_wind_path
 from wt_gym.wind.iec import REFERENCE_INTENSITY
 
 __all__ = [
