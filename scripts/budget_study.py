@@ -75,7 +75,7 @@ def environment(policy: str, agent: Path) -> Any:
     import wt_gym  # noqa: F401 - registers the environments
     from wt_gym.base.ids import present_id
     from wt_gym.envs import SafetyFilter
-    from wt_gym.envs.options.environment import registered_arguments
+    from wt_gym.envs.options import registered_arguments
     from wt_gym.experiment.trained_agent import RECORD_FILE, read_record
 
     config = read_record(agent / RECORD_FILE)["config"]
@@ -111,7 +111,7 @@ def play(policy: str, agent: Path, episode: int) -> dict[str, Any]:
         As JSON values.
     """
     from wt_gym.analysis.metrics import damage_equivalent_load
-    from wt_gym.envs.costs import violated
+    from wt_gym.envs.terminations import violated
 
     env, model = environment(policy, agent), loaded(agent)
     plain = env.unwrapped

@@ -12,7 +12,7 @@ from site_parts.markdown import first_sentence, table
 from wt_gym.base.options import options_of
 from wt_gym.envs import manual as manual_of_class
 from wt_gym.envs import rewards as terms
-from wt_gym.envs.options.environment import GROUPS, EnvOptions, argument_default
+from wt_gym.envs.options import GROUPS, EnvOptions, argument_default
 from wt_gym.tasks import TASKS
 
 _WIND = {

@@ -11,11 +11,10 @@ from wt_gym.base.errors import InflowError, WtGymError
 from wt_gym.base.options import check_flag, check_mapping, check_names, check_number, real_numbers
 from wt_gym.commands import evaluate
 from wt_gym.envs.options import env_arguments
-from wt_gym.envs.options.variation import CHOICES, RANGES
-from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.variation import CHOICES, RANGES
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.turbines import load_turbine
 
 JSON_VALUES = {

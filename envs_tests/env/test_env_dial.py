@@ -14,9 +14,8 @@ from wt_gym.analysis.summary import results_table
 from wt_gym.base.files import shipped_folder
 from wt_gym.deployment.export.openfast_flight import Scene, fly
 from wt_gym.envs import VectorReward, reward_store
-from wt_gym.envs.costs import Costs, violated
-from wt_gym.envs.dial import factor_of
-from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.dial import DIAL_NAMES, factor_of
+from wt_gym.envs.terminations import Costs, violated
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
@@ -165,7 +164,7 @@ def test_a_relative_reward_needs_one_record_for_all_dials(tmp_path, monkeypatch)
     for dial in ({"fatigue": 1.0}, {"fatigue": 4.0}):
         env = gym.make(DIAL, **arguments)
         found = run(env, 12, options={"start_number": 1, "dial": dial})
-        keys.add(env.unwrapped._twin.course.key)
+        keys.add(env.unwrapped.terms["twin"].course.key)
         paid.append([info["reward_terms"] for *_, info in found[1:]])
         env.close()
     assert len(keys) == 1

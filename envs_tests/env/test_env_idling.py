@@ -10,7 +10,7 @@ from scripted_simulator import ScriptedSimulator, scripted_signals, use
 from wt_gym.analysis.metrics import idle_sentence, idle_time
 from wt_gym.analysis.results import Wind
 from wt_gym.commands import benchmark, compare_controllers, evaluate, simulate
-from wt_gym.envs.idling import IDLE_POWER, LEAST_SPELL, IdleClock
+from wt_gym.envs.terminations import IDLE_POWER, LEAST_SPELL, IdleClock
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.evaluation_config import EvaluationConfig
 from wt_gym.experiment.loadcases.report import load_case_tables

@@ -15,21 +15,22 @@ from wt_gym.base.errors import InflowError
 from wt_gym.base.options import options_of
 from wt_gym.control import Lidar
 from wt_gym.control.controllers import FadeParameters, make_controller
+from wt_gym.envs.observations import ObservationOptions
 from wt_gym.envs.options import (
+    GROUPS,
     ActionOptions,
     ControllerOptions,
     EnvOptions,
-    LimitOptions,
-    ObservationOptions,
-    RewardOptions,
-    WindOptions,
+    argument_default,
     env_arguments,
     flat_arguments,
     registered_arguments,
+    with_whole_paths,
 )
-from wt_gym.envs.options.environment import GROUPS, argument_default
+from wt_gym.envs.rewards import RewardOptions
+from wt_gym.envs.terminations import LimitOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.envs.wind_sampler import WindOptions
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -215,7 +216,7 @@ def test_another_simulator_takes_the_place_of_the_own_one(monkeypatch):
     env = WindTurbineEnv(wind_speed=9.0, relative_reward=True, start="steady")
     env.reset(seed=0)
     env.step(np.zeros(3))
-    assert [env.simulator, env._twin.env.simulator] == made
+    assert [env.simulator, env.terms["twin"].env.simulator] == made
     wanted = {name for name in vars(TurbineSimulator) if not name.startswith("_")}
     assert wanted == {"reset", "advance", "state", "restore", "geometry"}
 

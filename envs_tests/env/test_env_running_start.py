@@ -12,7 +12,8 @@ from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing
 from wt_gym.control import Demand
 from wt_gym.control.controllers import DisconController, make_controller
 from wt_gym.control.controllers.memory import memory_of
-from wt_gym.envs import record_store, running_start
+from wt_gym.envs import episode_start, record_store
+from wt_gym.envs.episode_start import RunningStart
 from wt_gym.envs.record_store import (
     StartFile,
     digest_of_code,
@@ -23,7 +24,6 @@ from wt_gym.envs.record_store import (
 )
 from wt_gym.envs.recording import CATALOG
 from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, StartRecorder
-from wt_gym.envs.running_start import RunningStart
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import parities
 from wt_gym.turbines import load_turbine
@@ -199,7 +199,7 @@ def test_controllers_with_other_parameters_start_from_the_present_demand(turbine
 
 def test_a_turbine_without_a_record_starts_at_rest_and_says_so_once(caplog, monkeypatch, env):
     monkeypatch.setattr(record_store, "_heads", dict)
-    running_start._report_missing.cache_clear()
+    episode_start._report_missing.cache_clear()
     with caplog.at_level(logging.WARNING):
         for seed in range(2):
             begun(env, seed=seed)
@@ -342,7 +342,7 @@ def test_reward_filters_begin_with_running_means(env):
     env.reset(seed=3, options={"wind_seed": 5001, "time_offset": 80.0})
     term = next(term for term in env.reward_terms if term.name == "tower_side_side_fatigue")
     assert term._filter.mean != env.signals["tower_base_side_side_moment"]
-    assert isinstance(env._starts.running, RunningStart)
+    assert isinstance(env.starts.running, RunningStart)
 
 
 def test_parameters_that_are_changed_later_stay():

@@ -10,7 +10,7 @@ from wt_gym.base.files import shipped_folder
 from wt_gym.base.ids import name_of, present_id
 from wt_gym.benchmark import load_task
 from wt_gym.commands.train import configuration, parse_arguments
-from wt_gym.envs.options.environment import registered_arguments
+from wt_gym.envs.options import registered_arguments
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.trained_agent import TrainedAgent
 

@@ -14,9 +14,8 @@ from wt_gym.base.errors import ActionError, InflowError
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs import WindTurbineVectorEnv, reward_store
 from wt_gym.envs.instruments import DRIFTING
-from wt_gym.envs.options.variation import CHOICES, HELD_BACK, PRESETS, RANGES, STRUCTURAL, TRAIN, Variation
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.envs.variation import Plants
+from wt_gym.envs.variation import CHOICES, HELD_BACK, PRESETS, RANGES, STRUCTURAL, TRAIN, Plants, Variation
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -52,7 +51,7 @@ def plain():
 
 def test_draws_follow_the_seed_and_stay_in_their_ranges():
     env = make(variation=TRAIN)
-    drawn = [env._draws.draw() for _ in range(300)]
+    drawn = [env.terms["variation"].drawn() for _ in range(300)]
     for name, ends in TRAIN.given.items():
         found = [one.values[name] for one in drawn]
         if name in CHOICES:
@@ -66,10 +65,10 @@ def test_draws_follow_the_seed_and_stay_in_their_ranges():
             width, half_step = ends[1] - ends[0], 0.06 if name == "sensor_delay" else 0.0
             assert ends[0] - half_step <= min(found) <= ends[0] + 0.05 * width
             assert ends[1] - 0.05 * width <= max(found) <= ends[1] + half_step
-    env._draws.seed(7)
-    first = [env._draws.draw().values for _ in range(3)]
-    env._draws.seed(7)
-    assert first == [env._draws.draw().values for _ in range(3)]
+    env.terms["variation"].seed(7)
+    first = [env.terms["variation"].drawn().values for _ in range(3)]
+    env.terms["variation"].seed(7)
+    assert first == [env.terms["variation"].drawn().values for _ in range(3)]
     assert first[0] != first[1]
 
 
@@ -418,7 +417,11 @@ def test_the_twin_has_the_same_plant_and_sensors():
     for _ in range(5):
         _, reward, *_ = env.step(np.zeros(env.action_space.shape))
         assert reward == 0.0  # zero actions are the controller alone, with the same readings
-    assert env._twin.env.simulator.turbine.air_density == env.simulator.turbine.air_density != env.turbine.air_density
+    assert (
+        env.terms["twin"].env.simulator.turbine.air_density
+        == env.simulator.turbine.air_density
+        != env.turbine.air_density
+    )
 
 
 def test_numbered_beginnings_have_their_variation_and_a_twin_that_is_kept(tmp_path, monkeypatch):
@@ -435,9 +438,9 @@ def test_numbered_beginnings_have_their_variation_and_a_twin_that_is_kept(tmp_pa
         one.reset(seed=3, options={"start_number": 2})
         rewards.append([one.step(np.full(one.action_space.shape, 0.2))[1] for _ in range(5)])
     assert rewards[0] == rewards[1]
-    assert other._twin.env.simulator is None  # what the first one recorded was there
+    assert other.terms["twin"].env.simulator is None  # what the first one recorded was there
     other.reset(options={"start_number": 3})
-    assert other._twin.course is not env._twin.course
+    assert other.terms["twin"].course is not env.terms["twin"].course
     reward_store._courses.clear()
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from wt_gym.base.errors import InflowError
 from wt_gym.envs import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
-from wt_gym.envs.options.wind import GUSTS, WindOptions
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import GUSTS, WindOptions, WindSampler
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow
 from wt_gym.wind.iec import turbulence_sigma

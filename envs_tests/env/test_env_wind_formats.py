@@ -13,9 +13,8 @@ from wt_gym.base.errors import InflowError, SimulationError, TurbineDefinitionEr
 from wt_gym.commands import evaluate, simulate
 from wt_gym.commands.site_options import site_word, wind_word, with_options
 from wt_gym.commands.training_options import add_training_options, config_from
-from wt_gym.envs.options.wind import WindOptions
-from wt_gym.envs.wind_files import wind_files_of, with_whole_paths
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.options import wind_files_of, with_whole_paths
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.experiment.evaluation import EvaluationConfig
 from wt_gym.experiment.evaluation_winds import winds_of
 from wt_gym.simulation import Simulator
@@ -181,7 +180,7 @@ def test_a_site_reaches_the_environment():
     env.reset(seed=0, options={"wind_speed": 12.0})
     assert "class A" in env.unwrapped.episode_wind.inflow.description
     twin = gym.make(STEADY, site={"air_density": 1.0}, action_mode="residual", relative_reward=True)
-    assert twin.unwrapped._twin.env.turbine.air_density == 1.0
+    assert twin.unwrapped.terms["twin"].env.turbine.air_density == 1.0
     with pytest.raises(TurbineDefinitionError, match="did you mean 'cut_out'"):
         gym.make(STEADY, site={"cutout": 30.0})
 

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wt_gym.envs.options.wind import WindOptions
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import TurbulenceBox, TurbulentInflow
 from wt_gym.wind.kaimal import sample_gain, variance_read

@@ -51,7 +51,7 @@ from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, towe
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, pitch_schedule
 from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment.tuning import Cost, TuningTask, _defaults
 from wt_gym.simulation.model.turbine_structure import tower_beam
 from wt_gym.structure.beam import Beam, BeamSections

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
-from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.experiment.dial_front import PARTS, SETTINGS, TURNED, cost_parts, hypervolume, nadir
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from wt_gym.analysis.results import Wind
 from wt_gym.base.ids import present_id
-from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import GUSTS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import evaluation_run
 from wt_gym.experiment.robustness import FAULT_CONDITIONS, NOMINAL
 from wt_gym.experiment.task_scores import RANDOM, STUDIES, Part, Study, measure, measured_line, score_table

@@ -67,7 +67,6 @@ class StartFile:
         Name.
     dimensions : tuple of float
         See `dimensions`.
-    fidelity : str
     controller : str
         Name.
     level : float
@@ -150,7 +149,6 @@ def find_record(turbine: Turbine, level: float) -> tuple[StartFile, Record] | No
 
     Parameters
     ----------
-    turbine : Turbine
     level : float
         Demanded power over the available one [-]; the record with the nearest level is taken.
     """

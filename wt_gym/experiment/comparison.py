@@ -15,7 +15,7 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.base.options import check_duration
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
-from wt_gym.envs.simulators import OWN, simulator_maker
+from wt_gym.envs.operation import OWN, simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.names import RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
 from wt_gym.experiment.pool import load_agent, load_model

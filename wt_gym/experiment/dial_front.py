@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
-from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.dial import DIAL_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

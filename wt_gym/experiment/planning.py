@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import gymnasium as gym
     from numpy.typing import NDArray
 
-    from wt_gym.envs.snapshot import EnvSnapshot
+    from wt_gym.envs.terms import EnvSnapshot
 
 __all__ = ["ShootingPlanner", "check_settings"]
 

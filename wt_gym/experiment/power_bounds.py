@@ -25,7 +25,7 @@ from scipy.sparse import block_array, csr_array, diags_array, eye_array
 
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.rotor_table import rotor_table
-from wt_gym.envs.rewards.power import efficiency
+from wt_gym.envs.power import efficiency
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

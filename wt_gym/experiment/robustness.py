@@ -23,7 +23,8 @@ from wt_gym.benchmark.run import benchmark_metrics
 from wt_gym.benchmark.tasks import load_task
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.options import Variation, registered_arguments
+from wt_gym.envs.options import registered_arguments
+from wt_gym.envs.variation import Variation
 from wt_gym.experiment.evaluation import evaluate
 from wt_gym.experiment.evaluation_config import EvaluationConfig
 from wt_gym.experiment.names import own_controller, read_name

@@ -21,7 +21,7 @@ from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.files import shipped_folder
 from wt_gym.base.ids import name_of
-from wt_gym.envs.options.faults import FAULT_KINDS
+from wt_gym.envs.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
 from wt_gym.experiment.comparison import half_width
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate

@@ -21,8 +21,8 @@ from wt_gym.deployment.export.controller_parts import (
     note_fade,
     note_lidar,
 )
-from wt_gym.envs.options.dial import DIAL_NAMES
-from wt_gym.envs.rewards import available_power
+from wt_gym.envs.dial import DIAL_NAMES
+from wt_gym.envs.power import available_power
 
 if TYPE_CHECKING:
     from wt_gym.deployment.export.policy import Network

@@ -13,7 +13,7 @@ from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control.controllers import make_controller, parse_name
 from wt_gym.deployment.export.controller_parts import SUPPORTED, Parts, controller_parts
 from wt_gym.deployment.export.source import c_source, parameter_file, readings
-from wt_gym.envs.options.dial import DialOptions
+from wt_gym.envs.dial import constant_factors
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
@@ -94,7 +94,7 @@ def export_discon(
         )
     parts.values["drive"] = float(drive)
     if dial is not None and "dial" in parts.values:
-        parts.values["dial"] = list(DialOptions(weights=dial).weights.values())
+        parts.values["dial"] = list(constant_factors(dial))
     stem = re.sub(r"\W+", "_", stem)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -34,7 +34,7 @@ from wt_gym.control.controllers.power_tracking import LEAST_SHARE
 from wt_gym.control.starting_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
 from wt_gym.envs.options import flat_arguments
-from wt_gym.envs.options.grid import GridOptions
+from wt_gym.envs.power_reference import GridOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.experiment.pool import load_model
@@ -149,7 +149,7 @@ def demanded_power(arguments: Mapping[str, Any]) -> float | None:
     given = flat_arguments(arguments).get("power_reference")
     if given is None:
         return None
-    reference = GridOptions(reference=given).reference
+    reference: Any = GridOptions(reference=given).reference
     powers = set() if isinstance(reference, str) else {row[-1] for row in reference}
     if len(powers) != 1 or isinstance(power := powers.pop(), str):
         raise ValueError(

@@ -18,7 +18,7 @@ from wt_gym.control.controllers.lidar_feedforward import SPACING
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.deployment.export.agent_parts import KINDS
 from wt_gym.deployment.export.controller_parts import FASTEST_LIDAR_WIND, LONGEST_LIDAR_DELAY
-from wt_gym.envs.options.dial import DIAL_NAMES, LEAST_FACTOR, MOST_FACTOR
+from wt_gym.envs.dial import DIAL_NAMES, LEAST_FACTOR, MOST_FACTOR
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

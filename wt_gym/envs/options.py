@@ -1,4 +1,4 @@
-"""All options of the environment: in groups, or each by its flat name.
+"""Options of the environment: in groups, or each by its flat name.
 
 ``wind={"speed": 12}``, ``wind=WindOptions(speed=12)`` and ``wind_speed=12`` mean the same. An id of the registry says
 some options itself; what is given takes their place option by option.
@@ -6,49 +6,163 @@ some options itself; what is given takes their place option by option.
 
 from __future__ import annotations
 
+import hashlib
 import inspect
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import gymnasium as gym
 
-from wt_gym.base.errors import did_you_mean
-from wt_gym.base.options import Option, Options, option, option_record, options_of, plain_value, section, shown
-from wt_gym.envs.options.actions import ActionOptions
-from wt_gym.envs.options.controller import ControllerOptions
-from wt_gym.envs.options.dial import DialOptions
-from wt_gym.envs.options.electrical import ElectricalOptions
-from wt_gym.envs.options.faults import FaultOptions
-from wt_gym.envs.options.grid import GridOptions
-from wt_gym.envs.options.limits import LimitOptions
-from wt_gym.envs.options.observations import ObservationOptions
-from wt_gym.envs.options.rewards import RewardOptions
-from wt_gym.envs.options.variation import Variation
-from wt_gym.envs.options.wind import WindOptions
+from wt_gym.base.errors import InflowError, did_you_mean
+from wt_gym.base.options import (
+    Option,
+    Options,
+    not_empty,
+    option,
+    option_record,
+    options_of,
+    plain_value,
+    section,
+    shown,
+)
+from wt_gym.control.actions import ACTION_MODES, COMPONENTS, PITCH_FORMS, RESIDUAL_FORMS
+from wt_gym.control.controllers import Controller, FadeParameters
+from wt_gym.envs.dial import DialOptions
+from wt_gym.envs.faults import FaultOptions
+from wt_gym.envs.observations import ObservationOptions
+from wt_gym.envs.power_reference import GridOptions
+from wt_gym.envs.rewards import RewardOptions
+from wt_gym.envs.terminations import LimitOptions
+from wt_gym.envs.variation import Variation
+from wt_gym.envs.wind_sampler import WindOptions, is_wind_file
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine
-from wt_gym.turbines.variants import GENERATORS
+from wt_gym.turbines.model import STRONGEST
+from wt_gym.turbines.variants import GENERATORS, LONGEST_LAG
+from wt_gym.wind.files import files_of, is_wind_path, whole_description
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
 
 __all__ = [
-    "GROUPS",
-    "RENDER_MODES",
-    "STARTS",
-    "EnvOptions",
-    "argument_default",
-    "documentation",
-    "env_arguments",
-    "environment_options",
-    "flat_arguments",
-    "named_arguments",
-    "plain_spec",
-    "registered_arguments",
-    "signature",
-]
+    "GROUPS", "RENDER_MODES", "ActionOptions", "ControllerOptions", "EnvOptions", "argument_default",
+    "documentation", "env_arguments", "environment_options", "flat_arguments", "named_arguments", "plain_spec",
+    "registered_arguments", "signature", "wind_files_of", "with_whole_paths",
+]  # fmt: skip
+
+
+@option_record
+class ActionOptions(Options):
+    """Components of an action and their meaning, see `wt_gym.control.ActionMap`."""
+
+    title = "actions"
+
+    mode: str = option("What an action moves", default="rate", flat="action_mode", choices=ACTION_MODES)
+    pitch: str = option(
+        'Coordinates of the pitch: "cyclic" with mode "residual", the latter two with three blades or more',
+        default="collective",
+        choices=PITCH_FORMS,
+    )
+    components: tuple[str, ...] | None = option(
+        'Components of the action, by default the first three as far as there are any; "set_point" moves that of '
+        "a supervisor",
+        default=None,
+        flat="action_components",
+        choices=COMPONENTS,
+        check=not_empty,
+    )
+    spans: Mapping[str, float] | None = option(
+        'Rates and limits other than the default ones: "pitch", "pitch_mean" [rad], "pitch_rate", "yaw_rate" [rad/s], '
+        '"torque" [N m], "torque_rate" [N m/s], "set_point" [-], "set_point_rate" [1/s]; positive, rates at most those '
+        "of the drives; see `wt_gym.control.ActionMap`",
+        default=None,
+        flat="action_spans",
+    )
+    residual: str = option(
+        'Meaning of actions of mode "residual": the rate of an offset, or the offset itself, to which the present one '
+        "moves at no more than the greatest rate",
+        default="rate",
+        flat="residual_form",
+        choices=RESIDUAL_FORMS,
+    )
+
+    def check(self) -> None:
+        """Refuse forms of residual actions in other modes."""
+        for name, value, usual in (("pitch", self.pitch, PITCH_FORMS[:3]), ("residual_form", self.residual, ("rate",))):
+            if value not in usual and self.mode != "residual":
+                raise ValueError(f"{name}={value!r} needs action_mode='residual', got {self.mode!r}")
+
+
+def _checked_base(base: Any) -> Any:
+    if not (isinstance(base, str) or callable(base) or hasattr(base, "start")):
+        raise ValueError(f"must be a name, a Controller or a function, got {shown(base)}")
+    return base
+
+
+@option_record
+class ControllerOptions(Options):
+    """The base controller, and how residual pitch adds to it."""
+
+    title = "controller"
+    objects = {"residual_fade": FadeParameters}  # noqa: RUF012 - of the class, as its base says
+
+    base: str | Controller | Callable[..., Any] = option(
+        "What runs under residual actions, or decides on components left out: a name for "
+        '`wt_gym.control.controllers.make_controller` (``"path/file.py:Class"`` among them), a controller, or a '
+        "function that makes one for a turbine",
+        default="discon",
+        flat="controller",
+        kind="str, Controller or callable",
+        check=_checked_base,
+    )
+    residual_fade: bool | float | FadeParameters = option(
+        "Whether residual pitch acts only above rated wind, as additions to industrial controllers do "
+        "(`wt_gym.control.controllers.fading.AboveRated`): blades at fine pitch stay where they make the most power; a "
+        "number is the pitch above fine pitch from which on it acts in full, in rad, a mapping has the arguments of "
+        'FadeParameters. The share that acts can be observed as "residual_share". Other modes have none to fade',
+        default=False,
+        kind="bool, float, FadeParameters or mapping",
+        allowed="a pitch from 0.001 to 0.5 rad",
+    )
+    residual_washout: float | None = option(
+        "Time constant of a high-pass filter on the mean of the blades' residual pitch: lasting offsets of all blades "
+        "are left to the base controller, see `wt_gym.control.residual`. What acts can be observed as "
+        '"residual_mean". It has no effect on tilt and yaw alone, or in other modes',
+        default=None,
+        unit="s",
+        low=0.0,
+        above=True,
+    )
+
+
+@option_record
+class ElectricalOptions(Options):
+    """Generator and converter, see `wt_gym.turbines.variants`."""
+
+    title = "electrical"
+
+    torque_lag: float = option(
+        "Time constant with which the generator torque follows its demand; 0: at once, within its greatest rate",
+        default=0.0,
+        unit="s",
+        low=0.0,
+        high=LONGEST_LAG,
+    )
+    loss_map: bool = option(
+        "Losses of generator and converter that depend on speed and torque; else the efficiency is one number",
+        default=False,
+    )
+    shaft_damping: float = option(
+        "Damping ratio that the converter adds to the torsion of the shaft by the generator torque; 0: none",
+        default=0.0,
+        unit="-",
+        low=0.0,
+        high=STRONGEST,
+    )
+
 
 STARTS = ("running", "steady")
 """What state an episode in turbulence begins with."""
@@ -277,11 +391,6 @@ def flat_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
 def registered_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments, by flat names, that an id is registered with, replaced by those that are given.
 
-    Parameters
-    ----------
-    env_id : str
-    arguments : mapping
-
     Raises
     ------
     gymnasium.error.Error
@@ -329,3 +438,65 @@ def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
         kwargs = spec.kwargs
         spec.kwargs = {name: value.given if isinstance(value, Options) else value for name, value in kwargs.items()}
     return spec
+
+
+# ---- files of wind among the arguments ----
+
+
+def with_whole_paths(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of an environment in which the files of wind have whole paths, as texts.
+
+    They then mean the same files in JSON, in other processes and in other working directories.
+
+    Parameters
+    ----------
+    arguments : mapping
+        Of `wt_gym.envs.turbine_env.WindTurbineEnv`.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InflowError
+        If a mapping names no files.
+    """
+    arguments = _with_inflow(arguments)
+    given: Any = arguments.get("inflow")
+    if isinstance(given, list | tuple):
+        return {**arguments, "inflow": [_whole(one) for one in given]}
+    return {**arguments, "inflow": _whole(given)} if is_wind_file(given) else dict(arguments)
+
+
+def _with_inflow(arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Arguments by their flat names where the wind is a group."""
+    return flat_arguments(arguments) if "wind" in arguments else arguments
+
+
+def _whole(given: Any) -> Any:
+    if is_wind_path(given):
+        return os.path.abspath(given)
+    return whole_description(given) if is_wind_file(given) else given
+
+
+def wind_files_of(arguments: Mapping[str, Any]) -> dict[str, str]:
+    """Digests of the files of wind among the arguments of an environment, by their whole paths.
+
+    Raises
+    ------
+    InflowError
+        If one cannot be read.
+    """
+    given: Any = _with_inflow(arguments).get("inflow")
+    described = [one for one in (given if isinstance(given, list | tuple) else [given]) if is_wind_file(one)]
+    paths = [os.path.abspath(one) for one in described if is_wind_path(one)]
+    paths += [path for one in described for path in files_of(whole_description(one))]
+    return {path: _digest(path) for path in dict.fromkeys(paths)}
+
+
+def _digest(path: str) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise InflowError(f"{path} cannot be read: {error.strerror}") from error
