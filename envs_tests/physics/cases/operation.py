@@ -312,7 +312,8 @@ def iea22_steady() -> CaseResult:
     drift = max(abs(s.drift) for s in states)
     lines += [
         "",
-        f"Fidelity: {IEA22_FIDELITY.name}. No tilt, as published. Largest drift of the rotor speed: {100 * drift:.2f} %.",
+        f"Fidelity: {IEA22_FIDELITY.name}. No tilt, as published. "
+        f"Largest drift of the rotor speed: {100 * drift:.2f} %.",
     ]
     titles = ("rotor speed [rpm]", "pitch [deg]", "thrust [kN]", "electrical power [MW]")
     figures = {
