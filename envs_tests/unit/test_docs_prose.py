@@ -117,7 +117,7 @@ def docstrings(path):
 
 
 ROOMS = ("wt_gym", "agents")
-SOURCES_LATER = ("wt_gym/control/optimal/offsets.py",)  # a parameter is called "wanted"
+SOURCES_LATER = ("wt_gym/control/controllers/linear_optimal.py",)  # a parameter is called "wanted"
 SOURCES = [
     path
     for room in ROOMS

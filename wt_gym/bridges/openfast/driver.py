@@ -27,7 +27,7 @@ from wt_gym.bridges.openfast.model_files import PRIMARY, steps_of, time_step_of,
 from wt_gym.bridges.openfast.run_folder import DriverRun, ServedController, prepare_run
 from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.turbine_file import TURBINE_FILE, write_turbine
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.simulation.channels import Signals, channel_table
 
 if TYPE_CHECKING:

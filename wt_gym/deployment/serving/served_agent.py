@@ -13,8 +13,8 @@ from wt_gym.base.errors import ActionError
 from wt_gym.bridges.rosco import Message, SetPoints
 from wt_gym.bridges.rosco.messages import FIRST_CALL
 from wt_gym.control import AgentSetpoint, Demand
-from wt_gym.control.coleman import harmonic_of_blades, to_blades
-from wt_gym.control.residual import ResidualPitch
+from wt_gym.control.actions import ResidualPitch
+from wt_gym.control.sensors import harmonic_of_blades, to_blades
 from wt_gym.deployment.serving.clock import MessageClock
 from wt_gym.deployment.serving.expressible import check_expressible
 from wt_gym.envs.observations import RESIDUAL_GROUPS, Observer
