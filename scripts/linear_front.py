@@ -46,7 +46,7 @@ def parse_arguments(words=None):
 
 def designs(arguments, turbine):
     """File of the design of each weight."""
-    from wt_gym.control.optimal.design_file import save_design
+    from wt_gym.control.controllers.linear_optimal import save_design
     from wt_gym.learning.linear_design.design import LinearDesignTask, default_speeds, design
     from wt_gym.learning.linear_design.recording import Recording, RecordingStore
 

@@ -10,7 +10,7 @@ import power_bounds as study
 import pytest
 
 from wt_gym.control.design import rotor_inertia
-from wt_gym.control.rotor_table import rotor_table
+from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.rewards.power import efficiency
 from wt_gym.experiment import power_bounds
 from wt_gym.experiment.power_bounds import RotorHull, disc_speeds, energy_bound, tracking_bound

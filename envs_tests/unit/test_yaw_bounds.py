@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers.yaw import YawByDeadBand
+from wt_gym.control.controllers.additions import YawByDeadBand
 from wt_gym.experiment.yaw_bounds import (
     Directions,
     Yawed,

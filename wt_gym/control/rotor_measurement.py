@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import wt_gym
-from wt_gym.control.design import fine_pitch, rotor_inertia
-from wt_gym.control.rotor_table import RotorTable
+from wt_gym.control.design import rotor_inertia
+from wt_gym.control.rotor import RotorTable, fine_pitch
 from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import TorqueCommand

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.options.faults import FAULT_KINDS, GRID_KINDS, NO_FAULT
 from wt_gym.simulation.drivetrain.faults import PitchMisalignment, SensorBias, SlowPitch, StuckPitch, VoltageDip

@@ -24,13 +24,13 @@ from scipy.optimize import linprog
 from scipy.sparse import block_array, csr_array, diags_array, eye_array
 
 from wt_gym.control.design import rotor_inertia
-from wt_gym.control.rotor_table import rotor_table
+from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.rewards.power import efficiency
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.control.rotor import RotorTable
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 

@@ -20,8 +20,7 @@ from wt_gym.benchmark import ResultFolder, play, run_definition
 from wt_gym.benchmark.ceiling import Ceiling
 from wt_gym.benchmark.run import make_env
 from wt_gym.control.controllers import Combined
-from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, PitchOffsets
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.benchmark_runs import Job, definition_of, entry_of
