@@ -29,6 +29,7 @@ from wt_gym.bridges.openfast.measurement import (
     servodyn_outputs,
 )
 from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
+from wt_gym.bridges.openfast.process import VARIABLE
 from wt_gym.bridges.openfast.run_folder import BentTurbine, DriverRun, ServedController, prepare_run
 from wt_gym.control.operating_point import starting_point
 from wt_gym.simulation.channels import Signals, channel_table

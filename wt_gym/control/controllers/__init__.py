@@ -44,7 +44,6 @@ from wt_gym.control.controllers.supervisor import STATES, Supervisor, Supervisor
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
 from wt_gym.control.rotor import RotorTable, rotor_table
 from wt_gym.control.sensors import from_harmonic, to_harmonic
-from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.catalogue import (
