@@ -98,7 +98,7 @@ MOVED = {
 
 GONE = {
     "wt_gym.agents.fuzzing": "scripts/fuzzing, which scripts/fuzz.py runs",
-    "wt_gym.agents.reward_study": "scripts/reward_study.py",
+    "wt_gym.agents.reward_study": "scripts/studies/reward_study.py",
 }
 """Former modules that are no part of the package any more, with the place in a clone where their content is."""
 
