@@ -289,7 +289,7 @@ def test_cyclic_pitch_is_that_of_the_fixed_frame_without_its_mean():
 
 
 def test_random_residual_policies_survive():
-    """Three winds here; two hundred episodes: scripts/survival.py."""
+    """Three winds."""
     for wind_speed, seed in ((6.0, 1), (12.0, 2), (18.0, 3)):
         env = gym.make(TURBULENT, wind_speed=wind_speed, episode_length=40.0, **RESIDUAL)
         env.reset(seed=seed)

@@ -190,8 +190,6 @@ class TestOtherCommands:
             ("campbell", ["--azimuths", "0"], "at least one"),
             ("campbell", ["--fidelity", "gebhardt"], "linear models need the embedded formulation"),
             ("campbell", ["--fidelity", "nope"], "--fidelity must be one of training"),
-            ("bench", ["--fidelity", "nope"], "fidelity must be one of training"),
-            ("bench", ["--seconds", "0"], "--seconds 0.0"),
         ],
     )
     def test_refusals(self, capsys, command, arguments, message):

@@ -82,7 +82,7 @@ CALLS = commands()
 def wrong_names(text):
     """Commands and scripts in a text that do not exist."""
     commands = re.findall(r"(?:`|^ *|/bin/)wt-gym ([a-z][a-z-]*)", text, re.MULTILINE)
-    scripts = re.findall(r"(?<![\w/])scripts/(\w+(?:\.\w+)?)", text)
+    scripts = re.findall(r"(?<![\w/])scripts/((?:\w+/)*\w+(?:\.\w+)?)", text)
     return sorted({*commands} - {*COMMANDS}) + [name for name in scripts if not (ROOT / "scripts" / name).exists()]
 
 

@@ -1,18 +1,19 @@
 """The pages of the tasks: tables are those of the record, the record is of today's tasks."""
 
-import importlib.util
 import json
 import re
 from pathlib import Path
 
+import fault_study as FAULTS
 import pytest
+import task_scores as SCRIPT
+from task_scores import RANDOM, STUDIES, Part, Study, measure, measured_line, score_table
 
 from wt_gym.analysis.results import Wind
 from wt_gym.base.ids import present_id
 from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import evaluation_run
 from wt_gym.experiment.robustness import FAULT_CONDITIONS, NOMINAL
-from wt_gym.experiment.task_scores import RANDOM, STUDIES, Part, Study, measure, measured_line, score_table
 from wt_gym.tasks import TASKS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -20,18 +21,6 @@ PAGES = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / 
 TASK_PAGES = {stem: text for stem, text in PAGES.items() if stem != "index"}
 
 
-def load_script(name="task_scores"):
-    """The command that makes tables and record."""
-    spec = importlib.util.spec_from_file_location(f"{name}_script", ROOT / "scripts" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "scripts"))
-        spec.loader.exec_module(module)
-    return module
-
-
-SCRIPT = load_script()
-FAULTS = load_script("fault_study")
 RECORD = SCRIPT.read_record()
 
 

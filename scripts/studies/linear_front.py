@@ -1,8 +1,7 @@
-#!/usr/bin/env python3
 """The front of linear optimal pitch: improvement of the cost over pitch travel, beside constrained individual pitch.
 
-    scripts/linear_front.py --folder runs/front                       # designs, runs, table and figure
-    scripts/linear_front.py --folder runs/front --weights 1 4 16 --wind-speed 18
+    python scripts/studies/linear_front.py --folder runs/front                       # designs, runs, table and figure
+    python scripts/studies/linear_front.py --folder runs/front --weights 1 4 16 --wind-speed 18
 
 One design for each weight of the travel, all from the same recordings, which stand in the folder. Table and figure:
 docs/data/linear_front.csv and .svg. "Cost" is the improvement of the cost of energy of the load-reduction tasks.
@@ -13,13 +12,11 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
-import use_venv  # noqa: F401 - finds packages and interpreter
-
 import numpy as np
 
 from wt_gym.analysis.change import relative_change
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 SHOWN = ("captured_power", "blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
 FAMILIES = {"linear_optimal": "linear optimal", "constrained_ipc": "constrained individual pitch"}
 

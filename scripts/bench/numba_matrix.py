@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """Try versions of numba and both ways to compile: tests, time to the first step, speed.
 
 Each version gets a virtual environment with numba and what it asks for; everything else is lent by the interpreter that
@@ -6,7 +5,7 @@ runs this script. Caches of kernels are fresh. A version may have a suffix: ``0.
 
 Examples
 --------
-    scripts/numba_matrix.py 0.63.1 0.68.1 0.68.1:plain --json
+    python scripts/bench/numba_matrix.py 0.63.1 0.68.1 0.68.1:plain --json
 """
 
 import argparse
@@ -19,7 +18,7 @@ import tempfile
 import venv
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 CORE = (
     "envs_tests/unit/test_compiled.py", "envs_tests/unit/test_aerodynamics_kernels.py",
     "envs_tests/unit/test_tree_induction.py", "envs_tests/physics/test_multibody_dynamics.py",

@@ -1,26 +1,39 @@
-"""What controllers and shipped agents score in the tasks: runs in held-out winds, kept in a record, and tables of it.
+"""Scores of controllers and shipped agents in each task, for the pages of docs/tasks.
 
-A study is what a page about a task shows in one table: agents in the same winds, the first of them the base
-controller with zero actions. `measure` runs it and gives plain data; `score_table` makes the table of them.
+    python scripts/studies/task_scores.py                      # the tables
+    python scripts/studies/task_scores.py run                  # measure all tasks, a quarter of an hour on a free core
+    python scripts/studies/task_scores.py run Yaw MaxPower     # some of them: the others keep their figures
+    python scripts/studies/task_scores.py pages                # put the tables into the pages
+
+Writes docs/data/task_scores.json. A study is one table of a page: agents in the same winds, the first of them the base
+controller with zero actions. Runs are stored in runs/task_scores as soon as they are done: "run" resumes them.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
 import math
 import re
+import sys
+import time
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from validation.record import source_commit
 
+import wt_gym
 from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
-from wt_gym.base.files import shipped_folder
+from wt_gym.base.files import shipped_folder, write_text_whole
 from wt_gym.base.ids import name_of
+from wt_gym.commands.program import stoppable, user_errors
 from wt_gym.envs.options.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
 from wt_gym.experiment.comparison import half_width
@@ -33,11 +46,10 @@ if TYPE_CHECKING:
 
     from wt_gym.analysis.results import Run
 
-__all__ = [
-    "STEADY", "STORM_CONTROLLER", "STUDIES", "Column", "Part", "Study", "agent_label", "kinds_table", "measure",
-    "measured_line", "score_table",
-]  # fmt: skip
-
+ROOT = Path(__file__).resolve().parents[2]
+RECORD = ROOT / "docs" / "data" / "task_scores.json"
+PAGES = ROOT / "docs" / "tasks"
+_MARKED = re.compile(r"(<!-- (scores|kinds): ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 RANDOM = "random"
 """Word for even draws of the actions."""
 _TRAINED = "agents/trained/"
@@ -64,22 +76,6 @@ class Column:
     key: str
     heading: str
     how: str
-
-
-_SCORED = {
-    "LoadReduction": 2,
-    "FullRange": 2,
-    "MaxPower": 2,
-    "Yaw": 3,
-    "Gusts": 3,
-    "IEA15MW-LoadReduction": 3,
-    "IEA22MW-LoadReduction": 2,
-    "FullOperation": 0,
-    "PowerTracking": 0,
-    "Dial": 0,
-    "Faults": 0,
-}
-"""Version of the id in which the studies of a task run: it changes together with the record."""
 
 
 @dataclass(frozen=True)
@@ -119,8 +115,8 @@ class Study:
 
     @property
     def env_id(self) -> str:
-        """Id of the task in which the record was made."""
-        return f"wt_gym/{self.task}-v{_SCORED[self.task]}"
+        """Id of the task."""
+        return TASKS[self.task].ids[-1]
 
 
 def _winds(speeds: Iterable[float], n_seeds: int) -> tuple[Wind, ...]:
@@ -467,3 +463,85 @@ def _signed(value: float, digits: int, plus: bool = True) -> str:
     """Number with the minus sign of text; one that rounds to zero has no sign."""
     text = f"{value:+.{digits}f}" if plus else f"{value:.{digits}f}"
     return (text.lstrip("+-") if float(text) == 0.0 else text).replace("-", "−")
+
+
+def parse_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("command", nargs="?", choices=("show", "run", "pages"), default="show")
+    parser.add_argument("names", nargs="*", metavar="TABLE", help=f"which (default: all): {', '.join(STUDIES)}")
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "task_scores", help="folder of the runs")
+    parser.add_argument("--overwrite", action="store_true", help="repeat runs that are there")
+    arguments = parser.parse_args()
+    if unknown := [name for name in arguments.names if name not in STUDIES]:
+        parser.error(f"unknown table {', '.join(unknown)}; known: {', '.join(STUDIES)}")
+    return arguments
+
+
+def read_record(path: Path = RECORD) -> dict:
+    """Measurements by the name of the table."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def write_record(record: dict, path: Path = RECORD) -> None:
+    """Write measurements, a line a run: a later one shows in the history which numbers it moved."""
+
+    def entry(study: dict) -> str:
+        head = json.dumps({key: value for key, value in study.items() if key != "runs"})
+        runs = ",\n  ".join(json.dumps(run, ensure_ascii=False) for run in study["runs"])
+        return f'{head[:-1]}, "runs": [\n  {runs}]}}'
+
+    text = ",\n".join(f"{json.dumps(name)}: {entry(study)}" for name, study in record.items())
+    write_text_whole(path, f"{{\n{text}\n}}\n")
+
+
+def run(names: list[str], folder: Path, overwrite: bool) -> None:
+    """Measure tasks and keep the figures of each as soon as it is done."""
+    commit, started = source_commit(RECORD), time.process_time()
+
+    def on_progress(text: str) -> None:
+        print(f"{time.process_time() - started:6.0f} s  {text}", flush=True)
+
+    for name in names:
+        begun, runs = time.process_time(), measure(STUDIES[name], on_progress, folder / name, overwrite)
+        made = {
+            "date": datetime.now(UTC).strftime("%Y-%m-%d"), "version": wt_gym.__version__, "commit": commit,
+            "processor_time_s": round(time.process_time() - begun), "env_id": STUDIES[name].env_id, "runs": runs,
+        }  # fmt: skip
+        record = read_record() | {name: made}
+        write_record({key: record[key] for key in STUDIES if key in record})
+
+
+def tables(text: str, record: dict) -> str:
+    """A page with its tables as the record has them."""
+
+    def table(found: re.Match) -> str:
+        head, kind, words, end = found.groups()
+        if kind == "scores":
+            study = record[words]
+            return f"{head}{measured_line(study['env_id'])}\n\n{score_table(words, study['runs'])}\n{end}"
+        name, key = words.split()
+        return f"{head}{kinds_table(name, key, record[name]['runs'])}\n{end}"
+
+    return _MARKED.sub(table, text)
+
+
+def main() -> int:
+    """Show, measure, or renew the pages."""
+    arguments = parse_arguments()
+    names = arguments.names or list(STUDIES)
+    if arguments.command == "run":
+        with user_errors(), stoppable(f"the same command resumes with the runs in {arguments.out}"):
+            run(names, arguments.out, arguments.overwrite)
+    record = read_record()
+    if arguments.command == "pages":
+        for page in sorted(PAGES.glob("*.md")):
+            write_text_whole(page, tables(page.read_text(encoding="utf-8"), record))
+        return 0
+    for name in (name for name in names if name in record):
+        print(f"\n{name}: {record[name]['env_id']}, {record[name]['date']}\n{score_table(name, record[name]['runs'])}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

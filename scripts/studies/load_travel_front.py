@@ -1,31 +1,41 @@
-"""The front of flap DEL against pitch travel: what individual pitch costs in travel, what a band around it saves."""
+"""Front of flap DEL against pitch travel: gains of individual pitch, bands that constrain it, and a lidar.
+
+    python scripts/studies/load_travel_front.py --jobs 2
+    python scripts/studies/load_travel_front.py runs/ppo --jobs 2      # compare agents with the front
+
+Writes docs/data/load_travel_front.csv and .svg, and prints the table of docs/benchmark.md. Runs are results of the
+benchmark: those that stand in the folder --out are not repeated.
+"""
 
 from __future__ import annotations
 
+import argparse
 import csv
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
 from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.statistics import bootstrap_interval
 from wt_gym.base.files import whole_file
-from wt_gym.experiment.benchmark_runs import Entry, entry_of
-from wt_gym.experiment.names import BASELINE, LEVELS
+from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
+from wt_gym.commands import benchmark as command
+from wt_gym.commands.engine_options import add_engine_options, add_model_options
+from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.experiment.benchmark_runs import Entry, entries_of, entry_of
+from wt_gym.experiment.names import BASELINE, LEVELS, with_model_options
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
     from wt_gym.benchmark import BenchmarkTask
 
-__all__ = [
-    "BANDWIDTHS", "FAMILIES", "WITH_LIDAR", "FrontDistance", "distance_table", "draw_front", "front_distance",
-    "front_entries", "front_rows", "write_csv",
-]  # fmt: skip
-
+DATA = Path(__file__).resolve().parents[2] / "docs" / "data"
 BANDWIDTHS = (0.025, 0.05, 0.1, 0.2, 0.4)
 """Gains of individual pitch, in rated rotor speeds."""
 
@@ -228,11 +238,6 @@ def write_csv(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
 
 def draw_front(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
     """Draw the change of the flap DEL over the pitch duty cycle, one picture a task."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
-
     tasks = sorted({(row["wind_speed"], row["task"]) for row in rows})
     figure = Figure(figsize=(4.2 * len(tasks) + 0.6, 4.6), layout="constrained")
     grid = figure.subplots(1, len(tasks), sharey=True, squeeze=False)
@@ -279,3 +284,39 @@ def draw_front(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
     with whole_file(path) as partial, mpl.rc_context({**SVG, "svg.hashsalt": "front"}):
         figure.savefig(partial, format=path.suffix.removeprefix("."), metadata={"Date": None})
     return path
+
+
+def make_front(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Run controllers and agents; write table and figure; give the rows of the table."""
+    entries, rows, distances = front_entries(), [], []
+    agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
+    others = [entry for entry in entries_of(agents) if entry not in entries]
+    if taken := {entry.name for entry in entries} & {entry.name for entry in others}:
+        raise ValueError(f"{', '.join(sorted(taken))} belongs to the front itself: give the agent another name")
+    asked = [(task, [*entries, *others]) for task in command.chosen(arguments.task)]
+    for (task, _), results in zip(asked, command.results(arguments, asked), strict=True):
+        rows += front_rows(task, results)
+        compared = [*(name for names in WITH_LIDAR.values() for name in names), *(entry.name for entry in others)]
+        distances += [front_distance(task, results, name) for name in compared]
+    table = write_csv(rows, arguments.data / "load_travel_front.csv")
+    print(f"table: {table}\nfigure: {draw_front(rows, arguments.data / 'load_travel_front.svg')}")
+    print("\n".join(distance_table(distances)))
+    return rows
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser(description=__doc__)
+    parser.add_argument("agents", nargs="*", metavar="AGENT", help="as of wt-gym benchmark run")
+    parser.add_argument("--task", nargs="+", default=["load-reduction"], metavar="NAME", help="(default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path(command.KEPT), metavar="DIR", help="runs (%(default)s)")
+    parser.add_argument("--data", type=Path, default=DATA, metavar="DIR", help="folder of table and figure")
+    add_engine_options(parser, "runs")
+    add_model_options(parser)
+    return parser.parse_args(words)
+
+
+if __name__ == "__main__":
+    arguments = parse_arguments()
+    with user_errors(), stoppable("the same command resumes with the runs that are stored"):
+        make_front(arguments)

@@ -1,9 +1,8 @@
-#!/usr/bin/env python3
 """What controllers and a shipped agent keep of their gain in each fault, for the page of the task Faults.
 
-    scripts/fault_study.py run --folder runs/faults      # all faults, some ten minutes on a free core
-    scripts/fault_study.py run --conditions fault-dead-moment   # some of them: the others keep their figures
-    scripts/fault_study.py pages                         # put the table into docs/tasks/faults.md
+    python scripts/studies/fault_study.py run      # all faults, ten minutes on a free core
+    python scripts/studies/fault_study.py run --conditions fault-dead-moment    # the others keep theirs
+    python scripts/studies/fault_study.py pages    # put the table into docs/tasks/faults.md
 
 Runs are kept in the folder as soon as they are done, the record in docs/data/fault_study.json. The gain is that of the
 load-reduction tasks of the benchmark, over `discon` in the same fault and wind; what is kept is its share of the gain
@@ -17,13 +16,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import use_venv  # noqa: F401 - finds packages and interpreter
-
 import numpy as np
 
 from wt_gym.analysis.change import relative_change
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 RECORD = ROOT / "docs" / "data" / "fault_study.json"
 PAGE = ROOT / "docs" / "tasks" / "faults.md"
 MARKED = re.compile(r"(<!-- fault study -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -1,9 +1,8 @@
-#!/usr/bin/env python3
 """Compare the vortex lattice with PteraSoftware, side by side in one run: wall time and lift of a wing set in motion.
 
-    scripts/bench_pterasoftware.py --set-up              # makes the environment, then measures
-    scripts/bench_pterasoftware.py --cases 4x16x40 --repeats 5 --json
-    scripts/bench_pterasoftware.py --environment ~/venvs/ptera   # any environment that has pterasoftware
+    python scripts/bench/compare_pterasoftware.py --set-up              # makes the environment, then measures
+    python scripts/bench/compare_pterasoftware.py --cases 4x16x40 --repeats 5 --json
+    python scripts/bench/compare_pterasoftware.py --environment ~/venvs/ptera   # any environment that has pterasoftware
 
 The case is a flat rectangular wing of aspect ratio 8 at 5 degrees, set in motion at once. A case 4x16x40 has 4 x 16
 panels of equal size on the whole wing (no symmetry) and 40 steps, in each of which the wing advances by the chord of
@@ -216,7 +215,7 @@ class Worker:
     """A process that runs one of the solvers."""
 
     def __init__(self, name: str, python: str | Path):
-        from wt_gym.commands.bench import SINGLE_THREAD  # the other environment has no wt_gym
+        from speed import SINGLE_THREAD  # the other environment has no wt_gym
 
         self.name = name
         self.process = subprocess.Popen(
@@ -434,7 +433,8 @@ def main() -> None:
             f"error: no Python environment in {environment}; --set-up makes it, --environment names another"
         )
 
-    from wt_gym.commands.bench import processor
+    from speed import processor
+
     from wt_gym.runs.progress import ProgressLine
 
     line = ProgressLine(interval=2.0)

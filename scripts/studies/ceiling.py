@@ -1,24 +1,38 @@
-"""The ceiling of a task of the benchmark: what its score can be where the wind is known, and what information is worth.
+"""The ceiling of a task of the benchmark: the score where the wind is known, and the value of information.
 
-`make_ceiling` identifies the plant in training winds, learns offsets in the winds of the task (`linear_design.oracle`)
-and forecasts what linear laws with more and more information reach (`linear_design.ladder`). Every run is kept.
+    python scripts/studies/ceiling.py --task load-reduction --winds 3
+    python scripts/studies/ceiling.py --page docs/benchmark.md      # with the tables of all ceilings
+
+Writes wt_gym/benchmark/data/ceilings/NAME.json. `make_ceiling` identifies the plant in training winds, learns offsets
+in the winds of the task (`ceiling_oracle`) and forecasts what linear laws with more and more information reach
+(`ceiling_ladder`). Every run is stored.
 """
 
 from __future__ import annotations
 
+import argparse
 import datetime
+import json
+import sys
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
+from ceiling_ladder import Rung, Seen, climb, known_wind, rungs_of, see
+from ceiling_oracle import OracleOptions, Played, best_of, learn_offsets
 
 from wt_gym.analysis.change import relative_change
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.benchmark import ResultFolder, play, run_definition
+from wt_gym.base.files import write_text_whole
+from wt_gym.benchmark import ResultFolder, ceiling_file, ceiling_of, into_page, play, run_definition
 from wt_gym.benchmark.ceiling import Ceiling
 from wt_gym.benchmark.run import make_env
+from wt_gym.commands.benchmark import KEPT, chosen
+from wt_gym.commands.engine_options import add_engine_options, executor_of
+from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.control.controllers import Combined
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, PitchOffsets
 from wt_gym.envs.layout import layout_of
@@ -28,8 +42,6 @@ from wt_gym.experiment.comparison import Case, inflow_of
 from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.experiment.names import BASELINE, RESIDUAL_INTERFACE
 from wt_gym.learning.linear_design.design import LinearDesignTask, identified_plant
-from wt_gym.learning.linear_design.ladder import Rung, Seen, climb, known_wind, rungs_of, see
-from wt_gym.learning.linear_design.oracle import OracleOptions, Played, best_of, learn_offsets
 from wt_gym.learning.linear_design.recording import LOADS, DrawnOffsets, Recording, RecordingStore, record
 from wt_gym.runs.definition import described
 from wt_gym.runs.executors import SerialExecutor
@@ -37,8 +49,7 @@ from wt_gym.runs.store import RunStore
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -50,8 +61,11 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["CeilingOptions", "OffsetsPlayer", "make_ceiling"]
-
+_SHOWN = {
+    "captured_power": "power", "blade_flap_del": "flap DEL", "tower_fore_aft_del": "tower f-a DEL",
+    "tower_side_side_del": "tower s-s DEL",
+}  # fmt: skip
+"""Changes that a table shows."""
 _EXCITATION_SEED = 100
 """First seed of the drawn offsets; that of the wind is added."""
 _CHANGES = (
@@ -420,3 +434,98 @@ def _ladder(
         out.append(row)
         say(f"{name}: forecast improvement over {task.base} {100 * row['improvement']:+.2f} %")
     return out
+
+
+def write_ceiling(ceiling: Ceiling, path: Path) -> Path:
+    """Write a ceiling.
+
+    Raises
+    ------
+    ValueError
+        If it holds a number that is not finite.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text_whole(path, json.dumps(asdict(ceiling), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+    return path
+
+
+def ceiling_table(ceilings: Mapping[str, Ceiling]) -> str:
+    """Table of ceilings by the id of the task, ended by a line break; changes are means over the winds."""
+    if not ceilings:
+        return "No ceiling is recorded.\n"
+    head = ["task", "ceiling", "reference controller", "score of the ceiling", *_SHOWN.values()]
+    head += ["pitch travel", "measured in"]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for name, ceiling in ceilings.items():
+        rows = list(ceiling.winds.values())
+
+        def mean(metric: str, rows: list[dict[str, Any]] = rows) -> float:
+            return float(sum(row["changes"][metric] for row in rows)) / len(rows)
+
+        known = ceiling.yardstick_improvement
+        cells = [
+            name,
+            f"{100 * ceiling.improvement:+.1f} %",
+            "–" if known is None else f"{100 * known:+.1f} %",
+            "–" if ceiling.score is None else f"{ceiling.score:.0f}",
+            *(f"{100 * mean(metric):+.1f} %" for metric in _SHOWN),
+            f"× {1.0 + mean('pitch_travel'):.1f}",
+            f"{len(rows)} × {ceiling.how['duration']:g} s, {ceiling.made['date']}",
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def ladder_table(ceilings: Mapping[str, Ceiling]) -> str:
+    """Table of the ladders of those ceilings that have one, or a line where none has, ended by a line break."""
+    ladders = {
+        name: {row["name"]: row for row in ceiling.ladder} for name, ceiling in ceilings.items() if ceiling.ladder
+    }
+    if not ladders:
+        return "No ladder is recorded.\n"
+    names = list(dict.fromkeys(rung for ladder in ladders.values() for rung in ladder))
+    head = ["what is known", *(f"`{name}`" for name in ladders)]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for rung in names:
+        cells = [f"{100 * own[rung]['improvement']:+.1f} %" if rung in own else "–" for own in ladders.values()]
+        lines.append(f"| {rung} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser(description=__doc__)
+    parser.add_argument("--task", nargs="+", default=["load-reduction"], metavar="NAME", help="(default: %(default)s)")
+    parser.add_argument("--winds", type=int, default=3, metavar="N", help="of each speed (default: %(default)s)")
+    parser.add_argument("--duration", type=float, metavar="S", help="of a run (default: the task's)")
+    parser.add_argument("--passes", type=int, default=3, metavar="N", help="runs with offsets (default: %(default)s)")
+    parser.add_argument("--no-ladder", dest="ladder", action="store_false", help="without the ladder of information")
+    parser.add_argument("--page", type=file_ending_in(".md"), metavar="FILE", help="put the tables into this page")
+    parser.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
+    add_engine_options(parser, "runs")
+    return parser.parse_args(words)
+
+
+def main() -> None:
+    """Make ceilings."""
+    arguments = parse_arguments()
+    options = CeilingOptions(
+        winds=arguments.winds, duration=arguments.duration, oracle=OracleOptions(passes=arguments.passes),
+        ladder=arguments.ladder,
+    )  # fmt: skip
+    with user_errors(), stoppable("the same command resumes with the runs that are stored"):
+        with executor_of(arguments) as executor:
+            for task in chosen(arguments.task):
+                ceiling = make_ceiling(task, arguments.out, options, executor, partial(print, file=sys.stderr))
+                path = write_ceiling(ceiling, ceiling_file(task))
+                print(f"{task.id}: with the wind known an improvement of {100 * ceiling.improvement:.2f} % ({path})")
+        if arguments.page is not None:
+            ceilings = {task.id: ceiling for task in chosen(["all"]) if (ceiling := ceiling_of(task)) is not None}
+            page = arguments.page.read_text(encoding="utf-8")
+            for part, text in (("ceilings", ceiling_table(ceilings)), ("ladder", ladder_table(ceilings))):
+                page = into_page(text, page, part)
+            write_text_whole(arguments.page, page)
+
+
+if __name__ == "__main__":
+    main()

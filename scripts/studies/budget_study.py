@@ -1,9 +1,8 @@
-#!/usr/bin/env python3
 """How often an agent violates limits in drawn winds and faults, for the page about budgets.
 
-    scripts/budget_study.py run --out runs/budget_study --episodes 10000   # the same command goes on where it ended
-    scripts/budget_study.py show --out runs/budget_study                   # the tables so far
-    scripts/budget_study.py pages --out runs/budget_study                  # put them into docs/howto/budgets.md
+    python scripts/studies/budget_study.py run      # the same command resumes where it ended
+    python scripts/studies/budget_study.py show     # the tables so far
+    python scripts/studies/budget_study.py pages    # put them into docs/howto/budgets.md
 
 The agent plays all episodes. Its base controller alone and the agent under a safety filter play the first ones
 (--paired) and each in which the agent violates a limit: the same winds, faults and starts, so that violations are told
@@ -25,14 +24,12 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import use_venv  # noqa: F401 - finds packages and interpreter
-
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 RECORD = ROOT / "docs" / "data" / "budget_study.json"
 PAGE = ROOT / "docs" / "howto" / "budgets.md"
 AGENT = ROOT / "agents" / "trained" / "faults"

@@ -1,8 +1,7 @@
-#!/usr/bin/env python3
 """Measure the induction kernels: share of the processor's peak, single-precision error, direct sums against the tree.
 
-    scripts/bench_induction.py
-    scripts/bench_induction.py --segments 1000 10000 --tolerance 1e-4 --json
+    python scripts/bench/induction.py
+    python scripts/bench/induction.py --segments 1000 10000 --tolerance 1e-4 --json
 
 All of it runs in one process on one thread (but for the two-thread ratios). What is compared runs in turns; times are
 processor time, and the shortest of several runs counts, because other load on the machine only ever adds time.

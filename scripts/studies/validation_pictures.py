@@ -1,9 +1,8 @@
-#!/usr/bin/env python3
 """The figures of the page docs/validation.md, from runs of validation cases and from their record.
 
-    scripts/validation_pictures.py                        # draw again, from docs/data/validation_figures.json
-    scripts/validation_pictures.py --run all              # run the cases first, some minutes
-    scripts/validation_pictures.py --run uae-phase-vi     # run some of them first
+    python scripts/studies/validation_pictures.py                      # draw again
+    python scripts/studies/validation_pictures.py --run all              # run the cases first, some minutes
+    python scripts/studies/validation_pictures.py --run uae-phase-vi     # run some of them first
 
 A run replaces the curves of its own case in the file. The bars of the cases come from docs/data/validation.json. All
 reference data are in the repository.
@@ -17,9 +16,7 @@ import re
 import sys
 from pathlib import Path
 
-import use_venv  # noqa: F401 - finds packages and interpreter
-
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 DATA = ROOT / "docs" / "data"
 CURVES, RECORD = "validation_figures.json", "validation.json"

@@ -1,9 +1,8 @@
-#!/usr/bin/env python3
 """Do the rewards pay for what users want? Reward terms against loads, power and a lifetime cost over many controllers.
 
-    scripts/reward_study.py                                  # from docs/data/reward_study.csv: tables and figure
-    scripts/reward_study.py --runs runs/rewards              # today's controllers: a table of runs, simulated and kept
-    scripts/reward_study.py --weights power=1 blade_fatigue=0.8 tower_fore_aft_fatigue=0.4
+    python scripts/studies/reward_study.py                          # tables and figure
+    python scripts/studies/reward_study.py --runs runs/rewards      # a table of runs of the present controllers
+    python scripts/studies/reward_study.py --weights power=1 blade_fatigue=0.8 tower_fore_aft_fatigue=0.4
 
 The rate of every reward term at weight 1, averaged over a run, stands beside the damage-equivalent loads, the power and
 the actuator use of the same run. All comparisons are differences to the baseline controller in the same wind, so that
@@ -22,8 +21,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import use_venv  # noqa: F401 - finds packages and interpreter
-
 import numpy as np
 from scipy.stats import spearmanr
 
@@ -34,7 +31,7 @@ from wt_gym.tasks import TASKS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 RECORD = ROOT / "docs" / "data" / "reward_study.csv"
 BASELINE = "baseline"
 LIBRARY = (

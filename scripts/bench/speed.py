@@ -1,15 +1,12 @@
-"""Measure speed and memory: real-time factors, kernels, start-up.
+"""Measure speed and memory: real-time factors, steps of environments, structural steps, start-up.
 
-    wt-gym bench                                # everything, for all three fidelities
-    wt-gym bench --fidelity training --no-induction --json
-    wt-gym bench --learning 1000000             # PPO beside the bare environments, for so many steps each
-    wt-gym bench --pterasoftware                # with a comparison; installs PteraSoftware for itself (in a clone)
+    python scripts/bench/speed.py                        # everything, for all three fidelities
+    python scripts/bench/speed.py --fidelity training --json
+    python scripts/bench/speed.py --learning 1000000     # PPO beside the bare environments, for so many steps each
 
-Every measurement runs in a process of its own, after compilation, and on one thread where it does not say otherwise;
-the machine should be otherwise idle.
-The real-time factor is simulated seconds by wall seconds of the whole simulator (NREL 5-MW, turbulent wind at 12 m/s,
-baseline controller). Structural steps and induction are measured in a clone only: their examples are not part of the
-installed package.
+Numbers of docs/performance.md. Every measurement runs in a process of its own, after compilation, and on one thread
+where it does not say otherwise; the machine should be otherwise idle. The real-time factor is simulated seconds by wall
+seconds of the whole simulator (NREL 5-MW, turbulent wind at 12 m/s, baseline controller).
 """
 
 from __future__ import annotations
@@ -20,69 +17,33 @@ import json
 import math
 import os
 import platform
-import signal
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any, cast
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from wt_gym.base.errors import did_you_mean
+import gymnasium as gym
+import numpy as np
+
+import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.process_memory import peak_memory
-from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser, stoppable, user_errors
+from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
-    from argparse import ArgumentParser, Namespace
     from collections.abc import Callable
 
-    import gymnasium as gym
-
-    from wt_gym.simulation.channels import Signals
-
+CLONE = Path(__file__).resolve().parents[2]
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
 RUNGS = ["training", "engineering", "reference"]
+TASK = "wt_gym/LoadReduction-v2"
 LIDAR_CONTROLLER = "lidar+constrained_ipc+tower_dampers"
 LIDAR_OBSERVATION = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets", "lidar")
-
-
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("bench", description=__doc__)
-    parser.add_argument("--fidelity", nargs="+", default=RUNGS, help="fidelities to measure")
-    parser.add_argument("--seconds", type=float, default=20.0, help="wall time of a measurement (default: %(default)s)")
-    parser.add_argument("--no-cold", action="store_true", help="skip the start with an empty compilation cache")
-    parser.add_argument("--no-induction", action="store_true", help="skip the table of direct sums and tree code")
-    parser.add_argument(
-        "--learning", type=int, metavar="STEPS",
-        help="train PPO for so many steps, beside environments without a learner and other ways (extra train)",
-    )  # fmt: skip
-    parser.add_argument("--pterasoftware", action="store_true", help="set up PteraSoftware and run it side by side")
-    parser.add_argument("--json", action="store_true", help="print all figures as JSON at the end")
-    parser.add_argument("--worker", nargs=2, metavar=("WHAT", "FIDELITY"), help=argparse.SUPPRESS)
-    arguments = parser.parse_args(words)
-    if not arguments.worker:
-        check(parser, arguments)
-    return arguments
-
-
-def check(parser: ArgumentParser, arguments: Namespace) -> None:
-    """Refuse what cannot be measured before anything is."""
-    from wt_gym.simulation import FIDELITIES
-
-    unknown = [name for name in arguments.fidelity if name not in FIDELITIES]
-    if unknown:
-        parser.error(
-            f"fidelity must be one of {', '.join(FIDELITIES)}, got {', '.join(unknown)}"
-            + did_you_mean(unknown[0], FIDELITIES)
-        )
-    if arguments.pterasoftware and not IN_CLONE:
-        parser.error("--pterasoftware: the comparison is in a clone of the project only")
-    if arguments.learning is not None and arguments.learning < 1:
-        parser.error(f"--learning {arguments.learning}: at least one step is needed")
-    if not (math.isfinite(arguments.seconds) and arguments.seconds > 0.0):
-        parser.error(f"--seconds {arguments.seconds}: a finite time above 0 is needed")
 
 
 # ---- measurements, each in its own process ----
@@ -90,11 +51,7 @@ def check(parser: ArgumentParser, arguments: Namespace) -> None:
 
 def measure_simulator(fidelity: str, wall: float) -> dict[str, Any]:
     """Real-time factor and memory of the simulator under the baseline controller."""
-    import numpy as np
-
     from wt_gym.control.controllers.discon import BaselineController
-    from wt_gym.simulation import Simulator
-    from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
     box = TurbulenceBox.kaimal(12.0, 90.0, 126.0, "B", seed=1)
     simulator = Simulator("nrel_5mw", TurbulentInflow(box, SteadyInflow(12.0, shear_exponent=0.2)), fidelity)
@@ -124,11 +81,7 @@ def measure_simulator(fidelity: str, wall: float) -> dict[str, Any]:
 
 def measure_environment(fidelity: str, wall: float) -> dict[str, Any]:
     """Steps of the environment per second with random actions, and the time of a reset."""
-    import gymnasium
-
-    import wt_gym  # noqa: F401 - registers the environments
-
-    env = gymnasium.make("wt_gym/NREL5MW-Turbulent-v1", fidelity=fidelity, disable_env_checker=True)
+    env = gym.make("wt_gym/NREL5MW-Turbulent-v1", fidelity=fidelity, disable_env_checker=True)
     env.reset(seed=0)
     env.action_space.seed(0)
     actions = itertools.cycle([0.2 * env.action_space.sample() for _ in range(1000)])  # to draw one takes 1 % of a step
@@ -159,33 +112,25 @@ def measure_outside(fidelity: str, wall: float) -> dict[str, Any]:
     Of a single turbine, of one on the best controller with its lidar, and of four in a vector environment on one
     thread, a third of the wall time each.
     """
-    import gymnasium
-
-    import wt_gym  # noqa: F401 - registers the environments
-
-    name = "wt_gym/LoadReduction-v1"
+    name = TASK
     lidar: dict[str, Any] = {"controller": LIDAR_CONTROLLER, "observation": LIDAR_OBSERVATION}
-    single = gymnasium.make(name, disable_env_checker=True, fidelity=fidelity)
-    seeing = gymnasium.make(name, disable_env_checker=True, fidelity=fidelity, **lidar)
-    several = gymnasium.make_vec(name, 4, threads=1, fidelity=fidelity)
+    single = gym.make(name, disable_env_checker=True, fidelity=fidelity)
+    seeing = gym.make(name, disable_env_checker=True, fidelity=fidelity, **lidar)
+    several = gym.make_vec(name, 4, threads=1, fidelity=fidelity)
     return {
         "share_outside": share_outside(single, [single.unwrapped], wall / 3),
         "share_outside_lidar": share_outside(seeing, [seeing.unwrapped], wall / 3),
-        "share_outside_vector": share_outside(several, cast(Any, several).envs, wall / 3),
+        "share_outside_vector": share_outside(several, several.envs, wall / 3),
     }
 
 
-def share_outside(
-    env: gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any], turbines: list[Any], wall: float
-) -> float:
+def share_outside(env: gym.Env | gym.vector.VectorEnv, turbines: list[Any], wall: float) -> float:
     """Median share of hundred steps without an action that is not spent in the simulators of an environment."""
-    import numpy as np
-
     env.reset(seed=0)
     within = 0.0
 
-    def timed(advance: Callable[..., Signals]) -> Callable[..., Signals]:
-        def call(*arguments: Any, **named: Any) -> Signals:
+    def timed(advance: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
             nonlocal within
             start = time.perf_counter()
             signals = advance(*arguments, **named)
@@ -214,24 +159,19 @@ def measure_vector(fidelity: str, wall: float) -> dict[str, Any]:
 
     Taken in turns, so that a machine that changes its pace changes the ratios little.
     """
-    import gymnasium
-    import numpy as np
-
-    import wt_gym  # noqa: F401 - registers the environments
-
-    name, number = "wt_gym/LoadReduction-v1", min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
+    name, number = TASK, min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
     made = {
-        "one": gymnasium.make_vec(name, 1, fidelity=fidelity),
-        "threads": gymnasium.make_vec(name, number, fidelity=fidelity),
-        "processes": gymnasium.make_vec(name, number, "async", vector_kwargs={"context": "spawn"}, fidelity=fidelity),
+        "one": gym.make_vec(name, 1, fidelity=fidelity),
+        "threads": gym.make_vec(name, number, fidelity=fidelity),
+        "processes": gym.make_vec(name, number, "async", vector_kwargs={"context": "spawn"}, fidelity=fidelity),
     }
     rates: dict[str, list[float]] = {way: [] for way in made}
     for env in made.values():
         env.reset(seed=0)
-        env.step(np.zeros(cast(tuple[int, ...], env.action_space.shape), dtype=np.float32))
+        env.step(np.zeros(env.action_space.shape, dtype=np.float32))
     for _ in range(5):
         for way, env in made.items():
-            actions, steps = np.zeros(cast(tuple[int, ...], env.action_space.shape), dtype=np.float32), 0
+            actions, steps = np.zeros(env.action_space.shape, dtype=np.float32), 0
             start = time.perf_counter()
             while (elapsed := time.perf_counter() - start) < wall / 15:
                 env.step(actions)
@@ -258,7 +198,6 @@ def measure_learning(fidelity: str, steps: float) -> dict[str, Any]:
     Where threads step turbines, ``learner_over_environment`` is the ratio of the processor time of policy, update,
     statistics and callbacks to that of the steps of the environments.
     """
-    import numpy as np
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import CallbackList
@@ -279,7 +218,7 @@ def measure_learning(fidelity: str, steps: float) -> dict[str, Any]:
         "stable_baselines": make_training_env(config),
         "processes": normalized(processes, config),
     }
-    bare = make_training_env(config).venv.venv  # type: ignore[attr-defined] # without statistics and monitor
+    bare = make_training_env(config).venv.venv  # without statistics and monitor
     models = {way: make_model(config, venv) for way, venv in learning.items()}
     models["stable_baselines"].__class__ = PPO  # which has the same attributes
     watch = Watch(config, 0.2, {"steps": [], "episode_return": [], "episode_length": []}, StopRequest(), False)
@@ -337,29 +276,19 @@ def measure_learning(fidelity: str, steps: float) -> dict[str, Any]:
     }
 
 
-def measure_import(fidelity: str, wall: float) -> dict[str, Any]:
-    """Time to import the package, in an interpreter that has imported nothing yet."""
-    program = "import time; start = time.perf_counter(); import wt_gym; print(time.perf_counter() - start)"
-    return {"import_s": min(float(output_of([sys.executable, "-c", program])[-1]) for _ in range(3))}
-
-
 def measure_start(fidelity: str, wall: float) -> dict[str, Any]:
-    """Time to build the simulator and to take the first step, imports included."""
-    start = time.perf_counter()
-    from wt_gym.simulation import Simulator
-    from wt_gym.wind import SteadyInflow
-
-    simulator = Simulator("nrel_5mw", SteadyInflow(12.0), fidelity)
-    simulator.reset(rotor_speed=1.267)
-    simulator.advance(0.2, pitch=0.07, generator_torque=43e3)
-    return {"first_step_s": time.perf_counter() - start}
+    """Time to import the package, and to build the simulator and take the first step, imports included [s]."""
+    program = "import time; start = time.perf_counter(); import wt_gym; imported = time.perf_counter() - start; "
+    program += "from wt_gym.simulation import Simulator; from wt_gym.wind import SteadyInflow; "
+    program += f"simulator = Simulator('nrel_5mw', SteadyInflow(12.0), {fidelity!r}); "
+    program += "simulator.reset(rotor_speed=1.267); simulator.advance(0.2, pitch=0.07, generator_torque=43e3); "
+    program += "print(imported, time.perf_counter() - start)"
+    imported, first = output_of([sys.executable, "-c", program])[-1].split()
+    return {"import_s": float(imported), "first_step_s": float(first)}
 
 
 def measure_threads(fidelity: str, wall: float) -> dict[str, Any]:
     """Wall time of an aerodynamic step on one and on two threads, ten steps in turn."""
-    from wt_gym.simulation import Simulator
-    from wt_gym.wind import SteadyInflow
-
     simulators = [Simulator("nrel_5mw", SteadyInflow(8.0), fidelity, threads=n) for n in (1, 2)]
     torque = [simulator.reset(rotor_speed=0.96).generator_torque for simulator in simulators]
     for simulator, demand in zip(simulators, torque, strict=True):
@@ -375,8 +304,6 @@ def measure_threads(fidelity: str, wall: float) -> dict[str, Any]:
 
 def measure_turbulence(fidelity: str, wall: float) -> dict[str, Any]:
     """Time to synthesize a turbulence box of ten minutes for rotors of three sizes."""
-    from wt_gym.turbines import load_turbine
-    from wt_gym.wind import TurbulenceBox
 
     def seconds(name: str) -> float:
         turbine, seeds = load_turbine(name), itertools.count(1)  # a box of the same seed would come from memory
@@ -388,6 +315,45 @@ def measure_turbulence(fidelity: str, wall: float) -> dict[str, Any]:
         return best_of(make, wall, most=2)
 
     return {"box_s": {name: seconds(name) for name in ("nrel_5mw", "iea_15mw", "iea_22mw")}}
+
+
+def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
+    """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
+    from validation import mixed_coordinates, observer_frame
+
+    from wt_gym.multibody.system import HammingIntegrator
+
+    figures = {}
+    for form in ("embedded", "constrained"):
+        chosen = replace(FIDELITIES[fidelity], formulation=form)
+        simulator = Simulator("nrel_5mw", SteadyInflow(12.0), chosen)
+        simulator.reset(rotor_speed=1.267, pitch=0.07)
+        integrator = HammingIntegrator(simulator.structure.system, 0.01)
+        integrator.start(simulator.coupling.integrator.state.copy())
+        figures[f"turbine, {form}"] = structural_cost(integrator, wall / 5)
+    small = mixed_coordinates.small_turbine(speed=mixed_coordinates.Disc().speed)
+    integrator = HammingIntegrator(small.system, mixed_coordinates.STEP)
+    integrator.start(small.start)
+    figures["mixed coordinates"] = structural_cost(integrator, wall / 5)
+    load = observer_frame.ramp(observer_frame.FLAP_LOAD, observer_frame.edge_load()[0], 3.0)
+    for label, n_modes in (("finite elements", None), ("16 modes", 16)):
+        integrator = observer_frame.rotor(load, "undeformed", n_modes=n_modes)
+        figures[f"observer frame, {label}"] = structural_cost(integrator, wall / 5)
+    return {"structural": figures}
+
+
+def structural_cost(integrator: Any, wall: float, n: int = 20) -> dict[str, Any]:
+    """Unknowns of a system and the cost of a step, from calls of a few milliseconds that are seldom interrupted."""
+    system = integrator.system
+    step = best_of(lambda: integrator.advance(n), wall, most=500) / n * 1e6
+    if hasattr(system, "n_u"):
+        unknowns = {"velocities": system.n_u, "multipliers": system.n_constraints}
+        return unknowns | {"step_us": step, "rhs_us": step / (integrator.n_corrections + 1)}
+    return {
+        "velocities": sum(body.n for body in system.bodies),
+        "multipliers": len(integrator.state.multiplier),
+        "step_us": step,
+    }
 
 
 def best_of(call: Callable[[], object], wall: float, most: float = float("inf")) -> float:
@@ -405,7 +371,6 @@ def best_of(call: Callable[[], object], wall: float, most: float = float("inf"))
 WORKERS = {
     "simulator": measure_simulator,
     "environment": measure_environment,
-    "import": measure_import,
     "learning": measure_learning,
     "outside": measure_outside,
     "start": measure_start,
@@ -418,57 +383,17 @@ WORKERS = {
 # ---- the parent ----
 
 
-def in_process(what: str, fidelity: str, wall: float, **environment: str) -> dict[str, Any]:
-    """Run one measurement in a fresh interpreter."""
-    command = [sys.executable, "-m", "wt_gym", "bench", "--worker", what, fidelity, "--seconds", str(wall)]
-    own = {"PYTHONPATH": package_path(), "PYTHONSAFEPATH": "1"}
-    out: dict[str, Any] = json.loads(output_of(command, own | environment)[-1])
-    return out
+def output_of(command: list[str], **environment: str) -> list[str]:
+    """Lines that a program of one thread prints."""
+    paths = os.pathsep.join([str(CLONE), *filter(None, [os.environ.get("PYTHONPATH")])])
+    variables = os.environ | SINGLE_THREAD | {"PYTHONPATH": paths} | environment
+    return subprocess.run(command, env=variables, stdout=subprocess.PIPE, text=True, check=True).stdout.splitlines()
 
 
-def output_of(command: list[str], environment: dict[str, str] | None = None) -> list[str]:
-    """Lines that a program of one thread prints; where this is broken off, the program ends with all it has begun.
-
-    Raises
-    ------
-    ChildProcessError
-        If the program fails, which it has then explained itself.
-    """
-    with subprocess.Popen(
-        command, env=os.environ | SINGLE_THREAD | (environment or {}), stdout=subprocess.PIPE, text=True,
-        process_group=0,  # which Ctrl-C in a terminal does not reach: each would end in a traceback of its own
-    ) as process:  # fmt: skip
-        try:
-            lines = process.communicate()[0].splitlines()
-        except BaseException:
-            _end(process)
-            raise
-    if process.returncode:
-        raise ChildProcessError(f"a measurement failed with status {process.returncode}: {' '.join(command)}")
-    return lines
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    """End a program with all it has begun; on Windows the program alone, whose own programs end by themselves."""
-    if hasattr(os, "killpg"):
-        with suppress(ProcessLookupError):  # all have ended meanwhile
-            os.killpg(process.pid, signal.SIGKILL)
-    else:
-        process.kill()
-
-
-def package_path() -> str:
-    """Search path of the workers: this very package first, installed or not."""
-    return os.pathsep.join([str(CLONE), *filter(None, [os.environ.get("PYTHONPATH")])])
-
-
-def beside(script: str, *options: str) -> dict[str, Any]:
-    """Run another benchmark script, show what it prints and return its figures."""
-    command = [sys.executable, str(CLONE / "scripts" / script), *options, "--json"]
-    *lines, figures = output_of(command)
-    print("\n".join(lines))
-    out: dict[str, Any] = json.loads(figures)
-    return out
+def in_process(name: str, fidelity: str, wall: float, **environment: str) -> dict[str, Any]:
+    """Figures of one measurement in a fresh interpreter."""
+    command = [sys.executable, __file__, "--worker", name, "--fidelity", fidelity, "--seconds", str(wall)]
+    return json.loads(output_of(command, **environment)[-1])
 
 
 def processor() -> str:
@@ -480,84 +405,98 @@ def processor() -> str:
         return platform.processor() or platform.machine()
 
 
-def main(words: list[str] | None = None) -> None:
-    """Measure and print."""
-    with user_errors(), stoppable("what was measured is printed above"):
-        arguments = parse_arguments(words)
-        if not arguments.worker:
-            measure(arguments)
-            return
-    what, fidelity = arguments.worker
-    print(json.dumps(WORKERS[what](fidelity, arguments.seconds)))
+def report(name: str, fidelity: str, f: dict[str, Any]) -> str:
+    """Lines that show the figures of a measurement."""
+    if name == "start":
+        return f"first step {f['first_step_s']:.1f} s, import of wt_gym {f['import_s']:.2f} s"
+    if name == "turbulence":
+        return "turbulence box of 600 s: " + ", ".join(f"{name} {s:.1f} s" for name, s in f["box_s"].items())
+    if name == "structures":
+        return "\n".join(
+            f"{form}: {cost['step_us']:.1f} us per structural step"
+            + (f", {cost['rhs_us']:.2f} us per right-hand side" if "rhs_us" in cost else "")
+            + f" ({cost['velocities']} velocities, {cost['multipliers']} multipliers)"
+            for form, cost in f["structural"].items()
+        )
+    if name == "simulator":
+        return (
+            f"{fidelity}: {f['real_time_factor']:.1f} x real time (best {f['real_time_factor_best']:.1f}), "
+            f"{f['peak_memory_mib']:.0f} MiB"
+        )
+    if name == "environment":
+        return (
+            f"{fidelity}: {f['env_steps_per_s']:.0f} env steps/s, reset {f['env_reset_s']:.2f} s, "
+            f"{f['env_peak_memory_mib']:.0f} MiB"
+        )
+    if name == "outside":
+        return (
+            f"LoadReduction: {100 * f['share_outside']:.1f} % of a step outside the simulator, "
+            f"{100 * f['share_outside_lidar']:.1f} % with a lidar, "
+            f"{100 * f['share_outside_vector']:.1f} % of four turbines in one vector environment"
+        )
+    if name == "vector":
+        return (
+            f"one turbine: {f['one_per_s']:.0f} steps/s; {f['turbines']}: {f['threads_per_s']:.0f} by threads "
+            f"({f['threads_over_one']:.2f} x one), "
+            f"{f['processes_per_s']:.0f} by processes ({f['processes_over_one']:.2f} x)"
+        )
+    if name == "threads":
+        one, two = f["step_s_one_thread"], f["step_s_two_threads"]
+        return f"{fidelity}, one step: {one * 1e3:.1f} ms on one thread, {two * 1e3:.1f} ms on two ({one / two:.2f} x)"
+    shares = f["learner_over_environment"]
+    return "\n".join(
+        f"{f['turbines']} turbines, {way}: {rate:.0f} steps/s"
+        + (f"; learner {100 * shares[way]:.1f} % of the processor time of the environment" if way in shares else "")
+        for way, rate in f["steps_per_s"].items()
+    )
 
 
-def measure(arguments: argparse.Namespace) -> None:
+def parse_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fidelity", nargs="+", default=RUNGS, choices=FIDELITIES, help="(default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=20.0, help="wall time of a measurement (default: %(default)s)")
+    parser.add_argument("--no-cold", action="store_true", help="skip the start with an empty compilation cache")
+    parser.add_argument("--learning", type=int, metavar="STEPS", help="train PPO for so many steps (extra train)")
+    parser.add_argument("--json", action="store_true", help="print all figures as JSON at the end")
+    parser.add_argument("--worker", choices=WORKERS, help=argparse.SUPPRESS)
+    return parser.parse_args()
+
+
+def main() -> None:
     """Measure everything that is asked for, and print it as it comes."""
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
-    figures: dict[str, Any]
-    figures = {"processor": processor(), "python": platform.python_version(), "load_at_start": load}
-    print(f"{figures['processor']}, {os.cpu_count()} cores, load {load:.2f}, Python {figures['python']}, one thread")
+    arguments = parse_arguments()
     wall = arguments.seconds
+    if arguments.worker:
+        print(json.dumps(WORKERS[arguments.worker](arguments.fidelity[0], wall)))
+        return
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
+    figures: dict[str, Any] = {"processor": processor(), "python": platform.python_version(), "load_at_start": load}
+    print(f"{figures['processor']}, {os.cpu_count()} cores, load {load:.2f}, Python {figures['python']}, one thread")
+
+    def measure(name: str, fidelity: str = "training", wall: float = wall, **environment: str) -> dict[str, Any]:
+        found = in_process(name, fidelity, wall, **environment)
+        print(report(name, fidelity, found), flush=True)
+        return found
+
     if not arguments.no_cold:
         with tempfile.TemporaryDirectory() as empty:
-            figures["cold"] = in_process("start", "training", wall, NUMBA_CACHE_DIR=empty)
-        print(f"first step, cold compilation cache: {figures['cold']['first_step_s']:6.1f} s")
+            figures["cold"] = measure("start", NUMBA_CACHE_DIR=empty)
     in_process("start", "training", wall)
-    figures["warm"] = in_process("start", "training", wall) | in_process("import", "training", wall)
-    print(f"first step, warm compilation cache: {figures['warm']['first_step_s']:6.1f} s")
-    print(f"import of wt_gym:                   {figures['warm']['import_s']:6.2f} s")
-    figures["turbulence"] = in_process("turbulence", "training", wall)
-    boxes = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in figures["turbulence"]["box_s"].items())
-    print(f"turbulence box of 600 s:            {boxes}")
-    structures = "bench_structures.py", "--seconds", str(wall)
-    figures["kernels"] = beside(*structures) if IN_CLONE else {"structural": {}}
+    figures["warm"] = measure("start")
+    figures["turbulence"] = measure("turbulence")
+    figures["kernels"] = measure("structures")
     for fidelity in arguments.fidelity:
-        figures[fidelity] = in_process("simulator", fidelity, wall) | in_process("environment", fidelity, wall)
-        f = figures[fidelity]
-        print(
-            f"{fidelity + ':':12s} {f['real_time_factor']:7.1f} x real time "
-            f"(best {f['real_time_factor_best']:.1f}), "
-            f"{f['env_steps_per_s']:6.0f} env steps/s, reset {f['env_reset_s']:.2f} s, "
-            f"{f['peak_memory_mib']:.0f} MiB simulator, {f['env_peak_memory_mib']:.0f} MiB env"
-        )
-    figures["outside"] = in_process("outside", "training", wall / 2)
-    o = figures["outside"]
-    print(
-        f"LoadReduction: {100 * o['share_outside']:.1f} % of a step outside the simulator, "
-        f"{100 * o['share_outside_lidar']:.1f} % with a lidar, "
-        f"{100 * o['share_outside_vector']:.1f} % of four turbines in one vector environment"
-    )
-    figures["vector"] = v = in_process("vector", "training", wall)
-    print(
-        f"one turbine: {v['one_per_s']:.0f} steps/s; {v['turbines']}: {v['threads_per_s']:.0f} by threads "
-        f"({v['threads_over_one']:.2f} x one), "
-        f"{v['processes_per_s']:.0f} by processes ({v['processes_over_one']:.2f} x)"
-    )
+        figures[fidelity] = measure("simulator", fidelity) | measure("environment", fidelity)
+    figures["outside"] = measure("outside", wall=wall / 2)
+    figures["vector"] = measure("vector")
     if "reference" in arguments.fidelity:
-        figures["threads"] = t = in_process("threads", "reference", wall)
-        one, two = t["step_s_one_thread"], t["step_s_two_threads"]
-        print(f"reference, one step: {one * 1e3:.1f} ms on one thread, {two * 1e3:.1f} ms on two ({one / two:.2f} x)")
+        figures["threads"] = measure("threads", "reference")
     if arguments.learning:
-        figures["learning"] = learned = in_process("learning", "training", arguments.learning)
-        ways = {
-            "bare": "no learner, threads",
-            "threads": "PPO, threads",
-            "stable_baselines": "PPO of stable-baselines3, threads",
-            "processes": "PPO, a process each",
-        }
-        for way, label in ways.items():
-            share = learned["learner_over_environment"].get(way)
-            print(
-                f"{learned['turbines']} turbines, {label}: {learned['steps_per_s'][way]:.0f} steps/s"
-                + (
-                    f"; learner {100 * share:.1f} % of the processor time of the environment"
-                    if share is not None
-                    else ""
-                )
-            )
-    if IN_CLONE and not arguments.no_induction:
-        figures["induction"] = beside("bench_induction.py")
-    if arguments.pterasoftware:
-        figures["pterasoftware"] = beside("bench_pterasoftware.py", "--set-up")
+        figures["learning"] = measure("learning", wall=arguments.learning)
     if arguments.json:
         print(json.dumps(figures))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,19 +1,28 @@
-"""A rotor measured in the simulator: coefficients over tip-speed ratio and pitch."""
+"""Measure the power and thrust coefficients of a turbine in the simulator, for controllers with a wind estimate.
+
+python scripts/studies/rotor_table.py nrel_5mw --record      # into wt_gym/turbines/records/nrel_5mw.json
+python scripts/studies/rotor_table.py mine.yaml table.json
+"""
 
 from __future__ import annotations
 
+import argparse
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import wt_gym
-from wt_gym.control.design import rotor_inertia
-from wt_gym.control.rotor import RotorTable, fine_pitch
+from wt_gym.commands.program import FIDELITIES_HELP
+from wt_gym.control.design import fine_pitch, rotor_inertia
+from wt_gym.control.rotor import RotorTable
 from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import TorqueCommand
+from wt_gym.turbine_records import FOLDER, RECORDS
+from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 if TYPE_CHECKING:
@@ -23,8 +32,6 @@ if TYPE_CHECKING:
 
     from wt_gym.simulation.fidelity import Fidelity
     from wt_gym.turbines import Turbine
-
-__all__ = ["measure_rotor"]
 
 PITCH_DEG = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 10.0, 12.5, 15.0, 18.0, 21.0, 24.0)
 """Pitch above fine pitch [deg]."""
@@ -140,3 +147,31 @@ def _settled(simulator: Simulator, speed: float, pitch: float) -> tuple[float, f
     power, thrust = np.mean(rows[settle:], axis=0)
     pressure = 0.5 * turbine.air_density * math.pi * radius**2 * simulator.inflow.mean_speed**2
     return power / (pressure * simulator.inflow.mean_speed), thrust / pressure
+
+
+def main() -> None:
+    """Run."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("turbine", help="name in the catalogue or path of a windIO file")
+    places = parser.add_mutually_exclusive_group(required=True)
+    places.add_argument("output", type=Path, nargs="?", help="JSON file to write")
+    places.add_argument("--record", action="store_true", help="write into the record of a turbine of the catalogue")
+    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
+    arguments = parser.parse_args()
+    if arguments.record and arguments.turbine not in RECORDS:
+        parser.error(f"--record needs a name of the catalogue ({', '.join(RECORDS)}), got {arguments.turbine!r}")
+    turbine = load_turbine(arguments.turbine)
+    table = measure_rotor(
+        turbine, arguments.fidelity, lambda done, count: print(f"{done} of {count} pitches", flush=True)
+    )
+    if arguments.record:
+        arguments.output = FOLDER / f"{arguments.turbine}.json"
+        table.put_into(arguments.output)
+    else:
+        table.save(arguments.output)
+    ratio, best = table.optimum
+    print(f"{turbine.name}: Cp {best:.4f} at tip-speed ratio {ratio:.2f}; written to {arguments.output}")
+
+
+if __name__ == "__main__":
+    main()

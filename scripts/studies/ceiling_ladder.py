@@ -1,7 +1,7 @@
 """What information is worth: linear laws fitted to recorded disturbances that know more and more of the wind.
 
 A law gives offsets that are linear in what is known when they are decided. On the model of the plant it is the best one
-for the quadratic that stands for the cost (`wt_gym.learning.linear_design.oracle`), fitted in some winds; what it
+for the quadratic that stands for the cost (`ceiling_oracle`), fitted in some winds; what it
 reaches in others is forecast by the same model, so that nothing but the information tells the rungs apart.
 """
 
@@ -12,25 +12,23 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from ceiling_oracle import LoadQuadratic, limited, optimal_change
 
 from wt_gym.control.controllers.linear_optimal import bin_means, delay_bins, without_lasting
 from wt_gym.control.sensors import Lidar
 from wt_gym.learning.linear_design.feedback import forecast, forecast_change, minimize_quadratic
-from wt_gym.learning.linear_design.oracle import LoadQuadratic, limited, optimal_change
 from wt_gym.wind.inflow import velocity_ahead
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ceiling_oracle import OracleOptions
     from numpy.typing import NDArray
 
     from wt_gym.learning.linear_design.feedback import FeedbackOptions, Plant
-    from wt_gym.learning.linear_design.oracle import OracleOptions
     from wt_gym.learning.linear_design.recording import Recording
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
-
-__all__ = ["PREVIEWS", "Rung", "Seen", "beam_readings", "climb", "known_wind", "rungs_of", "see"]
 
 PREVIEWS = (0.2, 0.4, 0.6, 1.0, 2.0, 5.0)
 """Times by which loads are known ahead [s]."""

@@ -1,8 +1,7 @@
-#!/usr/bin/env python3
 """Measure sweeps: the same runs one after another, in processes and with Ray, and what it costs to schedule tasks.
 
-    scripts/bench_sweeps.py scaling --workers 2
-    scripts/bench_sweeps.py overhead --nodes 20 --tasks 1000
+    python scripts/bench/sweeps.py scaling --workers 2
+    python scripts/bench/sweeps.py overhead --nodes 20 --tasks 1000
 
 The first prints wall and processor time of each executor for the same evaluation, start of the processes included, and
 whether its files are those of the first; on a machine with other work the processor time is the better measure. The
@@ -19,8 +18,6 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-
-import use_venv  # noqa: F401 - finds packages and interpreter
 
 from wt_gym.analysis.results import Wind
 from wt_gym.base.process_memory import peak_memory

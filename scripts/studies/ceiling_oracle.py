@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from wt_gym.learning.linear_design.recording import Recording
     from wt_gym.turbines import Turbine
 
-__all__ = ["LoadQuadratic", "OracleOptions", "Played", "best_of", "learn_offsets", "limited", "optimal_change"]
-
 _SPEED = OUTPUTS.index("rotor_speed")
 _ANSWERING = (0, 1, 2, *TOWER, _SPEED)
 """Outputs and loads of the quadratic: flapwise moments, tower, rotor speed."""

@@ -1,8 +1,7 @@
-#!/usr/bin/env python3
 """Time of one call of exported controllers, in a C program that hands over changing readings.
 
-    scripts/bench_export.py                                   # discon, all parts, and a shipped agent
-    scripts/bench_export.py tuned agents/trained/load_reduction_on_linear_optimal
+    python scripts/bench/export.py                                   # discon, all parts, and a shipped agent
+    python scripts/bench/export.py tuned agents/trained/load_reduction_on_linear_optimal
 
 Every call is a step of the controller; of an agent every second one is a step of its policy too.
 """
@@ -12,9 +11,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-import use_venv  # noqa: F401 - finds packages and interpreter
-
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 DEFAULT = (
     "discon",
     "tsr_tracking+constrained_ipc+tower_dampers+yaw",
