@@ -39,6 +39,8 @@ def run(
     folder: Path, names: list[str], measured: list[str], speeds: list[float], seeds: list[int], duration: float
 ) -> None:
     """Measure conditions; the record keeps its figures of others."""
+    from task_scores import STEADY
+
     from wt_gym.base.files import write_text_whole
     from wt_gym.benchmark.run import benchmark_metrics
     from wt_gym.benchmark.tasks import load_task
@@ -46,7 +48,6 @@ def run(
     from wt_gym.experiment.evaluation_config import EvaluationConfig
     from wt_gym.experiment.evaluation_winds import winds_for
     from wt_gym.experiment.robustness import COST_TASK, chosen
-    from wt_gym.experiment.task_scores import STEADY
     from wt_gym.tasks import DEFAULT_ENV
     from wt_gym.turbines import load_turbine
 
