@@ -23,7 +23,7 @@ def picture(task):
     import wt_gym
 
     assert wt_gym.__version__  # its import registers the ids
-    env = gym.make(task.ids[-1], render_mode="rgb_array", start="steady")
+    env = gym.make(task.id, render_mode="rgb_array", start="steady")
     env.reset(seed=SEED)
     rest = np.zeros(env.action_space.shape, dtype=np.float32)
     for _ in range(round(SECONDS / env.unwrapped.control_dt)):

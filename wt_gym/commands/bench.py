@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from wt_gym.simulation.channels import Signals
 
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_ENV_ID = "wt_gym/NREL5MW-Turbulent-v1"
+_RESIDUAL: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "wind_speed": (12.0, 20.0)}
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
 RUNGS = ["training", "engineering", "reference"]
 LIDAR_CONTROLLER = "lidar+constrained_ipc+tower_dampers"
@@ -155,7 +157,7 @@ def measure_environment(fidelity: str, wall: float) -> dict[str, Any]:
 
 
 def measure_outside(fidelity: str, wall: float) -> dict[str, Any]:
-    """Share of a step of LoadReduction that passes outside the simulator: actions, controller, observation, reward.
+    """Share of a step with residual pitch that passes outside the simulator: actions, controller, observation, reward.
 
     Of a single turbine, of one on the best controller with its lidar, and of four in a vector environment on one
     thread, a third of the wall time each.
@@ -164,11 +166,10 @@ def measure_outside(fidelity: str, wall: float) -> dict[str, Any]:
 
     import wt_gym  # noqa: F401 - registers the environments
 
-    name = "wt_gym/LoadReduction-v1"
     lidar: dict[str, Any] = {"controller": LIDAR_CONTROLLER, "observation": LIDAR_OBSERVATION}
-    single = gymnasium.make(name, disable_env_checker=True, fidelity=fidelity)
-    seeing = gymnasium.make(name, disable_env_checker=True, fidelity=fidelity, **lidar)
-    several = gymnasium.make_vec(name, 4, threads=1, fidelity=fidelity)
+    single = gymnasium.make(_ENV_ID, disable_env_checker=True, fidelity=fidelity, **_RESIDUAL)
+    seeing = gymnasium.make(_ENV_ID, disable_env_checker=True, fidelity=fidelity, **_RESIDUAL, **lidar)
+    several = gymnasium.make_vec(_ENV_ID, 4, threads=1, fidelity=fidelity, **_RESIDUAL)
     return {
         "share_outside": share_outside(single, [single.unwrapped], wall / 3),
         "share_outside_lidar": share_outside(seeing, [seeing.unwrapped], wall / 3),
@@ -220,11 +221,11 @@ def measure_vector(fidelity: str, wall: float) -> dict[str, Any]:
 
     import wt_gym  # noqa: F401 - registers the environments
 
-    name, number = "wt_gym/LoadReduction-v1", min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
+    number, arguments = min(2 * (os.cpu_count() or 1), _MOST_TURBINES), {"fidelity": fidelity, **_RESIDUAL}
     made = {
-        "one": gymnasium.make_vec(name, 1, fidelity=fidelity),
-        "threads": gymnasium.make_vec(name, number, fidelity=fidelity),
-        "processes": gymnasium.make_vec(name, number, "async", vector_kwargs={"context": "spawn"}, fidelity=fidelity),
+        "one": gymnasium.make_vec(_ENV_ID, 1, **arguments),
+        "threads": gymnasium.make_vec(_ENV_ID, number, **arguments),
+        "processes": gymnasium.make_vec(_ENV_ID, number, "async", vector_kwargs={"context": "spawn"}, **arguments),
     }
     rates: dict[str, list[float]] = {way: [] for way in made}
     for env in made.values():

@@ -6,7 +6,6 @@
     wt-gym benchmark archive runs/benchmark --models runs/ppo --out entry.tar.xz
     wt-gym benchmark verify entry.tar.xz --jobs 2       # repeats six of its runs
     wt-gym benchmark reference --task all --jobs 2      # after a change of the physics
-    wt-gym benchmark reference --confirm --jobs 2       # after a change of the sources that changes no number
     wt-gym benchmark ceiling --task load-reduction      # what a score can be where the wind is known
     wt-gym benchmark front runs/ppo --jobs 2            # docs/data/load_travel_front.csv and .svg
 
@@ -69,11 +68,6 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     )
     add_engine_options(verify, "runs")
     reference = commands.add_parser("reference", description="Renew the reference numbers in the files of tasks.")
-    reference.add_argument(
-        "--confirm", action="store_true",
-        help="run only the baseline and the best known agent: where their numbers are the same, the reference numbers "
-        "stay and take the fingerprint of the present sources",
-    )  # fmt: skip
     ceiling = commands.add_parser(
         "ceiling",
         description="Ceilings of tasks: offsets of the pitch learned for winds that are known, and what linear laws "
@@ -151,8 +145,7 @@ def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     renew = f"{where}wt-gym benchmark reference"
     return lines + [
         f"runs of {', '.join(names)} will have no score: the reference numbers were made with another {parts}; {renew} "
-        f"--task {' '.join(names)} --confirm takes them over where no number has changed, without --confirm they are "
-        "made again"
+        f"--task {' '.join(names)} makes them again"
         for parts, names in others.items()
     ]
 
@@ -268,8 +261,6 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
             "reference numbers stand in the files of the package: a clone of the project makes them, not what is "
             f"installed in {CLONE}"
         )
-    if arguments.confirm:
-        return confirmed(arguments)
     asked, best = [(task, entries_of([task.baseline, *task.measures])) for task in chosen(arguments.task)], {}
     for (task, entries), found in zip(asked, results(arguments, asked), strict=True):
         made = make_reference(task, found.pop(entries[0].name), found)
@@ -277,26 +268,6 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
         best[task.name] = made.improvements
         print(f"{task.id}: 100 is {made.best_agent}, an improvement of {100 * made.best_improvement:.2f} % ({path})")
     return best
-
-
-def confirmed(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Reference numbers that a change of the sources has left as they are."""
-    from wt_gym.benchmark import confirm_reference, reference_of, write_reference
-    from wt_gym.experiment.benchmark_runs import entries_of
-
-    kept, asked = {}, []
-    for task in chosen(arguments.task):
-        if task.reference is None:
-            print(f"{task.id}: no reference numbers yet")
-        else:
-            asked.append((task, entries_of([task.baseline, reference_of(task).best_agent])))
-    for (task, _), found in zip(asked, results(arguments, asked), strict=True):
-        known, (base, best) = reference_of(task), found.values()
-        fingerprint = next(iter(base.values()))["definition"]["fingerprint"]
-        path = write_reference(task, confirm_reference(task, known, base, best, fingerprint))
-        kept[task.name] = fingerprint
-        print(f"{task.id}: baseline and {known.best_agent} give the same numbers in {len(base)} winds ({path})")
-    return kept
 
 
 def ceiling(arguments: argparse.Namespace) -> dict[str, Any]:
