@@ -28,7 +28,7 @@ from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
-DIAL = TASKS["Dial"].ids[-1]
+DIAL = TASKS["Dial"].id
 TURBINE = load_turbine("nrel_5mw")
 STEADY = {
     "inflow": "steady", "wind_speed": 15.0, "action_mode": "residual", "pitch": "fixed-frame", "control_dt": 0.1,

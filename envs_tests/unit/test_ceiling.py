@@ -31,7 +31,8 @@ from wt_gym.benchmark import (
     task_names,
     to_markdown,
 )
-from wt_gym.benchmark.tasks import earlier_ids, task_file
+from wt_gym.benchmark.ceiling import ceiling_table, ladder_table
+from wt_gym.benchmark.tasks import task_file
 from wt_gym.control import Demand
 from wt_gym.control.controllers.linear_optimal import PitchOffsets
 from wt_gym.control.sensors import Lidar
@@ -391,17 +392,6 @@ def test_the_table_says_how_high_the_ceiling_is(monkeypatch):
     assert "made with another kernels than the reference numbers" in to_markdown(leaderboard([result]))
     monkeypatch.setattr("wt_gym.benchmark.table.ceiling_of", lambda task: None)
     assert "Ceiling" not in to_markdown(leaderboard([result]))
-
-
-def test_earlier_versions_can_still_be_loaded_and_scored():
-    for name in earlier_ids():
-        task = load_task(name)
-        assert task.id == name
-        assert load_task(task.name).version > task.version
-    (old,) = (name for name in earlier_ids() if name.startswith("load-reduction-15"))
-    definition = {"task": "load-reduction-15", "version": 2, "wind": TASK.winds[0].definition, "agent": {"name": "x"}}
-    result = {"definition": definition | {"fingerprint": {}}, "agent": "x", "ending": "time", "metrics": {}}
-    assert list(leaderboard([result])["tasks"]) == [old]
 
 
 def test_a_task_has_a_yardstick_or_candidates():

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 CLONE = Path(__file__).resolve().parents[2]
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_ENV_ID = "wt_gym/NREL5MW-Turbulent-v1"
+_RESIDUAL: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "wind_speed": (12.0, 20.0)}
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
 RUNGS = ["training", "engineering", "reference"]
 TASK = "wt_gym/LoadReduction-v2"
@@ -107,16 +109,17 @@ def measure_environment(fidelity: str, wall: float) -> dict[str, Any]:
 
 
 def measure_outside(fidelity: str, wall: float) -> dict[str, Any]:
-    """Share of a step of LoadReduction that passes outside the simulator: actions, controller, observation, reward.
+    """Share of a step with residual pitch that passes outside the simulator: actions, controller, observation, reward.
 
     Of a single turbine, of one on the best controller with its lidar, and of four in a vector environment on one
     thread, a third of the wall time each.
     """
-    name = TASK
+    import gymnasium
+
     lidar: dict[str, Any] = {"controller": LIDAR_CONTROLLER, "observation": LIDAR_OBSERVATION}
-    single = gym.make(name, disable_env_checker=True, fidelity=fidelity)
-    seeing = gym.make(name, disable_env_checker=True, fidelity=fidelity, **lidar)
-    several = gym.make_vec(name, 4, threads=1, fidelity=fidelity)
+    single = gymnasium.make(_ENV_ID, disable_env_checker=True, fidelity=fidelity, **_RESIDUAL)
+    seeing = gymnasium.make(_ENV_ID, disable_env_checker=True, fidelity=fidelity, **_RESIDUAL, **lidar)
+    several = gymnasium.make_vec(_ENV_ID, 4, threads=1, fidelity=fidelity, **_RESIDUAL)
     return {
         "share_outside": share_outside(single, [single.unwrapped], wall / 3),
         "share_outside_lidar": share_outside(seeing, [seeing.unwrapped], wall / 3),
@@ -159,11 +162,14 @@ def measure_vector(fidelity: str, wall: float) -> dict[str, Any]:
 
     Taken in turns, so that a machine that changes its pace changes the ratios little.
     """
-    name, number = TASK, min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
+    import gymnasium
+    import numpy as np
+
+    number, arguments = min(2 * (os.cpu_count() or 1), _MOST_TURBINES), {"fidelity": fidelity, **_RESIDUAL}
     made = {
-        "one": gym.make_vec(name, 1, fidelity=fidelity),
-        "threads": gym.make_vec(name, number, fidelity=fidelity),
-        "processes": gym.make_vec(name, number, "async", vector_kwargs={"context": "spawn"}, fidelity=fidelity),
+        "one": gymnasium.make_vec(_ENV_ID, 1, **arguments),
+        "threads": gymnasium.make_vec(_ENV_ID, number, **arguments),
+        "processes": gymnasium.make_vec(_ENV_ID, number, "async", vector_kwargs={"context": "spawn"}, **arguments),
     }
     rates: dict[str, list[float]] = {way: [] for way in made}
     for env in made.values():

@@ -70,7 +70,6 @@ def environment(policy: str, agent: Path) -> Any:
     import gymnasium as gym
 
     import wt_gym  # noqa: F401 - registers the environments
-    from wt_gym.base.ids import present_id
     from wt_gym.envs import SafetyFilter
     from wt_gym.envs.options.environment import registered_arguments
     from wt_gym.experiment.trained_agent import RECORD_FILE, read_record
@@ -80,7 +79,7 @@ def environment(policy: str, agent: Path) -> Any:
         "relative_reward": False, "starts": None, "wind_seeds": WIND_SEEDS, "episode_length": DURATION,
         "fault_time": FAULT_TIME, "start": "steady", "cost_limits": LIMITS,
     }  # fmt: skip
-    env_id = present_id(config["env_id"])
+    env_id = config["env_id"]
     if policy in (TASK, BASE):
         kwargs |= {"observation": ("rotor",)}
     if policy == TASK:

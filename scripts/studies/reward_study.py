@@ -180,14 +180,14 @@ def total_rate(row: Mapping[str, float], weights: Mapping[str, float] | None = N
 
 
 def task_weights() -> dict[str, dict[str, float]]:
-    """Weights of the reward of each task, in its newest version, that changes them and is in the study's operation.
+    """Weights of the reward of each task that changes them and is in the study's operation.
 
     That is turbulence of one mean, without a power that is demanded from outside.
     """
     given = {
-        name: task.newest.get("reward", {})
+        name: task.arguments.get("reward", {})
         for name, task in TASKS.items()
-        if task.newest["inflow"] == "turbulent" and "power_reference" not in task.newest
+        if task.arguments["inflow"] == "turbulent" and "power_reference" not in task.arguments
     }
     return {name: rewards.DEFAULT_WEIGHTS | changed for name, changed in given.items() if changed}
 

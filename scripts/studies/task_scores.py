@@ -32,7 +32,6 @@ from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.files import shipped_folder, write_text_whole
-from wt_gym.base.ids import name_of
 from wt_gym.commands.program import stoppable, user_errors
 from wt_gym.envs.options.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
@@ -159,8 +158,7 @@ _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP,
 STUDIES: dict[str, Study] = {
     "LoadReduction": Study(
         "LoadReduction",
-        ("discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "tuned_lidar", "linear_optimal",
-         f"{_TRAINED}load_reduction_on_tuned_lidar", _BEST),
+        ("discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "tuned_lidar", "linear_optimal", _BEST),
         (Part(_winds((12.0, 16.0, 20.0), 2)),),
         _LOADS,
     ),
@@ -343,16 +341,8 @@ def _kept(run: Run, part: Part, study: Study) -> dict[str, Any]:
 
 
 def measured_line(env_id: str) -> str:
-    """Sentence above a table: the environment of its runs.
-
-    Parameters
-    ----------
-    env_id : str
-        As the record has it.
-    """
-    task = TASKS[name_of(env_id)]
-    where = f"`{env_id}`" if env_id == task.ids[-1] else f"`{env_id}`, an earlier version of this task"
-    return f"Measured in {where}; the return is against the first row in the same wind, as the environment gives it."
+    """Sentence above a table: the environment of its runs."""
+    return f"Measured in `{env_id}`; the return is against the first row in the same wind, as the environment gives it."
 
 
 def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
