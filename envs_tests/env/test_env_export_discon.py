@@ -13,7 +13,6 @@ import torch
 
 from envs_tests.unit.exported_library import Exported, as_read, random_readings, sanitized
 from wt_gym.base.errors import SimulationError
-from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.export import main
 from wt_gym.commands.fly import main as fly_command
 from wt_gym.control import Lidar
@@ -29,6 +28,7 @@ from wt_gym.experiment.trained_environment import trained_arguments
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.wind import PathInflow, SteadyInflow
 
 pytestmark = pytest.mark.usefixtures("compiler")

@@ -9,7 +9,6 @@ import pytest
 from scripted_simulator import ScriptedSimulator, scripted_signals, use
 
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
-from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.deployment.export.openfast_flight import Scene, export_openfast, fly
 from wt_gym.envs import record_store, rewards, running_start
@@ -19,6 +18,7 @@ from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.runs.playing import play
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")

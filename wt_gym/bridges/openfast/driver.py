@@ -18,7 +18,6 @@ import numpy as np
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.base.files import write_text_whole
-from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.measurement import (
     AERODYN_OUTPUTS,
     INFLOW_OUTPUTS,
@@ -48,6 +47,7 @@ from wt_gym.turbines import (
     Tower,
     Turbine,
 )
+from wt_gym.turbines.openfast_text import InputFile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
