@@ -9,10 +9,7 @@ import pytest
 
 from envs_tests.physics.cases.tools import mass_matrix, rate_jacobian
 from envs_tests.physics.cases.turbine_modes import (
-    TOLERANCES,
-    free_vibration,
     rigid_support,
-    step_responses,
     weightless_simulator,
     whirl_frequencies,
 )
@@ -109,14 +106,6 @@ def test_parked_frequencies_are_those_of_the_mass_damping_and_stiffness_matrices
     assert {mode.name for mode in model.modes()} >= {"flap_1 yaw", "flap_1 tilt", "fore_aft_1", "shaft_torsion"}
 
 
-@pytest.mark.parametrize("speed", [0.0, RATED])
-def test_linear_model_reproduces_small_free_vibrations(simulator, weightless, speed):
-    exact, linear = free_vibration(weightless if speed else simulator, speed, amplitude=1e-4, duration=2.0)
-    n = simulator.structure.system.n_u
-    error = np.abs(exact - linear)[:, :n].max(axis=0) / np.abs(exact)[:, :n].max(axis=0)
-    assert error.max() < 1e-4
-
-
 def test_whirl_on_a_rigid_support():
     """Regressive and progressive lie one rotor speed from the collective mode, which stiffens with the speed."""
     rotor = weightless_simulator(rigid_support(load_turbine("nrel_5mw")))
@@ -169,14 +158,6 @@ def test_trim_is_the_operating_point_of_the_simulation(operating, simulator):
     p = point.signals
     trimmed = [p.aero_thrust, p.generator_torque, p.tip_out_of_plane.mean(), p.tower_top_fore_aft]
     np.testing.assert_allclose(trimmed, np.mean(means, axis=0), rtol=0.05)
-
-
-def test_linear_model_forecasts_small_steps():
-    """Steps of pitch, torque and wind at 18 m/s over 6 s; tolerances as for the validation case."""
-    for label, _, pairs in step_responses(settle=40.0):
-        for name, (exact, linear) in pairs.items():
-            error = np.abs(exact - linear).max() / np.abs(exact).max()
-            assert error < TOLERANCES[name], (label, name)
 
 
 def test_present_state_can_be_linearized_and_stays(simulator):

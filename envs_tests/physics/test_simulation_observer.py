@@ -11,7 +11,6 @@ from gymnasium.utils.env_checker import check_env
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from envs_tests.physics.cases import observer_beams
 from envs_tests.physics.cases.observer_beams import centrifugal_stiffness
 from envs_tests.physics.cases.rotating_beams import body_pose, observed_frequencies
 from wt_gym.base.errors import SimulationError
@@ -322,13 +321,3 @@ def test_fidelity_refuses_what_makes_no_sense():
         replace(LINEAR, formulation="embedded")
     with pytest.raises(SimulationError, match=r"frame_displacement must be one of .*, got 'cubic'"):
         replace(OBSERVER, frame_displacement="cubic")
-
-
-@pytest.mark.slow
-def test_several_frames_a_beam_bring_the_geometric_stiffness_back():
-    assert [check.quantity for check in observer_beams.substructures().checks if not check.passed] == []
-
-
-@pytest.mark.slow
-def test_reduction_on_the_turbine():
-    assert [check.quantity for check in observer_beams.reduction().checks if not check.passed] == []

@@ -312,7 +312,8 @@ def iea22_steady() -> CaseResult:
     drift = max(abs(s.drift) for s in states)
     lines += [
         "",
-        f"Fidelity: {IEA22_FIDELITY.name}. No tilt, as published. Largest drift of the rotor speed: {100 * drift:.2f} %.",
+        f"Fidelity: {IEA22_FIDELITY.name}. No tilt, as published. "
+        f"Largest drift of the rotor speed: {100 * drift:.2f} %.",
     ]
     titles = ("rotor speed [rpm]", "pitch [deg]", "thrust [kN]", "electrical power [MW]")
     figures = {
@@ -397,12 +398,13 @@ def controllers() -> CaseResult:
     "wind-estimate",
     "Wind estimated from speed, torque and pitch against the rotor-effective wind of the inflow",
     "rotor-effective wind: mean of the undisturbed wind over the disc",
+    quick={"winds": (8.0, 16.0), "duration": 120.0},
 )
-def wind_estimate() -> CaseResult:
+def wind_estimate(winds=(8.0, 12.0, 16.0), duration=200.0) -> CaseResult:
     """8, 12 and 16 m/s, one seed of 200 s each, under the baseline controller."""
     turbine, checks, lines, figures = load_turbine("nrel_5mw"), [], [], {}
     simulator, dt, skip = None, 0.1, 300
-    for wind in (8.0, 12.0, 16.0):
+    for wind in winds:
         inflow = cast("TurbulentInflow", inflow_of(turbine, Case(wind, SEEDS[0])))
         simulator = simulator or Simulator(turbine, inflow)
         simulator.inflow = inflow
@@ -414,7 +416,7 @@ def wind_estimate() -> CaseResult:
                 estimator.start(signals)
             found.append(estimator.update(signals, dt))
 
-        run_controller(simulator, make_controller("discon", turbine), 200.0, dt, take)
+        run_controller(simulator, make_controller("discon", turbine), duration, dt, take)
         times = dt * np.arange(1, len(found) + 1)[skip:]
         estimate, truth = np.array(found[skip:]), inflow.rotor_effective_speed(times, turbine.rotor_diameter)
         correlation, error = float(np.corrcoef(estimate, truth)[0, 1]), estimate - truth
