@@ -9,21 +9,18 @@ import pytest
 from envs_tests.physics.cases.airfoils import theodorsen
 from envs_tests.physics.cases.dynamic_inflow import DynamicRotor, Response, loewy, oye_filter, oye_times
 from envs_tests.physics.cases.operation import GENERATOR_EFFICIENCY, steady_point
-from envs_tests.physics.cases.rotor import WIND, RigidRotor, tilted_element, wake_options
+from envs_tests.physics.cases.rotor import WIND, RigidRotor, UniformWind, tilted_element, wake_options
 from envs_tests.physics.cases.rotor_steps import (
     ROTOR_SPEED,
     STEPS,
-    carried_part,
     five_megawatt_elements,
-    mean_in_windows,
+    gust_response,
+    gust_theory,
     measured_harmonics,
     pitch_steps,
-    ring_wake_step,
     strip_theory,
 )
 from envs_tests.physics.cases.rotor_steps import WIND as STEP
-from envs_tests.physics.cases.rotor_steps import gust_response as measured
-from envs_tests.physics.cases.rotor_steps import gust_theory as theory
 from envs_tests.physics.cases.stall import MEASURED, stalled_rotor
 from envs_tests.physics.validation import read_table
 from wt_gym.aerodynamics import TRAINING, AeroOptions, VortexLattice, build_planform, span_distribution
@@ -38,7 +35,6 @@ from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 # A three-bladed rotor: power bookkeeping, momentum limits, far-wake closure, corners that must not give power.
 
 RADIUS, DENSITY = 60.0, 1.225
-CENTER = np.array([-5.0, 0.0, 90.0])
 ANGLES = -np.pi + 2 * np.pi * np.arange(720) / 720
 
 
@@ -63,46 +59,22 @@ def blade(options):
     )
 
 
-class Uniform:
-    def __init__(self, speed):
-        self.vector = np.array([speed, 0.0, 0.0])
-
-    def velocity(self, points, time):
-        return np.broadcast_to(self.vector, np.shape(points))
-
-
-def motion(planform, angle, rotor_speed, pitch):
-    cos, sin = np.cos(-pitch), np.sin(-pitch)
-    local = planform.nodes @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]]).T
-    nodes = []
-    for k in range(3):
-        c, s = np.cos(angle + 2 * np.pi * k / 3), np.sin(angle + 2 * np.pi * k / 3)
-        nodes.append(local @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]).T)
-    nodes = np.array(nodes)
-    return nodes + CENTER, np.cross([rotor_speed, 0, 0], nodes)
+def rotor_of(options):
+    """Three such blades without cone."""
+    return RigidRotor(blade(options), 3, 0.0, RADIUS, 0.0, DENSITY)
 
 
 def simulate(options, speed, ratio=None, rotor_speed=None, pitch=0.0, turns=2.0):
     """Power and thrust of the last turn [W, N], and the state."""
     rotor_speed = ratio * speed / RADIUS if rotor_speed is None else rotor_speed
-    planform = blade(options)
-    solver, inflow = VortexLattice(planform, 3, options, DENSITY), Uniform(speed)
-    state = solver.new_state()
     dt = np.radians(options.azimuth_step_deg) / max(abs(rotor_speed), 0.5)
-    nodes, velocities = motion(planform, 0.0, rotor_speed, pitch)
-    solver.initialize_helix(state, nodes, velocities, 0 * nodes + inflow.vector, CENTER, [1, 0, 0], rotor_speed, dt)
+    n_steps = int(turns * 360 / options.azimuth_step_deg)
+    steps = rotor_of(options).march(options, UniformWind(speed), rotor_speed, lambda time: pitch, dt, n_steps)
     history = []
-    for k in range(int(turns * 360 / options.azimuth_step_deg)):
-        solver.convect_wake(state, inflow, k * dt, dt)
-        nodes, velocities = motion(planform, (k + 1) * dt * rotor_speed, rotor_speed, pitch)
-        forces = solver.solve(state, nodes, velocities, 0 * nodes + inflow.vector, dt)
-        history.append(((forces * velocities).sum(), forces[..., 0].sum()))
-        solver.accept(state)
-    power, thrust = np.array(history)[-int(360 / options.azimuth_step_deg) :].T
-    torque = np.cross(nodes - CENTER, state.nodal_forces)[..., 0].sum()
-    assert (state.nodal_forces * velocities).sum() == pytest.approx(torque * rotor_speed, rel=1e-9, abs=1e-6)
-    assert np.all(np.isfinite(state.wake_nodes))
-    return power, thrust, state
+    for step in steps:
+        history.append((step.torque * rotor_speed, step.thrust))
+    assert np.all(np.isfinite(step.state.wake_nodes))
+    return *np.array(history)[-int(360 / options.azimuth_step_deg) :].T, step.state
 
 
 def coefficients(power, thrust, speed):
@@ -163,7 +135,7 @@ def test_rings_of_a_wake_thinned_twice_are_closed_and_induce_what_all_nodes_do()
         if not name.startswith("far_"):
             getattr(copy.arrays, name)[...] = array
     radius, angle = np.meshgrid(np.linspace(0.3, 0.9, 7) * RADIUS, np.linspace(0.0, 6.0, 9))
-    points = CENTER + np.stack([0 * radius - 5.0, radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+    points = np.stack([0 * radius - 5.0, radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
     expected = full.induced_velocity(copy, points)
     size = np.abs(expected).max()
     np.testing.assert_allclose(thinned.induced_velocity(state, points), expected, atol=0.01 * size)
@@ -217,19 +189,9 @@ def test_wind_of_every_row_is_asked_for_in_turn():
         def velocity(self, points, time):
             return np.broadcast_to([8.0 + time, 0.0, 0.0], np.shape(points))
 
-    options = replace(THINNED, wind_stride=5)
-    planform, dt = blade(options), 0.1
-    solver = VortexLattice(planform, 3, options, DENSITY)
-    state = solver.new_state()
-    nodes, velocities = motion(planform, 0.0, 1.2, 0.0)
-    wind = np.broadcast_to([8.0, 0.0, 0.0], nodes.shape)
-    solver.initialize_helix(state, nodes, velocities, wind, CENTER, [1, 0, 0], 1.2, dt)
-    for k in range(60):
-        solver.convect_wake(state, Growing(), k * dt, dt)
-        nodes, velocities = motion(planform, (k + 1) * dt * 1.2, 1.2, 0.0)
-        solver.solve(state, nodes, velocities, wind, dt)
-        solver.accept(state)
-        asked = state.arrays.wind[1 : state.n_rows + 1, ..., 0] - 8.0
+    options, dt = replace(THINNED, wind_stride=5), 0.1
+    for k, step in enumerate(rotor_of(options).march(options, Growing(), 1.2, lambda time: 0.0, dt, 60)):
+        asked = step.state.arrays.wind[1 : step.state.n_rows + 1, ..., 0] - 8.0
         assert asked.min() > (k - options.wind_stride) * dt + 1e-9 or k < options.wind_stride
         assert asked.max() < (k + 0.5) * dt
 
@@ -264,18 +226,19 @@ def test_no_corner_yields_more_than_momentum_allows(speed, rotor_speed, pitch_de
 
 
 def test_reset_without_wake_and_induced_velocity_far_away():
-    planform = blade(TRAINING)
-    solver = VortexLattice(planform, 3, TRAINING, DENSITY)
-    state, inflow = solver.new_state(), Uniform(8.0)
-    nodes, velocities = motion(planform, 0.0, 1.0, 0.0)
-    solver.reset(state, nodes, velocities, 0 * nodes + inflow.vector)
+    rotor, inflow = rotor_of(TRAINING), UniformWind(8.0)
+    solver = VortexLattice(rotor.planform, 3, TRAINING, DENSITY)
+    state = solver.new_state()
+    nodes, velocities = rotor.motion(0.0, 1.0, 0.0)
+    wind = inflow.velocity(nodes, 0.0)
+    solver.reset(state, nodes, velocities, wind)
     for k in range(3):
         solver.convect_wake(state, inflow, 0.2 * k, 0.2)
-        nodes, velocities = motion(planform, 0.2 * (k + 1), 1.0, 0.0)
-        solver.solve(state, nodes, velocities, 0 * nodes + inflow.vector, 0.2)
+        nodes, velocities = rotor.motion(0.2 * (k + 1), 1.0, 0.0)
+        solver.solve(state, nodes, velocities, wind, 0.2)
         solver.accept(state)
     assert state.n_rows == 3
-    behind = solver.induced_velocity(state, [[0.0, 40.0, 90.0], [5e3, 0.0, 90.0]])
+    behind = solver.induced_velocity(state, [[5.0, 40.0, 0.0], [5e3, 0.0, 0.0]])
     assert -8.0 < behind[0, 0] < -0.1
     assert np.abs(behind[1]).max() < 1e-3
 
@@ -378,8 +341,8 @@ def test_a_step_of_the_pitch_in_blade_element_theory(turbine):
 def test_lag_of_the_thrust_in_oscillating_wind():
     """The coarsest wake against blade elements with Loewy's and Øye's lags at 12 m/s."""
     frequencies = np.array([0.12, 0.32, 0.8])
-    found = measured(TRAINING, 12.0, 25.0, 25.0, frequencies)
-    expected = np.array([r.full for r in theory(12.0, frequencies)])
+    found = gust_response(TRAINING, 12.0, 25.0, 25.0, frequencies)
+    expected = np.array([r.full for r in gust_theory(12.0, frequencies)])
     np.testing.assert_allclose(np.abs(found / expected), 1.0, atol=0.1)
     np.testing.assert_allclose(np.degrees(np.angle(found / expected)), 0.0, atol=6.0)
 
@@ -392,20 +355,6 @@ def test_a_step_of_the_wind_at_constant_speed_hardly_overshoots():
     assert after[0] @ area == pytest.approx(before[0] @ area, rel=0.02)
     run = rotor.respond(STEP, lambda time: 0.0 * time, ROTOR_SPEED, 60.0)
     assert run.overshoot("thrust").ratio == pytest.approx(1.0, abs=0.01)
-
-
-def test_a_carried_step_of_the_wind():
-    """The coarsest wake against blade elements (at once) and against the transport of rings (what carrying adds)."""
-    rotor = five_megawatt_elements()
-    before = rotor.loads(STEP.before, ROTOR_SPEED, 0.0, rotor.equilibrium(STEP.before, ROTOR_SPEED, 0.0))[0]
-    theory = []
-    for carried in (np.inf, STEP.before):
-        time, thrust = ring_wake_step(rotor, STEP, ROTOR_SPEED, carried)
-        theory.append(mean_in_windows(time, thrust, before, thrust[-50:].mean()))
-    assert -0.08 < (theory[1] - theory[0]).min() < -0.06
-    at_once, added = carried_part(TRAINING)
-    np.testing.assert_allclose(at_once, 1.0, atol=0.04)
-    np.testing.assert_allclose(added, theory[1] - theory[0], atol=0.03)
 
 
 def test_the_tower_before_which_the_blades_pass():

@@ -236,6 +236,7 @@ def test_coupled_trajectory_is_that_of_the_same_equations_in_the_embedded_form(m
     assert np.linalg.norm(errors[1]) < 0.5 * np.linalg.norm(errors[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reference", ["clamped", "three_quarter"])
 def test_tips_move_as_in_the_embedded_form(reference):
     """With second-order displacements, at 11 m/s and 12 rpm: out-of-plane tips within 1 % of the largest in 4 s."""
@@ -261,12 +262,13 @@ def test_missing_geometric_stiffness_deflects_the_tips_farther():
     assert flaps[1] == pytest.approx(flaps[0], rel=0.01)
 
 
+@pytest.mark.slow  # as all of the coupled turbine in observer frames: no id uses them, and their kernels compile long
 @pytest.mark.parametrize(
     "options",
     [
         {},
         {"reference_condition": "three_quarter", "frame_update": 0.2} | DAMPED,
-        pytest.param({"yaw_drive": "spring", "stiffest_shaft": 0.5}, marks=pytest.mark.slow),  # kernels of its own
+        {"yaw_drive": "spring", "stiffest_shaft": 0.5},
     ],
 )
 def test_snapshots_copies_and_pickles_go_on_bit_for_bit(options):

@@ -241,7 +241,7 @@ def test_other_instants_have_none():
     assert recorder.to_dataset().root_multiplier_force.shape == (0, 3, 3)
 
 
-@pytest.mark.parametrize("formulation", ["embedded", "observer"])
+@pytest.mark.parametrize("formulation", ["embedded", pytest.param("observer", marks=pytest.mark.slow)])
 def test_without_constraint_equations_nobody_asks_for_multipliers(formulation, monkeypatch):
     simulator = Simulator("nrel_5mw", SteadyInflow(9.0), replace(CONSTRAINED, formulation=formulation))
     monkeypatch.setattr(Simulator, "root_multipliers", lambda self: pytest.fail("asked"))

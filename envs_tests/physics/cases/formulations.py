@@ -119,12 +119,7 @@ def _run(name, form, duration, step, starter="adams"):
     return _Run(np.array(rows), (min(speeds), max(speeds)), float(position), float(velocity), integrator.drift)
 
 
-@case(
-    "formulations-accelerations",
-    "Constrained and embedded form: accelerations, multipliers, hub loads",
-    SOURCE,
-    quick=False,
-)
+@case("formulations-accelerations", "Constrained and embedded form: accelerations, multipliers, hub loads", SOURCE)
 def accelerations() -> list[Check]:
     """One state, three solutions: embedded, constrained, and eq. (7) with quaternions."""
     simulators, states, loads, torque = _turbines("training")
