@@ -21,7 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CORE = (
     "envs_tests/unit/test_compiled.py", "envs_tests/unit/test_aerodynamics_kernels.py",
-    "envs_tests/unit/test_tree_induction.py", "envs_tests/physics/test_multibody_dynamics.py",
+    "envs_tests/unit/test_tree_induction.py", "envs_tests/physics/test_multibody.py",
     "envs_tests/physics/test_simulation_repeatability.py", "envs_tests/env/test_env_contract.py",
 )  # fmt: skip
 STEP = """

@@ -1,15 +1,20 @@
-"""Beam elements, modes and inertia integrals against beam theory and published blade frequencies."""
+"""Beams, modes and inertia integrals, cut beams, and bodies in nodal, modal and rigid coordinates."""
 
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
+from envs_tests.physics.cases.beams import BarChain, exact_rod
+from envs_tests.physics.cases.small_turbine import simulate, small_turbine
+from envs_tests.physics.cases.tools import NoBalance, frequencies, static_balance
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.model.turbine_structure import averaged_over_yaw, build_structure, rotor_nacelle_inertia
 from wt_gym.structure.beam import Beam, BeamSections, SecondOrderField, skew
+from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import (
     BodyInertia,
     FlexibleBody,
@@ -18,8 +23,12 @@ from wt_gym.structure.flexible_body import (
     without_second_order,
 )
 from wt_gym.structure.modes import clamped_modes, lowest_modes, select_modes, spin_stiffness
+from wt_gym.structure.substructure import add_chain, cut_beam, sub_body_at, tip_and_interior_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import inertia_matrix
+
+# ---- beams ----------------------------------------------------------------------------------------------------------
+# Beam elements, modes and inertia integrals against beam theory and published blade frequencies.
 
 LENGTH = 12.0
 
@@ -51,48 +60,6 @@ def test_sections_that_are_no_beam_are_refused(changes, message):
     assert BeamSections(**tables).axis_at([0.5, 2.0])[:, 2] == pytest.approx([0.5, 2.0])
     with pytest.raises(TurbineDefinitionError, match=message):
         BeamSections(**(tables | changes))
-
-
-@pytest.mark.parametrize("n_elements", [1, 4])
-def test_tip_loads_give_the_deflections_of_beam_theory(n_elements):
-    """P L³/3EI, M L/EI, N L/EA and T L/GJ, exact for any number of elements."""
-    beam = uniform(n_elements)
-    load = np.zeros(beam.n_dof)
-    load[-6:] = [100.0, 200.0, 300.0, 0.0, 0.0, 50.0]
-    tip = solve_static(beam, load)[-6:]
-    expected = [
-        100.0 * LENGTH**3 / (3 * 2e6),
-        200.0 * LENGTH**3 / (3 * 5e6),
-        300.0 * LENGTH / 3e8,
-        -200.0 * LENGTH**2 / (2 * 5e6),  # a push along +y turns the section about −x
-        100.0 * LENGTH**2 / (2 * 2e6),
-        50.0 * LENGTH / 1e6,
-    ]
-    np.testing.assert_allclose(tip, expected, rtol=1e-9)
-
-
-def test_tapered_beam_with_one_element_is_exact():
-    """EI linear from 2 EI₀ to EI₀: δ = P ∫ (L − s)²/EI(s) ds."""
-    s = np.array([0.0, LENGTH])
-    stiffness = np.array([np.diag([np.inf, np.inf, 1e9, 1e6 * k, 1e6 * k, 1e6]) for k in (2.0, 1.0)])
-    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
-    beam = Beam(BeamSections(s, stiffness, inertia, np.column_stack([0 * s, 0 * s, s])), 1)
-    load = np.zeros(12)
-    load[6] = 1000.0
-    # ∫₀¹ (1−ξ)²/(2−ξ) dξ with u = 2−ξ: ∫₁² (u−1)²/u du = ½·3 − 2 + ln 2
-    expected = 1000.0 * LENGTH**3 / 1e6 * (1.5 - 2.0 + np.log(2.0))
-    assert solve_static(beam, load)[6] == pytest.approx(expected, rel=1e-8)
-
-
-def test_shear_flexible_section_adds_the_timoshenko_deflection():
-    s = np.array([0.0, LENGTH])
-    stiffness = np.tile(np.diag([4e5, 5e5, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
-    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
-    beam = Beam(BeamSections(s, stiffness, inertia, np.column_stack([0 * s, 0 * s, s])), 2)
-    load = np.zeros(beam.n_dof)
-    load[-6] = 100.0
-    expected = 100.0 * LENGTH**3 / (3 * 2e6) + 100.0 * LENGTH / 4e5
-    assert solve_static(beam, load)[-6] == pytest.approx(expected, rel=1e-9)
 
 
 def test_bend_twist_coupling_of_a_full_section_matrix():
@@ -176,25 +143,6 @@ def test_a_beam_does_not_run_against_its_axis():
 def test_nodes_without_meaning_are_refused(nodes, message):
     with pytest.raises(ValueError, match=message):
         Beam(uniform().sections, nodes)
-
-
-@pytest.mark.parametrize("kind", ["flap", "edge"])
-def test_uniform_cantilever_frequencies(kind):
-    """β₁L … β₃L = 1.8751, 4.6941, 7.8548."""
-    beam = uniform(10, Ix=1e-6, Iy=1e-6)
-    modes = clamped_modes(beam, 12)
-    stiffness = {"flap": 2e6, "edge": 5e6}[kind]
-    beta = np.array([1.87510407, 4.69409113, 7.85475744])
-    expected = beta**2 * np.sqrt(stiffness / (20.0 * LENGTH**4)) / (2 * np.pi)
-    chosen = select_modes(modes, **{kind: 3})
-    np.testing.assert_allclose(modes.frequency[chosen], expected, rtol=5e-4)
-
-
-def test_torsion_frequency():
-    """A clamped–free shaft: √(GJ/I_p)/4L."""
-    modes = clamped_modes(uniform(12), 30)
-    frequency = modes.frequency[select_modes(modes, torsion=1)[0]]
-    assert frequency == pytest.approx(np.sqrt(1e6 / 1.3) / (4 * LENGTH), rel=2e-3)
 
 
 def test_axial_frequency_and_the_signs_of_the_shapes():
@@ -527,3 +475,177 @@ class TestDamping:
         np.testing.assert_allclose(nodal_omega[:2], omega, rtol=1e-6)
         np.testing.assert_allclose(nodal_ratio[:2], ratio, rtol=1e-6)
         assert ratio[0] == pytest.approx(0.01 * omega[0] / (2.0 * np.pi * 0.889), rel=0.04)
+
+
+# ---- coordinates ----------------------------------------------------------------------------------------------------
+# Coordinates of one body.
+
+
+class TestCoordinates:
+    """One body in nodal, modal and rigid coordinates."""
+
+    @staticmethod
+    def beam():
+        tube = circular_sections(
+            2.0, 0.05, youngs_modulus=7e10, shear_modulus=2.7e10, density=2700.0, inner_diameter=0.04
+        )
+        return Beam(tube, 4)
+
+    def test_rigid_body_keeps_mass_center_and_inertia(self):
+        flexible, rigid = (body_from_beam("tube", self.beam(), kind) for kind in ("nodal", "rigid"))
+        assert rigid.n_elastic == 0
+        assert rigid.inertia.mass == pytest.approx(flexible.inertia.mass)
+        assert rigid.inertia.mass == pytest.approx(2700.0 * 2.0 * np.pi / 4.0 * (0.05**2 - 0.04**2))
+        np.testing.assert_allclose(rigid.inertia.c0, flexible.inertia.c0, atol=1e-12)
+        np.testing.assert_allclose(rigid.inertia.j0, flexible.inertia.j0, atol=1e-12)
+        np.testing.assert_allclose(rigid.markers["tip"].position, [0.0, 0.0, 2.0])
+
+    def test_modal_stiffness_is_diagonal_and_damping_the_ratio(self):
+        body = body_from_beam("tube", self.beam(), "modal", n_modes=5, damping_ratio=0.02)
+        omega = np.sqrt(np.diag(body.stiffness))
+        np.testing.assert_allclose(np.diag(body.damping), 2.0 * 0.02 * omega, rtol=1e-9)
+        np.testing.assert_allclose(body.inertia.m0, np.eye(5), atol=1e-9)
+
+    def test_every_mode_of_a_nodal_body_has_the_damping_ratio(self):
+        body = body_from_beam("tube", self.beam(), "nodal", damping_ratio=0.02)
+        squares, modes = eigh(body.stiffness, body.inertia.m0)
+        damping = modes.T @ body.damping @ modes
+        expected = np.diag(2.0 * 0.02 * np.sqrt(squares))
+        np.testing.assert_allclose(damping, expected, atol=1e-6 * expected.max())
+
+    def test_nodal_coordinates_are_the_nodes(self):
+        body = body_from_beam("tube", self.beam(), "nodal", dofs=(0, 4))
+        assert body.n_elastic == 8
+        assert body.coordinate_names[:2] == ("tube_node_1_x", "tube_node_1_turn_y")
+        np.testing.assert_allclose(body.markers["tip"].linear[0], [0, 0, 0, 0, 0, 0, 1, 0], atol=1e-12)
+
+    def test_bad_input_is_refused(self):
+        with pytest.raises(ValueError, match="must be one of nodal, modal, rigid"):
+            body_from_beam("tube", self.beam(), "exact")
+        with pytest.raises(ValueError, match="inner_diameter"):
+            circular_sections(1.0, 0.1, youngs_modulus=1.0, shear_modulus=1.0, density=1.0, inner_diameter=0.2)
+
+
+# ---- cut beams and references ---------------------------------------------------------------------------------------
+# Fast validation cases, and fast parts of the slow ones, against exact and published numbers.
+
+
+class TestSubstructure:
+    """A beam cut into bodies behaves as the whole for small motions, and bad cuts are refused."""
+
+    @staticmethod
+    def sections():
+        return BeamSections.uniform(12.0, EA=3e8, EIx=5e6, EIy=2e6, GJ=1e6, mass=20.0, Ix=0.4, Iy=0.9)
+
+    @pytest.mark.parametrize(("coordinates", "n_modes"), [("nodal", 0), ("modal", 100)])
+    def test_small_vibrations_are_those_of_the_whole_beam(self, coordinates, n_modes):
+        """The chain has the same degrees of freedom, so that its frequencies are those of the uncut matrices."""
+        from scipy.linalg import eigh
+
+        beam = Beam(self.sections(), 6)
+        expected = np.sqrt(eigh(beam.stiffness[6:, 6:], beam.mass[6:, 6:], eigvals_only=True))
+        sub_bodies = cut_beam("beam", self.sections(), 6, 3, coordinates, n_modes)
+        system = MultibodySystem((0.0, 0.0, 0.0))
+        add_chain(system, sub_bodies, Joint("fixed"))
+        found = frequencies(system.build(), system.initial_state(), step=1e-6)
+        np.testing.assert_allclose(found[:12], expected[:12], rtol=1e-5)
+
+    def test_given_cuts_and_owners(self):
+        sub_bodies = cut_beam("beam", self.sections(), np.array([0.0, 1.0, 4.0, 6.0, 12.0]), [4.0, 6.0])
+        assert [(p.start, p.end) for p in sub_bodies] == [(0.0, 4.0), (4.0, 6.0), (6.0, 12.0)]
+        assert [sub_body_at(sub_bodies, s) for s in (0.0, 3.9, 4.0, 12.0)] == [0, 0, 1, 2]
+        marker = sub_bodies[2].marker(9.0, (0.1, 0.0, 0.0))
+        np.testing.assert_allclose(marker.position, [0.1, 0.0, 3.0])
+
+    def test_static_shapes_of_the_tip_and_their_damping(self):
+        """Between fixed ends, Hermite's cubics: a unit shift of the tip bends by 3 x² - 2 x³, a turn by L (x³ - x²)."""
+        shapes = tip_and_interior_modes(Beam(self.sections(), 4), 0)
+        x = np.array([0.25, 0.5, 0.75, 1.0])
+        np.testing.assert_allclose(shapes[6::6, 0], 3.0 * x**2 - 2.0 * x**3)
+        np.testing.assert_allclose(shapes[6::6, 4], 12.0 * (x**3 - x**2), atol=1e-12)
+        np.testing.assert_allclose(shapes[-6:], np.eye(6))
+        assert tip_and_interior_modes(Beam(self.sections(), 1), 3).shape == (12, 6)
+        whole = tip_and_interior_modes(Beam(self.sections(), 4), 5)
+        assert whole.shape == (30, 11)
+        assert not whole[-6:, 6:].any()  # the rest vibrate between fixed ends
+        damped = cut_beam("beam", self.sections(), 4, 2, stiffness_damping=0.1)[1].body
+        np.testing.assert_allclose(damped.damping, 0.1 * damped.stiffness)
+
+    def test_bad_input_is_refused(self):
+        with pytest.raises(ValueError, match="not a node"):
+            cut_beam("beam", self.sections(), 4, [5.0])
+        with pytest.raises(ValueError, match="must have 1 … 4 sub-bodies"):
+            cut_beam("beam", self.sections(), 4, 5)
+        with pytest.raises(ValueError, match="must increase"):
+            cut_beam("beam", self.sections(), 4, [6.0, 3.0])
+        with pytest.raises(ValueError, match="'nodal' or 'modal'"):
+            cut_beam("beam", self.sections(), 4, 2, "exact")
+        sub_bodies = cut_beam("beam", self.sections(), 4, 2)
+        with pytest.raises(ValueError, match="outside"):
+            sub_body_at(sub_bodies, 13.0)
+        with pytest.raises(ValueError, match="outside"):
+            sub_body_at(sub_bodies, -0.1)
+        with pytest.raises(ValueError, match="outside the sub-body"):
+            sub_bodies[1].marker(5.9)
+        assert sub_body_at(sub_bodies, 6.0 - 5e-10) == 1  # rounding of the cut belongs to the outer piece
+        with pytest.raises(ValueError, match="outside the sub-body"):
+            sub_bodies[0].marker(9.0)
+
+
+class TestReferenceSolutions:
+    """The reference solutions of the large-deflection cases against closed forms."""
+
+    def test_rod_rolls_into_a_circle(self):
+        sections = BeamSections.uniform(2.0, EA=1e9, EIx=1.0, EIy=1.0, GJ=1.0, mass=1.0, Ix=0.01, Iy=0.01)
+        moment = 0.75 * np.pi  # curvature 3π/4 over 2 m: three quarters of a circle
+        _, position, _ = exact_rod(sections, tip_moment=(0.0, moment, 0.0), n=200)
+        radius = 1.0 / moment
+        np.testing.assert_allclose(position[-1], [radius, 0.0, -radius], atol=1e-3)
+
+    def test_rod_gives_the_linear_deflection_under_small_loads(self):
+        sections = BeamSections.uniform(2.0, EA=1e9, EIx=3.0, EIy=2.0, GJ=1.0, mass=1.0, Ix=0.01, Iy=0.01)
+        _, position, _ = exact_rod(
+            sections, lambda s: np.array([1e-4, 0.0, 0.0]), (0.0, 1e-4, 0.0), n=200, load_steps=1
+        )
+        assert position[-1, 0] == pytest.approx(1e-4 * 2.0**4 / (8 * 2.0), rel=1e-3)
+        assert position[-1, 1] == pytest.approx(1e-4 * 2.0**3 / (3 * 3.0), rel=1e-3)
+
+    def test_bar_chain_is_the_elastica(self):
+        """Cantilever with P L²/EI = 2: tip at 0.49346 L across, 0.83933 L along (Bisshopp & Drucker 1945)."""
+        chain = BarChain(1.0, lambda s: 1.0 + 0.0 * s, lambda s: 1.0 + 0.0 * s, 200)
+        force = np.zeros(200)
+        force[-1] = 2.0
+        across, along = chain.tip(chain.static(force))
+        assert across == pytest.approx(0.49346, rel=1e-3)
+        assert along == pytest.approx(0.83933, rel=1e-3)
+
+    def test_bar_chain_vibrates_like_a_cantilever(self):
+        chain = BarChain(1.0, lambda s: 1.0 + 0.0 * s, lambda s: 1.0 + 0.0 * s, 16)
+        times = np.linspace(0.0, 3.6, 721)
+        force = 1e-3 * chain.lump(lambda s: s**2)
+        tip = chain.tip(chain.simulate(chain.static(force), times))[0]
+        down = np.flatnonzero((tip[:-1] > 0.0) & (tip[1:] <= 0.0))
+        crossing = times[down] + tip[down] / (tip[down] - tip[down + 1]) * 0.005
+        assert np.diff(crossing)[0] == pytest.approx(2.0 * np.pi / 3.51602, rel=0.02)
+
+
+def test_no_balance_is_an_error():
+    """A pendulum under a moment larger than weight times arm has no position of rest."""
+    system = MultibodySystem()
+    bob = FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), np.zeros((3, 3)))
+    system.add(bob, Joint("revolute", (0.0, 1.0, 0.0), name="swing"))
+    system.build()
+
+    def push(_, inputs, work):
+        inputs.body_loads[:, 0, 4] = 20.0
+
+    with pytest.raises(NoBalance, match="did not settle"):
+        static_balance(system, system.initial_state(), push)
+
+
+@pytest.mark.parametrize(("tower", "blades"), [("rigid", "rigid"), ("nodal", "modal"), ("modal", "rigid")])
+def test_every_body_takes_every_coordinates(tower, blades):
+    model = small_turbine(tower, blades, "joint", speed=20.0, tower_elements=2)
+    _, nacelle, speed, _ = simulate(model, 0.01)
+    assert np.isfinite(speed).all()
+    assert (np.abs(nacelle).max() == 0.0) == (tower == "rigid")

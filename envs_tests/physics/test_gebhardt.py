@@ -1,18 +1,88 @@
-"""The preset with all that Gebhardt et al. 2012 name, its multipliers, gain and drift, and modes of deformed blades."""
+"""The turbine of Gebhardt et al. 2012, its preset with everything, and every formulation as an environment."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from envs_tests.physics.cases.gebhardt import RPM, make_simulator, published
+from envs_tests.physics.cases import formulations as module
+from envs_tests.physics.cases.gebhardt import RPM, boundary_layer, make_simulator, published, simulate
 from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.model.deformed_basis import TangentBlade
+from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines.catalogue import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
 from wt_gym.wind import SteadyInflow
+
+# ---- stand-in -------------------------------------------------------------------------------------------------------
+# The stand-in for the turbine of Gebhardt et al. 2012: masses, frequencies, degrees of freedom, torque balance.
+
+STAND_IN = gebhardt_data()["stand_in"]
+PITCH_15 = np.radians(12.7)
+"""At which the rotor turns at the published 7.4 rpm in 15 m/s (gradient height)."""
+
+
+def beam_frequencies(structure, n_elements):
+    """Lowest frequencies [Hz] of a straight clamped beam."""
+    axis = np.column_stack([0.0 * structure.station, 0.0 * structure.station, structure.station])
+    beam = Beam(BeamSections(structure.station, structure.stiffness, structure.inertia, axis), n_elements)
+    return clamped_modes(beam, 4).frequency
+
+
+def test_masses():
+    turbine, blade = gebhardt_turbine(), STAND_IN["blade"]
+    moments = [turbine.blade.structure.mass_moment(order) for order in (0, 1, 2)]
+    assert moments[0] == pytest.approx(blade["mass_kg"], rel=1e-4)
+    assert moments[1] == pytest.approx(blade["first_moment_kgm"], rel=1e-3)
+    assert moments[2] == pytest.approx(blade["second_moment_kgm2"], rel=0.01)
+    assert turbine.tower.structure.mass_moment(0) == pytest.approx(STAND_IN["tower"]["mass_kg"], rel=1e-4)
+    top = turbine.nacelle.mass + turbine.hub.mass + 3.0 * moments[0]
+    assert top == pytest.approx(STAND_IN["tower_top_mass_kg"], rel=1e-4)
+    radius = turbine.hub.radius
+    rotor = turbine.hub.inertia_axial + 3.0 * (moments[2] + 2.0 * radius * moments[1] + moments[0] * radius**2)
+    assert rotor == pytest.approx(STAND_IN["rotor_inertia_kgm2"], rel=0.01)
+
+
+def test_blade_frequencies():
+    expected = STAND_IN["blade"]["frequencies_22_nodes_Hz"]
+    found = beam_frequencies(gebhardt_turbine().blade.structure, 21)
+    np.testing.assert_allclose(found[:3], [expected[k] for k in ("flap_1", "edge_1", "flap_2")], rtol=0.02)
+
+
+def test_thirteen_degrees_of_freedom():
+    structure = make_simulator(15.0, 7.4, formulation="embedded").structure
+    count = gebhardt_data()["published"]["degrees_of_freedom"]
+    assert structure.system.n_u == count["tower"] + count["rotor"] + 3 * count["each_blade"]
+    assert not structure.shaft_flexible
+
+
+def test_wind_at_the_hub():
+    """0.803 of the reference wind when that blows at the gradient height; all of it when it blows at the hub."""
+    height = gebhardt_turbine().hub_height
+    point = np.array([[0.0, 0.0, height]])
+    assert boundary_layer(15.0).velocity(point, 0.0)[0, 0] == pytest.approx(15.0 * 0.803, rel=2e-3)
+    assert boundary_layer(15.0, height).velocity(point, 0.0)[0, 0] == pytest.approx(15.0)
+
+
+def test_damper_holds_the_published_point():
+    """Half a revolution from the published point at 15 m/s: the speed stays, and the tower bears the reaction."""
+    rpm, power = published(15.0)
+    run = simulate(make_simulator(15.0, rpm, formulation="embedded"), PITCH_15, 0.5, rpm * RPM)
+    assert np.all(np.isfinite(run.flap))
+    np.testing.assert_allclose(run.speed / RPM, rpm, rtol=0.02)
+    assert run.power.mean() == pytest.approx(power, rel=0.03)
+    # prismatic cantilever under the generator's moment, M L²/2EI; the weight on top adds about a tenth
+    tower = STAND_IN["tower"]
+    lean = GENERATOR_DAMPER * run.speed.mean() * 68.0**2 / (2.0 * tower["EI_Nm2"])
+    assert run.side_side.mean() == pytest.approx(-1.1 * lean, rel=0.2)
+
+
+# ---- everything at once ---------------------------------------------------------------------------------------------
+# The preset with all that Gebhardt et al. 2012 name, its multipliers, gain and drift, and modes of deformed blades.
 
 PITCH, RPM_15 = np.radians(12.8), published(15.0)[0]
 OMEGA = np.array([1.2, 0.0, 0.0])
@@ -223,3 +293,56 @@ def test_multipliers_need_constraints():
     with pytest.raises(SimulationError, match="no multipliers without constraint equations"):
         simulator.root_multipliers()
     assert simulator.constraint_drift() == (0.0, 0.0, 0.0)
+
+
+# ---- formulations as environments -----------------------------------------------------------------------------------
+# What the case of all formulations in the environment compares, and how it judges.
+
+KNOWN = {combination.label: combination for combination in module.COMBINATIONS}
+IDS = {"NREL5MW": "nrel_5mw", "IEA15MW": "iea_15mw"}
+
+
+def test_parked_frequencies_are_those_of_the_linear_model():
+    """Both for bodies that the linear model can describe; without damping the frequencies are a little higher."""
+    turbine = load_turbine("nrel_5mw")
+    model = Simulator(turbine, SteadyInflow(8.0)).linearize(
+        rotor_speed=0.0, aerodynamics="none", generator="locked", outputs=("rotor_speed",)
+    )
+    expected = np.sort([mode.frequency for mode in model.modes() if mode.frequency > 0.0])[: module.LOWEST]
+    np.testing.assert_allclose(module.parked_frequencies(turbine, FIDELITIES["training"]), expected, rtol=2e-4)
+
+
+@pytest.mark.parametrize("pair", module.NODAL_AND_MODAL, ids=lambda pair: pair[0])
+def test_nodal_blades_vibrate_as_modal_ones(pair):
+    turbine = load_turbine(IDS[pair[0]])
+    nodal, modal = (module.parked_frequencies(turbine, KNOWN[f"{pair[0]}, {name}"].fidelity) for name in pair[1:])
+    np.testing.assert_allclose(nodal, modal, rtol=5e-3)
+    assert np.abs(nodal / modal - 1.0).max() > 1e-5  # other elements, other coordinates
+
+
+def test_frequencies_that_no_tree_describes_are_left_out():
+    turbine = load_turbine("nrel_5mw")
+    training = FIDELITIES["training"]
+    for change in ({"formulation": "constrained"}, {"formulation": "observer", "reference_condition": "three_quarter"}):
+        assert module.parked_frequencies(turbine, replace(training, **change)) is None
+
+
+@pytest.mark.parametrize(
+    ("ending", "change", "failed"),
+    [
+        (None, {}, ["power against"]),
+        (None, {"failure": "overspeed"}, ["end early", "power against"]),
+        ("tower_strike", {"failure": "tower_strike"}, ["power against"]),
+        ("tower_strike", {}, ["end otherwise than by tower_strike", "power against"]),
+        (None, {"repeats": False, "power": 100.4}, ["do not repeat"]),
+    ],
+)
+def test_what_passes(ending, change, failed):
+    default = {"failure": None, "repeats": True, "ms": 1.0, "power": 100.0, "flap_DEL": 1.0, "tip": 1.0,
+               "frequencies": None}  # fmt: skip
+    combination = module.Combination("NREL5MW", "some", FIDELITIES["training"], ending=ending)
+    checks, line = module.compare(combination, default | {"power": 101.0} | change, default)
+    found = [check.quantity for check in checks if not check.passed]
+    assert len(found) == len(failed)
+    assert all(text in quantity for text, quantity in zip(failed, found, strict=True))
+    assert line.startswith("NREL5MW, some: 1.00, +")

@@ -1,16 +1,25 @@
-"""Checks, the registry of cases, the command line and the report."""
+"""Every validation case, as published or coarser; checks, the registry, the command line, the record and the report."""
 
 import importlib.util
 import json
 import math
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
 
-from envs_tests.physics import validation as module
+from envs_tests.physics import validation
+from envs_tests.physics.cases import fidelities
+from envs_tests.physics.cases.fidelities import (
+    EXPERIMENTS,
+    QUANTITIES,
+    StaleRecordError,
+    constant_gain,
+    recorded,
+    stamp,
+)
 from envs_tests.physics.validation import (
     Case,
     CaseResult,
@@ -24,10 +33,29 @@ from envs_tests.physics.validation import (
     run_case,
     worst,
 )
-from wt_gym.structure.beam import Beam
-from wt_gym.structure.coordinates import body_from_beam, circular_sections
+from wt_gym.control.controllers.discon import BaselineController, nrel_5mw_parameters
+from wt_gym.simulation.fidelity import fidelity
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+LONG = {"iea-15mw-blade-dynamic", "iea-15mw-blade-static", "observer-turbine-reduction"}
+"""Slow cases that a run of the slow tests takes too."""
+
+
+def items():
+    """Cases of the suite; with ``-m slow`` others as published."""
+    for item in load_cases().values():
+        suite = not item.slow if item.quick is None else item.quick is not False
+        if suite or not item.slow or item.name in LONG:
+            yield pytest.param(item, id=item.name, marks=() if suite else pytest.mark.slow)
+
+
+@pytest.mark.parametrize("item", list(items()))
+def test_case(item):
+    """Every row is within its tolerance."""
+    result = run_case(item, **(item.quick or {}))
+    assert result.checks
+    failed = [f"{c.quantity}: expected {c.expected}, obtained {c.obtained:.6g}" for c in result.checks if not c.passed]
+    assert not failed, "\n".join(failed)
 
 
 def load_script(name):
@@ -116,7 +144,7 @@ def two_cases(monkeypatch):
         raise ValueError("no solution")
 
     cases = {"bad": Case("bad", "Bad", "source", bad, slow=True), "good": Case("good", "Good", "source", good)}
-    monkeypatch.setattr(module, "_CASES", cases)
+    monkeypatch.setattr(validation, "_CASES", cases)
     monkeypatch.setattr(validate, "load_cases", lambda: cases)
 
 
@@ -133,7 +161,7 @@ class TestCommand:
         def broken():
             raise error
 
-        known = {"bad": Case("bad", "Bad", "source", broken), "good": module.load_cases()["good"]}
+        known = {"bad": Case("bad", "Bad", "source", broken), "good": load_cases()["good"]}
         monkeypatch.setattr(validate, "load_cases", lambda: known)
         assert validate.main(["run", "all"]) == 1
         shown = capsys.readouterr().out
@@ -198,46 +226,37 @@ class TestOtherCommands:
         assert message in capsys.readouterr().err
 
 
-class TestCoordinates:
-    """One body in nodal, modal and rigid coordinates."""
+# ---- records of the reference runs ----
 
-    @staticmethod
-    def beam():
-        tube = circular_sections(
-            2.0, 0.05, youngs_modulus=7e10, shear_modulus=2.7e10, density=2700.0, inner_diameter=0.04
-        )
-        return Beam(tube, 4)
 
-    def test_rigid_body_keeps_mass_center_and_inertia(self):
-        flexible, rigid = (body_from_beam("tube", self.beam(), kind) for kind in ("nodal", "rigid"))
-        assert rigid.n_elastic == 0
-        assert rigid.inertia.mass == pytest.approx(flexible.inertia.mass)
-        assert rigid.inertia.mass == pytest.approx(2700.0 * 2.0 * np.pi / 4.0 * (0.05**2 - 0.04**2))
-        np.testing.assert_allclose(rigid.inertia.c0, flexible.inertia.c0, atol=1e-12)
-        np.testing.assert_allclose(rigid.inertia.j0, flexible.inertia.j0, atol=1e-12)
-        np.testing.assert_allclose(rigid.markers["tip"].position, [0.0, 0.0, 2.0])
+def test_a_record_of_other_options_is_refused_and_says_how_to_renew_it(tmp_path, monkeypatch):
+    experiment, options = EXPERIMENTS["steady-gain-1.0"], fidelity("reference")
+    row = ["steady-gain-1.0", "reference", stamp(experiment, options), *("1.5" for _ in QUANTITIES)]
+    table = tmp_path / "reference_runs.csv"
+    table.write_text(f"# comment\n{','.join(('experiment', 'fidelity', 'stamp', *QUANTITIES))}\n{','.join(row)}\n")
+    monkeypatch.setattr(fidelities, "TABLE", table)
+    assert recorded("steady-gain-1.0") == dict.fromkeys(QUANTITIES, 1.5)
+    with pytest.raises(StaleRecordError, match=r"steady-gain-0\.4 .* is missing; renew it: python -m .* steady-gain-0"):
+        recorded("steady-gain-0.4")
+    finer = replace(options, aero=replace(options.aero, n_span=options.aero.n_span + 1))
+    monkeypatch.setitem(fidelities.RECORDED, "reference", finer)
+    with pytest.raises(StaleRecordError, match="another turbine, fidelity, wind or control; renew it"):
+        recorded("steady-gain-1.0")
 
-    def test_modal_stiffness_is_diagonal_and_damping_the_ratio(self):
-        body = body_from_beam("tube", self.beam(), "modal", n_modes=5, damping_ratio=0.02)
-        omega = np.sqrt(np.diag(body.stiffness))
-        np.testing.assert_allclose(np.diag(body.damping), 2.0 * 0.02 * omega, rtol=1e-9)
-        np.testing.assert_allclose(body.inertia.m0, np.eye(5), atol=1e-9)
 
-    def test_every_mode_of_a_nodal_body_has_the_damping_ratio(self):
-        body = body_from_beam("tube", self.beam(), "nodal", damping_ratio=0.02)
-        squares, modes = eigh(body.stiffness, body.inertia.m0)
-        damping = modes.T @ body.damping @ modes
-        expected = np.diag(2.0 * 0.02 * np.sqrt(squares))
-        np.testing.assert_allclose(damping, expected, atol=1e-6 * expected.max())
+def test_stamps_know_wind_and_control_and_ignore_the_last_bits_of_numbers():
+    options = fidelity("reference")
+    stamps = {name: stamp(experiment, options) for name, experiment in EXPERIMENTS.items()}
+    assert len(set(stamps.values())) == len(EXPERIMENTS)
+    aero = options.aero
+    nudged = replace(options, aero=replace(aero, squire=np.nextafter(aero.squire, 1.0)))
+    assert stamp(EXPERIMENTS["steady-gain-0.4"], nudged) == stamps["steady-gain-0.4"]
 
-    def test_nodal_coordinates_are_the_nodes(self):
-        body = body_from_beam("tube", self.beam(), "nodal", dofs=(0, 4))
-        assert body.n_elastic == 8
-        assert body.coordinate_names[:2] == ("tube_node_1_x", "tube_node_1_turn_y")
-        np.testing.assert_allclose(body.markers["tip"].linear[0], [0, 0, 0, 0, 0, 0, 1, 0], atol=1e-12)
 
-    def test_bad_input_is_refused(self):
-        with pytest.raises(ValueError, match="must be one of nodal, modal, rigid"):
-            body_from_beam("tube", self.beam(), "exact")
-        with pytest.raises(ValueError, match="inner_diameter"):
-            circular_sections(1.0, 0.1, youngs_modulus=1.0, shear_modulus=1.0, density=1.0, inner_diameter=0.2)
+@pytest.mark.parametrize("speed", [20.0, 90.0, 130.0, 300.0])
+def test_the_law_of_the_gain_sweep_is_the_square_of_the_speed_everywhere(speed):
+    controller = BaselineController(constant_gain(nrel_5mw_parameters(), 0.7))
+    controller.start(speed, 0.0)
+    pitch, torque = controller.step(speed, 0.2)
+    assert torque == pytest.approx(min(0.7 * 2.332287 * speed**2, nrel_5mw_parameters().max_torque), rel=1e-9)
+    assert np.all(pitch == 0.0)
