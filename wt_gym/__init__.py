@@ -53,5 +53,4 @@ for _record in RECORDS.values():
         _register(_id, _arguments)
 
 for _task in TASKS.values():
-    for _id, _arguments in _task.registered.items():
-        _register(_id, _arguments, max_episode_steps=_task.max_episode_steps(_id))
+    _register(_task.id, _task.arguments, max_episode_steps=_task.max_episode_steps)

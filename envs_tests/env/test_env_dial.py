@@ -18,7 +18,8 @@ from wt_gym.envs.dial import DIAL_NAMES, factor_of
 from wt_gym.envs.terminations import Costs, violated
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.constant import ConstantAgent
-from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.experiment.evaluation import evaluate
+from wt_gym.experiment.evaluation_config import EvaluationConfig
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.experiment.trained_environment import trained_arguments
 from wt_gym.experiment.uniform import UniformAgent
@@ -27,7 +28,7 @@ from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
-DIAL = TASKS["Dial"].ids[-1]
+DIAL = TASKS["Dial"].id
 TURBINE = load_turbine("nrel_5mw")
 STEADY = {
     "inflow": "steady", "wind_speed": 15.0, "action_mode": "residual", "pitch": "fixed-frame", "control_dt": 0.1,

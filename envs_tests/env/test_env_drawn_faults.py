@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, use
 
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.envs.faults import FAULT_KINDS, SIZE_RANGES, FaultOptions, FaultTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import BladeIce, load_turbine

@@ -9,7 +9,7 @@ import wt_gym  # noqa: F401 - registers the environments
 from envs_tests.physics.cases.gebhardt import boundary_layer
 from wt_gym.base.errors import ActionError, InflowError, TurbineDefinitionError
 from wt_gym.control import operating_point
-from wt_gym.control.rotor_table import rotor_table
+from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import catalogue, load_turbine

@@ -14,7 +14,8 @@ from gymnasium.envs.registration import EnvSpec
 from wt_gym.base.errors import InflowError
 from wt_gym.base.options import options_of
 from wt_gym.control import Lidar
-from wt_gym.control.controllers import FadeParameters, make_controller
+from wt_gym.control.controllers import FadeParameters
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs.observations import ObservationOptions
 from wt_gym.envs.options import (
     GROUPS,
@@ -34,7 +35,7 @@ from wt_gym.envs.wind_sampler import WindOptions
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
-TASK = "wt_gym/LoadReduction-v1"
+TASK = "wt_gym/LoadReduction-v2"
 
 GIVEN = [
     WindOptions(inflow="turbulent", speed=[8.0, 9.0], seeds=iter((3, 4)), direction=0.1, wander=(0.1, 60.0)),
@@ -121,7 +122,7 @@ def test_a_group_on_top_of_an_id_replaces_what_it_names(wind, many):
 
 def test_a_controller_on_top_of_an_id_is_a_name_or_a_group():
     def made(controller):
-        return gym.make("wt_gym/Yaw-v2", controller=controller).unwrapped.options.controller
+        return gym.make("wt_gym/Yaw-v3", controller=controller).unwrapped.options.controller
 
     assert made("ipc+yaw").base == "ipc+yaw"
     assert made({"base": "ipc"}).base == "ipc"

@@ -11,7 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from wt_gym.base.errors import ActionError, InflowError
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs import WindTurbineVectorEnv, reward_store
 from wt_gym.envs.instruments import DRIFTING
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -154,7 +154,7 @@ def test_variations_have_a_form_in_json(name):
     variation = PRESETS[name]
     assert Variation.from_json(variation.to_json()) == variation
     assert make(variation=name).options.variation == make(variation=variation.as_dict()).options.variation == variation
-    spec = gym.make("wt_gym/LoadReduction-v1", variation=variation).spec
+    spec = gym.make("wt_gym/LoadReduction-v2", variation=variation).spec
     assert gym.make(type(spec).from_json(spec.to_json())).unwrapped.options.variation == variation
 
 

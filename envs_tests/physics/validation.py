@@ -11,8 +11,8 @@ expected value comes from an exact solution, a publication or an independent com
 of this package. A qualitative statement of a paper becomes a check with a numeric criterion: the criterion is written
 in ``quantity`` and the published statement in ``source``.
 
-``scripts/validate.py`` runs cases as published. The test suite runs those that are not ``slow``, and others with the
-coarser arguments ``quick`` (``test_cases.py``).
+``scripts/validate.py`` runs cases as published. The test suite (``test_cases.py``) runs those that are not ``slow``, or
+any case with the coarser arguments ``quick``.
 """
 
 from __future__ import annotations
@@ -208,14 +208,18 @@ class CaseResult:
 
 @dataclass(frozen=True)
 class Case:
-    """A registered case; ``slow`` ones take more than about ten seconds, ``quick`` are arguments for the suite."""
+    """A registered case; ``slow`` ones take more than about ten seconds.
+
+    ``quick`` are the arguments with which the test suite runs it, False where it does not; without them the suite runs
+    what is not slow as published.
+    """
 
     name: str
     title: str
     source: str
     run: Callable[..., list[Check] | CaseResult]
     slow: bool = False
-    quick: Mapping[str, Any] | None = None
+    quick: Mapping[str, Any] | bool | None = None
 
 
 _CASES: dict[str, Case] = {}
@@ -223,11 +227,11 @@ Run = TypeVar("Run", bound="Callable[..., list[Check] | CaseResult]")
 
 
 def case(
-    name: str, title: str, source: str, *, slow: bool = False, quick: Mapping[str, Any] | None = None
+    name: str, title: str, source: str, *, slow: bool = False, quick: Mapping[str, Any] | bool | None = None
 ) -> Callable[[Run], Run]:
     """Register the decorated function (returns checks or a `CaseResult`) as the case ``name``.
 
-    Called without arguments it makes the published numbers; with those of ``quick`` it is an item of the test suite.
+    Called without arguments it makes the published numbers; ``slow`` and ``quick`` are those of `Case`.
 
     Raises
     ------

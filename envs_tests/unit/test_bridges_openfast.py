@@ -29,7 +29,6 @@ from wt_gym.bridges.openfast import (
     write_model,
 )
 from wt_gym.bridges.openfast.driver import read_turbine, write_turbine
-from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, Measurement, elastodyn_outputs
 from wt_gym.bridges.openfast.model import TopBody, bending_shapes, blade_sections, tower_sections
 from wt_gym.bridges.openfast.process import VARIABLE, relay_library
@@ -48,6 +47,7 @@ from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import PitchSystem, catalogue, load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.openfast import read_openfast
+from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import mirrored, unloaded_clearance
 from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
 from wt_gym.wind.files import BtsContent

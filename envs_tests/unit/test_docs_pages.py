@@ -82,7 +82,7 @@ CALLS = commands()
 def wrong_names(text):
     """Commands and scripts in a text that do not exist."""
     commands = re.findall(r"(?:`|^ *|/bin/)wt-gym ([a-z][a-z-]*)", text, re.MULTILINE)
-    scripts = re.findall(r"(?<![\w/])scripts/(\w+(?:\.\w+)?)", text)
+    scripts = re.findall(r"(?<![\w/])scripts/((?:\w+/)*\w+(?:\.\w+)?)", text)
     return sorted({*commands} - {*COMMANDS}) + [name for name in scripts if not (ROOT / "scripts" / name).exists()]
 
 
@@ -322,7 +322,7 @@ def versions_of_ids_and_tasks():
 
 @statement
 def public_modules():
-    said = text_of("docs/versions.md").split("**Public interface.**")[1].split("in `__all__`")[0]
+    said = text_of("docs/versions.md").split("**Public interface.**")[1].split("and the modules of")[0]
     names = re.findall(r"`(wt_gym\.[a-z.]+)`", said)
     assert len(names) >= 8
     return {name for name in names if import_module(name).__all__}, {*names}

@@ -74,7 +74,7 @@ class TestSite:
         options = text_of(site / "reference" / "options.html")
         assert all(name in options for name in (*FIDELITIES, "max_substep", "wake_rows", "tower_side_side_fatigue"))
         commands = text_of(site / "reference" / "cli.html")
-        assert all(name in commands for name in (*COMMANDS, "--max-seconds", "--confirm", "--record"))
+        assert all(name in commands for name in (*COMMANDS, "--max-seconds", "--record"))
         assert "overspeed_limit" in text_of(site / "reference" / "environment.html")
 
     def test_public_modules_are_documented_whole(self, site):

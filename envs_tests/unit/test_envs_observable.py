@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from wt_gym.control import ActionMap, AgentSetpoint, Demand, Lidar
-from wt_gym.control.controllers import YawByDeadBand, make_controller
+from wt_gym.control.controllers import YawByDeadBand
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.control.controllers.supervisor import STATES
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.envs.channels import OBSERVATION_GROUPS, Computed, FromSignals, InFixedFrame, Observable
 from wt_gym.envs.dial import DIAL_NAMES, DialCourse, DialOptions, DialTerm
 from wt_gym.envs.lidar import LidarTerm

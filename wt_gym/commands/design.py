@@ -82,8 +82,7 @@ def main(words: list[str] | None = None) -> None:
     out: Path = arguments.out
     with user_errors(), stoppable(f"runs that are done are in {out}.runs and are not made again"):
         from wt_gym.base.files import require_writable
-        from wt_gym.control.optimal.design_file import save_design
-        from wt_gym.control.optimal.offsets import default_limits
+        from wt_gym.control.controllers.linear_optimal import default_limits, save_design
         from wt_gym.learning.linear_design.design import LinearDesignTask, default_speeds, design
         from wt_gym.learning.linear_design.feedback import FeedbackOptions
         from wt_gym.learning.linear_design.recording import Excitation, Recording, RecordingStore

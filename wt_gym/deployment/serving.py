@@ -22,9 +22,9 @@ import numpy as np
 from wt_gym.base.errors import ActionError, ControllerError
 from wt_gym.bridges.rosco import FIRST_CALL, MOST_BLADES, READINGS, SET_POINTS, Message, SetPoints
 from wt_gym.control import AgentSetpoint, Demand
-from wt_gym.control.coleman import harmonic_of_blades, to_blades
+from wt_gym.control.actions import ResidualPitch
 from wt_gym.control.controllers.own_class import load_class
-from wt_gym.control.residual import ResidualPitch
+from wt_gym.control.sensors import harmonic_of_blades, to_blades
 from wt_gym.envs.channels import RESIDUAL_GROUPS
 from wt_gym.envs.observations import Observer
 from wt_gym.envs.options import flat_arguments, registered_arguments
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.bridges.rosco import Answers
-    from wt_gym.control.controllers import Name
+    from wt_gym.control.controllers.names import Name
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
 

@@ -11,10 +11,10 @@ from gymnasium import spaces
 
 from wt_gym.base.options import check_whole_steps
 from wt_gym.control import ActionMap
-from wt_gym.control.controllers import AboveRated, make_controller, starting_part
-from wt_gym.control.controllers.names import ALIASES, BASELINE
+from wt_gym.control.actions import ResidualPitch
+from wt_gym.control.controllers import AboveRated, starting_part
+from wt_gym.control.controllers.names import ALIASES, BASELINE, make_controller
 from wt_gym.control.controllers.supervisor import supervisor_of
-from wt_gym.control.residual import ResidualPitch
 from wt_gym.envs import rewards
 from wt_gym.envs.channels import DEFAULT_GROUPS, RESIDUAL_GROUPS
 from wt_gym.envs.dial import DialTerm
@@ -34,8 +34,8 @@ from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
-from wt_gym.turbines.model import with_site
-from wt_gym.turbines.variants import LossShares, with_electrical, with_generator
+from wt_gym.turbines.model import LossShares, with_site
+from wt_gym.turbines.variants import with_electrical, with_generator
 
 if TYPE_CHECKING:
     from collections.abc import Callable

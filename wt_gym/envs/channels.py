@@ -13,19 +13,18 @@ import numpy as np
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import did_you_mean
 from wt_gym.control import Channel, NacelleAnemometer, torque_curve
-from wt_gym.control.coleman import FIXED_FRAME, to_fixed_frame
-from wt_gym.control.controllers.linear_optimal import linear_part
+from wt_gym.control.controllers.additions import yaw_drive_of
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, linear_part
 from wt_gym.control.controllers.supervisor import STATES, supervisor_of
-from wt_gym.control.controllers.yaw import yaw_drive_of
-from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
+from wt_gym.control.design import reference_flap_moment, reference_tower_moment
+from wt_gym.control.sensors import FIXED_FRAME, to_fixed_frame
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:
     from wt_gym.control import ActionMap
+    from wt_gym.control.actions import ResidualPitch
     from wt_gym.control.controllers import Controller
-    from wt_gym.control.controllers.wind_estimator import WindEstimator
-    from wt_gym.control.residual import ResidualPitch
+    from wt_gym.control.controllers.tsr_tracking import WindEstimator
     from wt_gym.envs.operation import Operation
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
@@ -129,7 +128,7 @@ class InFixedFrame:
     signal : str
         Without the number of the blade.
     part : int
-        Place in `wt_gym.control.coleman.FIXED_FRAME`.
+        Place in `wt_gym.control.sensors.FIXED_FRAME`.
     """
 
     signal: str

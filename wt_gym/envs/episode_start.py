@@ -24,7 +24,7 @@ import numpy as np
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import check_number, shown
 from wt_gym.control import OperatingPoint
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.envs.record_store import find_record
 from wt_gym.envs.running_record import WINDOWS, Start, rotor_wind, time_scale
 from wt_gym.envs.terms import Beginning, Plant, Request

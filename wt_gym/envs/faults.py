@@ -40,7 +40,7 @@ from wt_gym.base.options import (
     option_record,
     shown,
 )
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.envs.operation import OWN
 from wt_gym.envs.terms import Term
 from wt_gym.simulation.drivetrain.faults import PitchMisalignment, SensorBias, SlowPitch, StuckPitch, VoltageDip

@@ -6,11 +6,10 @@ import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.base.ids import name_of
 from wt_gym.envs.operation import OWN
 from wt_gym.envs.options import documentation
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.tasks import TASKS
+from wt_gym.tasks import task_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -42,7 +41,7 @@ the simulator: the zero action is the controller. Numbers for the NREL 5-MW:
 | torque (HSS)   | -15, 15 kN m/s     | 0, 47.4 kN m                | 2.2 kN m/s, 4.4 kN m                |
 
 ``pitch``: ``"collective"`` one component for all blades; ``"individual"`` one a blade, blade 1 first;
-``"fixed-frame"`` mean, tilt and yaw in the non-rotating frame (`wt_gym.control.coleman`), distributed to the blades
+``"fixed-frame"`` mean, tilt and yaw in the non-rotating frame (`wt_gym.control.sensors`), distributed to the blades
 at every step of the simulator; ``"cyclic"``, residual only, tilt and yaw without the mean,
 which stays with the controller. ``action_components`` leaves components out: pitch and torque
 are then the controller's, yaw rests unless the controller yaws. ``action_spans`` changes rates and limits. Residual
@@ -290,7 +289,7 @@ def _task(env: Any, spec: EnvSpec | None) -> str:
     """Id with the goal of its task; the class where there is no id."""
     if spec is None:
         return type(env).__name__
-    task = TASKS.get(name_of(spec.id))
+    task = task_of(spec.id)
     return spec.id if task is None else f"{spec.id}: {task.goal}"
 
 

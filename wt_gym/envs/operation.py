@@ -14,10 +14,10 @@ from wt_gym.base.errors import SimulationError, did_you_mean
 from wt_gym.base.options import shown
 from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import WithDemandedPower, WithLidar, checked_demand, lidar_of
+from wt_gym.control.controllers.additions import yaw_drive_of
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.supervisor import supervisor_of
-from wt_gym.control.controllers.yaw import yaw_drive_of
 from wt_gym.envs.terms import Stateful
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import DriveFault, PitchMisalignment, SensorBias, VoltageDip
@@ -25,10 +25,10 @@ from wt_gym.simulation.fidelity import fidelity as fidelity_of
 
 if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Lidar
+    from wt_gym.control.actions import ResidualPitch
     from wt_gym.control.controllers import Controller, Readings
+    from wt_gym.control.controllers.additions import YawByDeadBand
     from wt_gym.control.controllers.supervisor import Supervisor
-    from wt_gym.control.controllers.yaw import YawByDeadBand
-    from wt_gym.control.residual import ResidualPitch
     from wt_gym.envs.instruments import Instruments, PitchGain
     from wt_gym.envs.power_reference import PowerReference
     from wt_gym.envs.terms import Beginning, Plant

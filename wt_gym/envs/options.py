@@ -40,8 +40,8 @@ from wt_gym.envs.wind_sampler import WindOptions, is_wind_file
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine
-from wt_gym.turbines.model import STRONGEST
-from wt_gym.turbines.variants import GENERATORS, LONGEST_LAG
+from wt_gym.turbines.model import LONGEST_LAG, STRONGEST
+from wt_gym.turbines.variants import GENERATORS
 from wt_gym.wind.files import files_of, is_wind_path, whole_description
 
 if TYPE_CHECKING:

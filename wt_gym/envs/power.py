@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.control.operating_point import design_point, rotor_inertia
+from wt_gym.control.design import design_point, rotor_inertia
 from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:

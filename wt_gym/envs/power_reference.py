@@ -30,7 +30,7 @@ import numpy as np
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Options, as_pair, option, option_record, options_of, shown
 from wt_gym.control import Channel
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.envs.channels import Computed, Observed
 from wt_gym.envs.power import available_power, efficiency
 from wt_gym.envs.terms import Term

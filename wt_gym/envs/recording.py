@@ -15,7 +15,7 @@ import numpy as np
 from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import write_whole
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs.power import available_power
 from wt_gym.envs.record_store import (
     FOLDER,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Options, check_mapping, check_number, option, option_record, shown
-from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
+from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.envs.fatigue import BladeFatigue, Damage, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.power import Power
 from wt_gym.envs.power_reference import PowerTracking

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from wt_gym.control import Demand
-from wt_gym.control.coleman import to_blades, to_fixed_frame
 from wt_gym.control.controllers import WithDemandedPower, checked_demand, readings_of
-from wt_gym.control.controllers.memory import Memory, changing_parts, memory_of, remember
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of, remember
+from wt_gym.control.operating_point import starting_point
+from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.envs.fatigue import AVERAGED
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, parities

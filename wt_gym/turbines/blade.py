@@ -1,11 +1,8 @@
-"""Sectional beam properties along a reference axis (blade or tower).
+"""Beams (blade or tower) by their sections, and blades: reference axis, planform, airfoils, sections, and ice.
 
-One blade: reference axis, planform, airfoils and section properties, with the interpolations between the tables.
-
-Ice on one blade: a mass at its leading edge, less lift and more drag.
-
-The mass per length is that of the GL guideline for the certification of wind turbines (Germanischer Lloyd, edition
-2010, chapter 4, ice load on rotor blades): it rises in a straight line from the rotor axis to
+Ice is a mass at the leading edge, less lift and more drag. The mass per length is that of the GL guideline for the
+certification of wind turbines (Germanischer Lloyd, edition 2010, chapter 4, ice load on rotor blades): it rises in a
+straight line from the rotor axis to
 
     mu_E = rho_E k c_min (c_max + c_min),   k = 0.00675 + 0.3 exp(-0.32 R / 1 m),   rho_E = 700 kg/m^3
 
@@ -21,7 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import Annotated, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,9 +27,10 @@ from scipy.interpolate import PchipInterpolator
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation, blend_polars
 from wt_gym.turbines.checks import (
     ArrayRecord,
+    Range,
+    Table,
     check_array,
     check_ascending,
-    check_number,
     check_span,
     check_symmetric,
     fail,
@@ -48,45 +46,27 @@ __all__ = [
 class BeamStations(ArrayRecord):
     """Stiffness and inertia of cross-sections, about the point where the reference axis meets the section.
 
-    Attributes
-    ----------
-    station : ndarray (n,)
-        Distance along the reference axis [m], ascending from 0 (blade root, tower base). Between stations every
-        property is linear in this distance.
-    stiffness : ndarray (n, 6, 6)
-        Relates the generalized strains (shear along x, shear along y, axial strain, curvature about x, curvature about
-        y, twist rate about z) to the section forces (Fx, Fy, Fz, Mx, My, Mz); N, N m and N m^2. A section that does
-        not shear (Euler-Bernoulli) has ``inf`` at [0, 0] and [1, 1] and zeros beside them.
-    inertia : ndarray (n, 6, 6)
-        Mass matrix per unit length for (vx, vy, vz, wx, wy, wz) of the point on the axis; kg/m, kg and kg m.
-
-    Notes
-    -----
     Axes of a blade: the blade frame (z root to tip, x to the suction side, y to the trailing edge) without pitch; the
     structural twist is already turned in. On a prebent axis z means the local tangent. Axes of a tower: x downwind,
     y left looking downwind, z up. A bending moment about y bends the beam along x: ``stiffness[:, 4, 4]`` is flapwise
     (fore-aft) and ``stiffness[:, 3, 3]`` edgewise (side-side). OpenFAST BeamDyn uses the same order and axes.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If shapes disagree, stations do not ascend from 0, a matrix is not symmetric, a stiffness is not positive
-        definite or jumps as no beam does, or an inertia is not positive semidefinite.
     """
 
-    station: NDArray[np.float64]
-    stiffness: NDArray[np.float64]
-    inertia: NDArray[np.float64]
+    station: Annotated[NDArray[np.float64], Table("station", low=0.0, ascending=2)]
+    """Distance along the reference axis (n,) [m], ascending from 0 (blade root, tower base). Between stations every
+    property is linear in this distance."""
+    stiffness: Annotated[NDArray[np.float64], Table("station", 6, 6, infinite=True)]
+    """(n, 6, 6), positive definite: relates the generalized strains (shear along x, shear along y, axial strain,
+    curvature about x, curvature about y, twist rate about z) to the section forces (Fx, Fy, Fz, Mx, My, Mz); N, N m and
+    N m^2. A section that does not shear (Euler-Bernoulli) has ``inf`` at [0, 0] and [1, 1] and zeros beside them."""
+    inertia: Annotated[NDArray[np.float64], Table("station", 6, 6)]
+    """Mass matrix per unit length (n, 6, 6) for (vx, vy, vz, wx, wy, wz) of the point on the axis; kg/m, kg and
+    kg m."""
 
-    def __post_init__(self) -> None:
-        """Check the tables and make them read-only."""
-        station = check_array("BeamStations.station", self.station, (None,), low=0.0)
-        check_ascending("BeamStations.station", station)
+    def _check(self) -> None:
+        station, stiffness, inertia = self.station, self.stiffness, self.inertia
         if station[0] != 0.0:
             raise fail("BeamStations.station[0]", float(station[0]), "0 (the root or base)")
-        shape = (station.size, 6, 6)
-        stiffness = check_array("BeamStations.stiffness", self.stiffness, shape, infinite=True)
-        inertia = check_array("BeamStations.inertia", self.inertia, shape)
         check_symmetric("BeamStations.stiffness", stiffness)
         check_symmetric("BeamStations.inertia", inertia)
         _check_rigid_shear(stiffness)
@@ -96,7 +76,6 @@ class BeamStations(ArrayRecord):
         if np.any(inertia[:, 0, 0] <= 0.0):
             i = int(np.argmax(inertia[:, 0, 0] <= 0.0))
             raise fail(f"BeamStations.inertia[{i}, 0, 0]", float(inertia[i, 0, 0]), "a mass per length above 0 kg/m")
-        self._set(station=station, stiffness=stiffness, inertia=inertia)
 
     @property
     def length(self) -> float:
@@ -209,6 +188,18 @@ def rotation_about_z(angle: ArrayLike) -> NDArray[np.float64]:
     return rotation
 
 
+def shear_rigid_stiffness(
+    axial: ArrayLike, about_x: ArrayLike, about_y: ArrayLike, torsion: ArrayLike
+) -> NDArray[np.float64]:
+    """Return section stiffnesses (..., 6, 6) without couplings and without shear: EA [N], EI and GJ [N m^2]."""
+    values = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (axial, about_x, about_y, torsion)))
+    stiffness = np.zeros((*values[0].shape, 6, 6))
+    stiffness[..., 0, 0] = stiffness[..., 1, 1] = np.inf
+    for k, value in enumerate(values, start=2):
+        stiffness[..., k, k] = value
+    return stiffness
+
+
 def inertia_matrix(
     mass: ArrayLike,
     cm_x: ArrayLike,
@@ -220,23 +211,18 @@ def inertia_matrix(
 ) -> NDArray[np.float64]:
     """Return section mass matrices (..., 6, 6) about the reference axis.
 
+    With v(x, y) = v + w x (x, y, 0), the kinetic energy per length is (v, w)^T M (v, w) / 2.
+
     Parameters
     ----------
     mass : array_like
-        Mass per length [kg/m].
+        Per length [kg/m].
     cm_x, cm_y : array_like
         Center of mass from the axis [m].
-    i_xx, i_yy : array_like
-        Integrals of rho y^2 and rho x^2 over the section, about the reference axis [kg m].
-    i_xy : array_like
-        Integral of rho x y about the reference axis [kg m].
+    i_xx, i_yy, i_xy : array_like
+        Integrals of rho y^2, rho x^2 and rho x y over the section, about the reference axis [kg m].
     i_zz : array_like, optional
         Polar inertia [kg m]; for a flat section (default) i_xx + i_yy.
-
-    Returns
-    -------
-    ndarray (..., 6, 6)
-        With v(x, y) = v + w x (x, y, 0), the kinetic energy per length is (v, w)^T M (v, w) / 2.
     """
     m, cx, cy, xx, yy, xy = np.broadcast_arrays(
         *(np.asarray(a, dtype=np.float64) for a in (mass, cm_x, cm_y, i_xx, i_yy, i_xy))
@@ -255,102 +241,59 @@ def inertia_matrix(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Blade(ArrayRecord):
-    """One blade.
+    """One blade."""
 
-    Attributes
-    ----------
-    length : float
-        From root to tip along z [m] (OpenFAST TipRad - HubRad).
-    root_radius : float
-        From the rotor apex to the blade root [m] (HubRad).
-    axis_station : ndarray (n,)
-        Distance along the reference axis from the root [m]: the coordinate of ``structure.station``.
-    axis : ndarray (n, 3)
-        Points of the reference (pitch) axis in the blade frame [m]; starts at z = 0. Upwind prebend is -x.
-    aero_station : ndarray (m,)
-        z of the planform stations, from 0 to ``length`` [m] (BlSpn).
-    chord : ndarray (m,)
-        Chord [m].
-    twist : ndarray (m,)
-        Twist [rad], positive to feather (BlTwist).
-    le_offset : ndarray (m,)
-        Distance from leading edge to reference axis along the chord, divided by the chord.
-    airfoil_station : ndarray (k,)
-        z [m] where the section is exactly ``airfoils[airfoil_index[i]]``; blended linearly between, constant outside.
-    airfoil_index : ndarray (k,) of int
-    damping_ratio : float
-        Structural damping of every blade mode, fraction of critical (BldFlDmp / 100).
-    normal_offset : ndarray (m,)
-        Distance of the chord line from the reference axis towards the suction side, divided by the chord; zero for
-        most blades. ``camber_at`` includes it.
-    rotating_polars : bool or None
-        Whether the polars of ``airfoils`` hold the delay of stall by rotation; None where that is not known.
-    augmentation : RotationalAugmentation or None
-        What `polar_at` adds to two-dimensional polars.
-    """
-
-    length: float
-    root_radius: float
-    axis_station: NDArray[np.float64]
-    axis: NDArray[np.float64]
-    aero_station: NDArray[np.float64]
-    chord: NDArray[np.float64]
-    twist: NDArray[np.float64]
-    le_offset: NDArray[np.float64]
+    length: Annotated[float, Range(0.0, 500.0, above=True)]
+    """From root to tip along z [m] (OpenFAST TipRad - HubRad)."""
+    root_radius: Annotated[float, Range(0.0, 50.0)]
+    """From the rotor apex to the blade root [m] (HubRad)."""
+    axis_station: Annotated[NDArray[np.float64], Table("axis", low=0.0, ascending=2)]
+    """Distance along the reference axis from the root (n,) [m]: the coordinate of ``structure.station``."""
+    axis: Annotated[NDArray[np.float64], Table("axis", 3)]
+    """Points of the reference (pitch) axis in the blade frame (n, 3) [m]; starts at z = 0. Upwind prebend is -x."""
+    aero_station: Annotated[NDArray[np.float64], Table("aero", ascending=2)]
+    """z of the planform stations (m,), from 0 to ``length`` [m] (BlSpn)."""
+    chord: Annotated[NDArray[np.float64], Table("aero", low=1e-3, high=30.0)]
+    """Chord (m,) [m]."""
+    twist: Annotated[NDArray[np.float64], Table("aero", low=-np.pi / 2, high=np.pi / 2)]
+    """Twist (m,) [rad], positive to feather (BlTwist)."""
+    le_offset: Annotated[NDArray[np.float64], Table("aero", low=-2.0, high=3.0)]
+    """Distance from leading edge to reference axis along the chord, divided by the chord (m,)."""
     airfoils: tuple[Airfoil, ...]
-    airfoil_station: NDArray[np.float64]
+    airfoil_station: Annotated[NDArray[np.float64], Table("airfoil", low=0.0, ascending=1)]
+    """z [m] where the section is exactly ``airfoils[airfoil_index[i]]`` (k,); blended linearly between, constant
+    outside."""
     airfoil_index: NDArray[np.int64]
+    """(k,)."""
     structure: BeamStations
-    damping_ratio: float
-    normal_offset: NDArray[np.float64] | None = None
+    damping_ratio: Annotated[float, Range(0.0, 0.5)]
+    """Structural damping of every blade mode, fraction of critical (BldFlDmp / 100)."""
+    normal_offset: Annotated[NDArray[np.float64] | None, Table("aero", low=-2.0, high=2.0)] = None
+    """Distance of the chord line from the reference axis towards the suction side, divided by the chord (m,); zero for
+    most blades. ``camber_at`` includes it."""
     rotating_polars: bool | None = None
+    """Whether the polars of ``airfoils`` hold the delay of stall by rotation; None where that is not known."""
     augmentation: RotationalAugmentation | None = None
+    """Added to two-dimensional polars by `polar_at`."""
 
-    def __post_init__(self) -> None:
-        """Check the fields and make the arrays read-only."""
-        length = check_number("Blade.length", self.length, 0.0, 500.0, open_low=True)
-        self._set(
-            length=length,
-            root_radius=check_number("Blade.root_radius", self.root_radius, 0.0, 50.0),
-            damping_ratio=check_number("Blade.damping_ratio", self.damping_ratio, 0.0, 0.5),
-        )
-        self._check_axis()
-        self._check_planform()
+    def _check(self) -> None:
+        if self.normal_offset is None:
+            self._set(normal_offset=check_array("Blade.normal_offset", np.zeros(self.chord.size), (None,)))
+        check_ascending("Blade.axis[:, 2]", self.axis[:, 2])
+        check_span("Blade.axis[:, 2]", self.axis[:, 2], self.length)
+        check_span("Blade.structure.station", self.structure.station, float(self.axis_station[-1]))
+        check_span("Blade.aero_station", self.aero_station, self.length)
         self._check_airfoils()
         if self.augmentation is not None and self.rotating_polars:
             raise fail("Blade.augmentation", self.augmentation, "None: the polars hold the delay of stall by rotation")
-
-    def _check_axis(self) -> None:
-        station = check_array("Blade.axis_station", self.axis_station, (None,), low=0.0)
-        check_ascending("Blade.axis_station", station)
-        axis = check_array("Blade.axis", self.axis, (station.size, 3))
-        check_ascending("Blade.axis[:, 2]", axis[:, 2])
-        check_span("Blade.axis[:, 2]", axis[:, 2], self.length)
-        if not isinstance(self.structure, BeamStations):
-            raise fail("Blade.structure", self.structure, "BeamStations")
-        check_span("Blade.structure.station", self.structure.station, float(station[-1]))
-        self._set(axis_station=station, axis=axis)
-
-    def _check_planform(self) -> None:
-        z = check_array("Blade.aero_station", self.aero_station, (None,))
-        check_ascending("Blade.aero_station", z)
-        check_span("Blade.aero_station", z, self.length)
-        offset = np.zeros(z.size) if self.normal_offset is None else self.normal_offset
-        self._set(
-            aero_station=z,
-            chord=check_array("Blade.chord", self.chord, (z.size,), low=1e-3, high=30.0),
-            twist=check_array("Blade.twist", self.twist, (z.size,), low=-np.pi / 2, high=np.pi / 2),
-            le_offset=check_array("Blade.le_offset", self.le_offset, (z.size,), low=-2.0, high=3.0),
-            normal_offset=check_array("Blade.normal_offset", offset, (z.size,), low=-2.0, high=2.0),
-        )
 
     def _check_airfoils(self) -> None:
         airfoils = tuple(self.airfoils)
         if not airfoils or not all(isinstance(a, Airfoil) for a in airfoils):
             raise fail("Blade.airfoils", self.airfoils, "at least one Airfoil")
-        z = check_array("Blade.airfoil_station", self.airfoil_station, (None,), low=0.0, high=self.length * (1 + 1e-9))
-        if z.size > 1:
-            check_ascending("Blade.airfoil_station", z)
+        z = self.airfoil_station
+        if z[-1] > self.length * (1 + 1e-9):
+            raise fail("Blade.airfoil_station", float(z[-1]), f"numbers up to the length, {self.length:g} m")
         index = np.array(self.airfoil_index)
         if index.shape != z.shape or not np.issubdtype(index.dtype, np.integer):
             raise fail("Blade.airfoil_index", self.airfoil_index, f"{z.size} integers, one per airfoil_station")
@@ -358,7 +301,7 @@ class Blade(ArrayRecord):
             raise fail("Blade.airfoil_index", index.tolist(), f"integers from 0 to {len(airfoils) - 1}")
         index = index.astype(np.int64)
         index.flags.writeable = False
-        self._set(airfoils=airfoils, airfoil_station=z, airfoil_index=index)
+        self._set(airfoils=airfoils, airfoil_index=index)
 
     @cached_property
     def _planform(self) -> PchipInterpolator:
@@ -465,24 +408,13 @@ _TIP = (0.7, 0.9)
 
 
 @dataclass(frozen=True)
-class BladeIce:
-    """Ice on one blade of a turbine.
+class BladeIce(ArrayRecord):
+    """Ice on one blade of a turbine."""
 
-    Attributes
-    ----------
-    blade : int
-        From 1 on.
-    level : float
-        Mass, loss of lift and drag over those of full ice [-].
-    """
-
-    blade: int
-    level: float
-
-    def __post_init__(self) -> None:
-        if isinstance(self.blade, bool) or not isinstance(self.blade, int) or self.blade < 1:
-            raise fail("BladeIce.blade", self.blade, "a whole number from 1 on")
-        check_number("BladeIce.level", self.level, 0.0, 2.0, open_low=True)
+    blade: Annotated[int, Range(1, 10, whole=True)]
+    """From 1 on."""
+    level: Annotated[float, Range(0.0, 2.0, above=True)]
+    """Mass, loss of lift and drag over those of full ice [-]."""
 
 
 def spread(blade: Blade, z: NDArray[np.float64]) -> NDArray[np.float64]:

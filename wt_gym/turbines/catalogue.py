@@ -1,17 +1,13 @@
-"""Turbines by name, from a windIO file or from an OpenFAST model.
+"""Turbines by name, from a windIO file or from an OpenFAST model, and those that no file describes.
 
-The turbine of Gebhardt, Preidikman, Jørgensen & Massa 2012: 45 m blades on a 68 m tower.
-
-The paper gives the lengths, the degrees of freedom and two operating points; blade, masses and tower are stand-ins of
-the same class. ``data/gebhardt45.json`` keeps published, inferred and stand-in values apart.
-
-The small turbine of Nada & Al-Shahrani 2019: a rotor of half a meter on a copper rod in front of a wind generator.
-
-The numbers of the paper are not legible in the copies at hand; the rig is a stand-in of the same kind, whose data
-``data/nada_small.json`` keeps apart from what is published. The validation case ``mixed-coordinates`` uses the same
-file.
-
-The NREL 5-MW turbine on the monopile of the Offshore Code Comparison Collaboration (OC3).
+- Gebhardt, Preidikman, Jørgensen & Massa 2012, 45 m blades on a 68 m tower: the paper gives the lengths, the degrees of
+  freedom and two operating points; blade, masses and tower are stand-ins of the same class. ``data/gebhardt45.json``
+  keeps published, inferred and stand-in values apart.
+- Nada & Al-Shahrani 2019, a rotor of half a meter on a copper rod in front of a wind generator: the numbers of the
+  paper are not legible in the copies at hand; the rig is a stand-in of the same kind, whose data
+  ``data/nada_small.json`` keeps apart from what is published. The validation case ``mixed-coordinates`` uses the same
+  file.
+- The NREL 5-MW turbine on the monopile of the Offshore Code Comparison Collaboration (OC3).
 """
 
 from __future__ import annotations
@@ -19,11 +15,11 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,27 +27,16 @@ from numpy.typing import NDArray
 from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines.airfoil import Airfoil, Polar, cosine_grid
-from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z
+from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z, shear_rigid_stiffness
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, PitchSystem, Support, Tower, Turbine
 from wt_gym.turbines.windio import own_file, read_turbine
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from typing import Any
+from wt_gym.turbines.windio_file import within
 
 __all__ = [
     "GENERATOR_DAMPER", "catalogue", "gebhardt_data", "gebhardt_turbine", "load_turbine", "nada_data", "nada_speed",
     "plate_polar", "turbine_file",
 ]  # fmt: skip
-
-
-def _windio_example(name: str) -> Path:
-    # Found without importing windIO, which is slow and, for a file read before, not needed.
-    spec = importlib.util.find_spec("windIO")
-    if spec is None or spec.origin is None:
-        raise TurbineDefinitionError("the package windIO is not installed: pip install windIO")
-    return Path(spec.origin).parent / "examples" / "turbine" / name
 
 
 @cache
@@ -116,33 +101,25 @@ def load_turbine(
     >>> load_turbine("nrel_5mw", rotation="counter-clockwise").rotation
     'counter-clockwise'
     """
-    turbine = _load(name_or_path, water_depth, foundation)
-    return turbine if rotation is None or rotation == turbine.rotation else replace(turbine, rotation=rotation)
-
-
-def _load(name_or_path: str | Path, water_depth: float | None, foundation: NDArray[np.float64] | None) -> Turbine:
-    """Load a turbine as its file describes it; see `load_turbine`."""
     if foundation is not None and water_depth is None:
         raise fail("foundation", "a stiffness", "None without a water_depth")
-    if isinstance(name_or_path, str) and name_or_path in RECORDS and not _has_file(name_or_path):
-        if water_depth is not None:
-            raise fail("water_depth", water_depth, f"None for {name_or_path!r}, which no windIO file describes")
-        return _built(name_or_path)
-    path = turbine_file(name_or_path)
-    if path.suffix.lower() == ".fst":
-        return _openfast(path, water_depth)
-    return read_turbine(path, water_depth, foundation)
+    built = isinstance(name_or_path, str) and name_or_path in RECORDS and not _has_file(name_or_path)
+    path = None if built else turbine_file(name_or_path)
+    openfast = path is not None and path.suffix.lower() == ".fst"
+    if water_depth is not None and (built or openfast):
+        what = "an OpenFAST model, whose substructure is left aside"
+        what = f"{name_or_path!r}, which no windIO file describes" if built else what
+        raise fail("water_depth", water_depth, f"None for {what}")
+    if path is None:
+        turbine = _built(str(name_or_path))
+    elif openfast:
+        from wt_gym.turbines.openfast import read_openfast  # which most users never need
 
-
-def _openfast(path: Path, water_depth: float | None) -> Turbine:
-    from wt_gym.turbines.openfast import read_openfast  # which most users never need
-
-    if water_depth is not None:
-        raise fail("water_depth", water_depth, "None for an OpenFAST model, whose substructure is left aside")
-    try:
-        return read_openfast(path)
-    except TurbineDefinitionError as error:
-        raise TurbineDefinitionError(f"{path}: {error}") from error
+        with within(str(path)):
+            turbine = read_openfast(path)
+    else:
+        turbine = read_turbine(path, water_depth, foundation)
+    return turbine if rotation is None or rotation == turbine.rotation else replace(turbine, rotation=rotation)
 
 
 def turbine_file(name_or_path: str | Path) -> Path:
@@ -161,7 +138,13 @@ def turbine_file(name_or_path: str | Path) -> Path:
                 f"turbine {name_or_path!r} has no windIO file, the package builds it: load_turbine({name_or_path!r}); "
                 f"with a file are {with_file}"
             )
-        return own_file(source["file"]) if "file" in source else _windio_example(source["windio_example"])
+        if "file" in source:
+            return own_file(str(source["file"]))
+        # Found without importing windIO, which is slow and, for a file read before, not needed.
+        spec = importlib.util.find_spec("windIO")
+        if spec is None or spec.origin is None:
+            raise TurbineDefinitionError("the package windIO is not installed: pip install windIO")
+        return Path(spec.origin).parent / "examples" / "turbine" / str(source["windio_example"])
     allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO file or OpenFAST model (.fst)"
     if not isinstance(name_or_path, (str, Path)):
         raise fail("turbine", name_or_path, allowed)
@@ -175,9 +158,11 @@ def turbine_file(name_or_path: str | Path) -> Path:
     return path
 
 
+HELD = 1e10
+"""Stiffness of a shaft and a yaw bearing that do not yield [N m/rad]."""
 ROOT_CHORD = 0.3
 """Chord of the lattice where the blade carries no lift [m]: the root strips of a lattice may be slender, not absent."""
-GEBHARDT_MOST_TORQUE, GEBHARDT_TORQUE_RATE = 1.1, 0.348
+GEBHARDT_TORQUE = 1.1, 0.348
 """Greatest torque of a generator with torque control and its rate [1/s], over the rated torque: those of the NREL 5-MW
 (NREL/TP-500-38060, Table 7-2: 47.40 kN m and 15 kN m/s, rated 43.09 kN m). The paper's generator is a damper."""
 ROOT_RAMP = 1.0
@@ -187,8 +172,11 @@ ROOT_RAMP = 1.0
 @cache
 def gebhardt_data() -> dict[str, Any]:
     """Contents of ``data/gebhardt45.json``."""
-    text = resources.files(__package__).joinpath("data", "gebhardt45.json").read_text(encoding="utf-8")
-    out: dict[str, Any] = json.loads(text)
+    return _data("gebhardt45.json")
+
+
+def _data(name: str) -> dict[str, Any]:
+    out: dict[str, Any] = json.loads(own_file(name).read_text(encoding="utf-8"))
     return out
 
 
@@ -213,20 +201,31 @@ def gebhardt_turbine(tower_stiffness: float = 1.0, nacelle_forward: float | None
         Its gear ratio is 1: generator torque and speed are those of the rotor side, as in the paper.
     """
     data = gebhardt_data()["stand_in"]
-    blade, nacelle, tower = (
-        _gebhardt_blade(data),
-        _gebhardt_nacelle(data, nacelle_forward),
-        _gebhardt_tower(data, tower_stiffness),
+    hub, part, tube, power = data["hub"], data["nacelle"], data["tower"], data["rated_power_W"]
+    forward = nacelle_forward
+    downwind = gebhardt_data()["inferred"]["nacelle_cm_downwind_of_tower_m"] if forward is None else -forward
+    roll, yaw = part["inertia_roll_kgm2"], part["inertia_yaw_kgm2"]
+    blade = _gebhardt_blade(data)
+    nacelle = replace(
+        _nacelle(part["mass_kg"], np.diag([roll, yaw, yaw]), part["overhang_m"]),
+        cm=np.array([downwind, 0.0, part["cm_above_tower_top_m"]]),
+        tilt=np.radians(part["tilt_deg"]),
+        tower_top_to_shaft=part["shaft_above_tower_top_m"],
     )
-    hub = data["hub"]
+    bending, inertia = tower_stiffness * tube["EI_Nm2"], tube["section_inertia_kgm"]
+    tower = _tower(
+        gebhardt_data()["published"]["tower_height_m"],
+        tube["outer_diameter_m"],
+        shear_rigid_stiffness(tube["EA_N"], bending, bending, tube["GJ_Nm2"]),
+        inertia_matrix(tube["mass_kg_m"], 0.0, 0.0, inertia, inertia, 0.0),
+    )
     slowest, fastest = (rpm * np.pi / 30.0 for rpm in data["rotor_speed_range_rpm"])
-    tilt = np.radians(data["nacelle"]["tilt_deg"])
     return Turbine(
         name="Gebhardt et al. 2012, 45 m blades, 68 m tower (stand-in)",
         n_blades=gebhardt_data()["published"]["n_blades"],
         rotor_orientation="upwind",
         rotor_diameter=2.0 * (hub["radius_m"] + blade.length),
-        hub_height=tower.height + nacelle.tower_top_to_shaft + nacelle.overhang * np.sin(tilt),
+        hub_height=tower.height + nacelle.tower_top_to_shaft + nacelle.overhang * np.sin(nacelle.tilt),
         rated_wind_speed=12.0,
         cut_in=3.0,
         cut_out=25.0,
@@ -242,20 +241,8 @@ def gebhardt_turbine(tower_stiffness: float = 1.0, nacelle_forward: float | None
             cm_offset_along_shaft=0.0,
         ),
         nacelle=nacelle,
-        drivetrain=Drivetrain(
-            gear_ratio=1.0,
-            gearbox_efficiency=1.0,
-            generator_efficiency=1.0,
-            generator_inertia=1.0,  # nothing beside the rotor's 1.2e7 kg m²; the paper's generator has none
-            spring=1e10,
-            damper=0.0,
-            rated_power=data["rated_power_W"],
-            rated_rotor_speed=fastest,
-            min_rotor_speed=slowest,
-            max_generator_torque=GEBHARDT_MOST_TORQUE * data["rated_power_W"] / fastest,
-            max_torque_rate=GEBHARDT_TORQUE_RATE * data["rated_power_W"] / fastest,
-            generator_damping=GENERATOR_DAMPER,
-        ),
+        # nothing beside the rotor's 1.2e7 kg m²; the paper's generator has no inertia
+        drivetrain=_direct_drive(1.0, power, slowest, fastest, GEBHARDT_TORQUE, GENERATOR_DAMPER),
         pitch=PitchSystem(min_pitch=np.radians(-20.0), max_pitch=np.radians(90.0), max_rate=np.radians(10.0)),
         iec_class="II",
         turbulence_class="B",
@@ -284,6 +271,9 @@ def _gebhardt_blade(data: dict[str, Any]) -> Blade:
     donor = read_turbine(own_file("nrel_5mw.yaml")).blade
     known = {a.name: a for a in donor.airfoils}
     lifting = [(z, name) for z, name in zip(span, plan["airfoil"], strict=True) if not name.startswith("Cylinder")]
+    mass, cg, zero = beam["mass_kg_m"], beam["cg_edge_offset_m"], np.zeros(len(beam["span_m"]))
+    inertia = inertia_matrix(mass, zero, cg, beam["i_edge_kgm"] + mass * cg**2, beam["i_flap_kgm"], zero)
+    stiffness = [beam[name] for name in ("EA_N", "EI_edge_Nm2", "EI_flap_Nm2", "GJ_Nm2")]
     # a new section begins where its name first appears; between two such stations the sections are blended
     names = list(dict.fromkeys(name for _, name in lifting))
     begins = [next(z for z, name in lifting if name == own) for own in names]
@@ -300,79 +290,80 @@ def _gebhardt_blade(data: dict[str, Any]) -> Blade:
         airfoil_station=np.array(begins),
         airfoil_index=np.arange(len(names)),
         rotating_polars=donor.rotating_polars,
-        structure=_blade_structure(beam),
+        structure=_turned_sections(beam["span_m"], np.radians(beam["struct_twist_deg"]), stiffness, inertia),
         damping_ratio=0.0,
     )
 
 
-def _blade_structure(beam: Mapping[str, NDArray[np.float64]]) -> BeamStations:
-    """Section matrices from principal stiffnesses at the structural twist."""
-    n = len(beam["span_m"])
-    stiffness, zero = np.zeros((n, 6, 6)), np.zeros(n)
-    stiffness[:, 0, 0] = stiffness[:, 1, 1] = np.inf
-    turn = rotation_about_z(-np.radians(beam["struct_twist_deg"]))
-    principal = np.zeros((n, 6, 6))
-    for k, name in ((2, "EA_N"), (3, "EI_edge_Nm2"), (4, "EI_flap_Nm2"), (5, "GJ_Nm2")):
-        principal[:, k, k] = beam[name]
+def _turned_sections(
+    station: NDArray[np.float64], twist: NDArray[np.float64], stiffness: Sequence[Any], inertia: NDArray[np.float64]
+) -> BeamStations:
+    """Sections from principal stiffnesses (axial, edge, flap, torsion) and inertias at the structural twist."""
+    turn = rotation_about_z(-twist)
+    principal = np.zeros((len(station), 6, 6))
+    for k, value in enumerate(stiffness, start=2):
+        principal[:, k, k] = value
     turned = turn @ principal @ np.swapaxes(turn, 1, 2)
-    stiffness[:, 2:, 2:] = turned[:, 2:, 2:]
-    mass, cg = beam["mass_kg_m"], beam["cg_edge_offset_m"]
-    about_axis = beam["i_edge_kgm"] + mass * cg**2
-    inertia = inertia_matrix(mass, zero, cg, about_axis, beam["i_flap_kgm"], zero)
-    return BeamStations(beam["span_m"], stiffness, turn @ inertia @ np.swapaxes(turn, 1, 2))
+    turned[:, 0, 0] = turned[:, 1, 1] = np.inf
+    return BeamStations(station, turned, turn @ inertia @ np.swapaxes(turn, 1, 2))
 
 
-def _gebhardt_tower(data: dict[str, Any], stiffness: float) -> Tower:
-    """Straight prismatic undamped tube."""
-    tower = data["tower"]
-    height = gebhardt_data()["published"]["tower_height_m"]
-    bending, inertia = stiffness * tower["EI_Nm2"], tower["section_inertia_kgm"]
-    section = np.diag([np.inf, np.inf, tower["EA_N"], bending, bending, tower["GJ_Nm2"]])
-    mass = inertia_matrix(tower["mass_kg_m"], 0.0, 0.0, inertia, inertia, 0.0)
-    return Tower(
-        base_height=0.0,
-        height=height,
-        diameter_station=np.array([0.0, height]),
-        diameter=np.full(2, tower["outer_diameter_m"]),
-        structure=BeamStations(np.array([0.0, height]), np.array([section] * 2), np.array([mass] * 2)),
-        damping_ratio=0.0,
-        drag_coefficient=0.0,  # the paper's air acts on the blades alone
-    )
+def _tower(
+    height: float, diameter: float, stiffness: NDArray[np.float64], inertia: NDArray[np.float64], damping: float = 0.0
+) -> Tower:
+    """Straight prismatic tower of sections (6, 6), on which no air acts."""
+    ends = np.array([0.0, height])
+    sections = BeamStations(ends, np.array([stiffness] * 2), np.array([inertia] * 2))
+    return Tower(0.0, height, ends, np.full(2, diameter), sections, damping, drag_coefficient=0.0)
 
 
-def _gebhardt_nacelle(data: dict[str, Any], forward: float | None) -> Nacelle:
-    """Rigid nacelle in front of the tower, yaw held."""
-    nacelle = data["nacelle"]
-    yaw, roll = nacelle["inertia_yaw_kgm2"], nacelle["inertia_roll_kgm2"]
-    downwind = gebhardt_data()["inferred"]["nacelle_cm_downwind_of_tower_m"] if forward is None else -forward
+def _nacelle(mass: float, inertia: NDArray[np.float64], overhang: float) -> Nacelle:
+    """Rigid body on the tower top, yaw held."""
     return Nacelle(
-        mass=nacelle["mass_kg"],
-        cm=np.array([downwind, 0.0, nacelle["cm_above_tower_top_m"]]),
-        inertia=np.diag([roll, yaw, yaw]),
-        tilt=np.radians(nacelle["tilt_deg"]),
-        overhang=nacelle["overhang_m"],
-        tower_top_to_shaft=nacelle["shaft_above_tower_top_m"],
+        mass=mass,
+        cm=np.zeros(3),
+        inertia=inertia,
+        tilt=0.0,
+        overhang=overhang,
+        tower_top_to_shaft=0.0,
         yaw_bearing_mass=0.0,
-        yaw_spring=1e10,
+        yaw_spring=HELD,
         yaw_damper=0.0,
         max_yaw_rate=0.0,
     )
 
 
+def _direct_drive(
+    inertia: float, power: float, slowest: float, fastest: float, limits: tuple[float, float], damping: float
+) -> Drivetrain:
+    """Stiff shaft, generator without losses; ``limits`` of torque [-] and its rate [1/s] over the rated torque."""
+    most, rate = limits
+    return Drivetrain(
+        gear_ratio=1.0,
+        gearbox_efficiency=1.0,
+        generator_efficiency=1.0,
+        generator_inertia=inertia,
+        spring=HELD,
+        damper=0.0,
+        rated_power=power,
+        rated_rotor_speed=fastest,
+        min_rotor_speed=slowest,
+        max_generator_torque=most * power / fastest,
+        max_torque_rate=rate * power / fastest,
+        generator_damping=damping,
+    )
+
+
 STATIONS = 9
 """Stations along a blade, between which planform and sections are interpolated."""
-NADA_MOST_TORQUE, NADA_TORQUE_RATE = 1.5, 10.0
+NADA_TORQUE = 1.5, 10.0
 """Greatest torque of the generator and its rate [1/s], over the rated torque."""
-HELD = 1e10
-"""Stiffness of a shaft and a yaw bearing that do not yield [N m/rad]."""
 
 
 @cache
 def nada_data() -> dict[str, Any]:
     """Contents of ``data/nada_small.json``."""
-    text = resources.files(__package__).joinpath("data", "nada_small.json").read_text(encoding="utf-8")
-    out: dict[str, Any] = json.loads(text)
-    return out
+    return _data("nada_small.json")
 
 
 def nada_speed() -> float:
@@ -431,10 +422,20 @@ def nada_turbine() -> Turbine:
     """
     data, wind = nada_data()["stand_in"], nada_data()["published"]["test_wind_speed_m_s"]
     speed, damping = nada_speed(), data["generator_damper_Nms"]
-    torque = damping * speed
-    blade, hub, tower = _nada_blade(data), data["hub"], _nada_tower(data["tower"])
+    blade, hub, rod = _nada_blade(data), data["hub"], data["tower"]
+    d, rho, young = rod["diameter_m"], rod["density_kg_m3"], rod["youngs_modulus_Pa"]
+    area, second = 0.25 * np.pi * d**2, np.pi * d**4 / 64.0
+    tower = _tower(
+        rod["length_m"],
+        d,
+        shear_rigid_stiffness(young * area, young * second, young * second, rod["shear_modulus_Pa"] * 2.0 * second),
+        inertia_matrix(rho * area, 0.0, 0.0, rho * second, rho * second, 0.0),
+        rod["damping_ratio"],
+    )
     hub_inertia = 0.5 * hub["mass_kg"] * hub["radius_m"] ** 2
-    rotor_mass = hub["mass_kg"] + data["blade"]["number"] * _mass(blade.structure)
+    blade_mass = float(np.trapezoid(blade.structure.inertia[:, 0, 0], blade.structure.station))
+    nacelle_mass = data["nacelle_rotor_mass_kg"] - (hub["mass_kg"] + data["blade"]["number"] * blade_mass)
+    inertia = nacelle_mass * data["nacelle_radius_of_gyration_m"] ** 2 * np.eye(3)
     low, high = np.radians(data["pitch_range_deg"])
     return Turbine(
         name="Nada & Al-Shahrani 2019, small turbine on a copper rod (stand-in)",
@@ -456,31 +457,15 @@ def nada_turbine() -> Turbine:
             inertia_transverse=0.5 * hub_inertia,
             cm_offset_along_shaft=0.0,
         ),
-        nacelle=_nada_nacelle(data, data["nacelle_rotor_mass_kg"] - rotor_mass),
-        drivetrain=Drivetrain(
-            gear_ratio=1.0,
-            gearbox_efficiency=1.0,
-            generator_efficiency=1.0,
-            generator_inertia=data["generator_inertia_kgm2"],
-            spring=HELD,
-            damper=0.0,
-            rated_power=torque * speed,
-            rated_rotor_speed=speed,
-            min_rotor_speed=0.4 * speed,
-            max_generator_torque=NADA_MOST_TORQUE * torque,
-            max_torque_rate=NADA_TORQUE_RATE * torque,
-            generator_damping=damping,
+        nacelle=_nacelle(nacelle_mass, inertia, hub["overhang_m"]),
+        drivetrain=_direct_drive(
+            data["generator_inertia_kgm2"], damping * speed * speed, 0.4 * speed, speed, NADA_TORQUE, damping
         ),
         pitch=PitchSystem(min_pitch=low, max_pitch=high, max_rate=np.radians(data["pitch_rate_deg_s"])),
         iec_class="III",
         turbulence_class="C",
         notes=("all dimensions are stand-ins, see data/nada_small.json",),
     )
-
-
-def _mass(structure: BeamStations) -> float:
-    """Mass of a beam whose properties are linear between its stations [kg]."""
-    return float(np.trapezoid(structure.inertia[:, 0, 0], structure.station))
 
 
 def _nada_blade(data: dict[str, Any]) -> Blade:
@@ -492,6 +477,11 @@ def _nada_blade(data: dict[str, Any]) -> Blade:
     twist = np.radians(np.interp(z, [0.0, length], [blade["twist_root_deg"], blade["twist_tip_deg"]]))
     section, x = data["section"], cosine_grid(41)
     stall, width = np.radians([section["stall_deg"], section["stall_width_deg"]])
+    # a solid strip: E c t³/12 across its flat side, E t c³/12 along it, torsion G c t³/3
+    e, rho = blade["youngs_modulus_Pa"], blade["density_kg_m3"]
+    area, flat, edge, zero = chord * t, chord * t**3 / 12.0, t * chord**3 / 12.0, np.zeros(STATIONS)
+    inertia = inertia_matrix(rho * area, zero, zero, rho * edge, rho * flat, zero)
+    stiffness = e * area, e * edge, e * flat, e / 2.6 * chord * t**3 / 3.0
     polar = plate_polar(stall, width, section["friction_coefficient"])
     thickness = t / (0.5 * (chord[0] + chord[-1]))
     height = thickness * np.sqrt(x * (1.0 - x))
@@ -510,59 +500,8 @@ def _nada_blade(data: dict[str, Any]) -> Blade:
         airfoil_station=np.array([0.0]),
         airfoil_index=np.array([0]),
         rotating_polars=False,
-        structure=_strip(z, chord, twist, t, blade["youngs_modulus_Pa"], blade["density_kg_m3"]),
+        structure=_turned_sections(z, twist, stiffness, inertia),
         damping_ratio=blade["damping_ratio"],
-    )
-
-
-def _strip(
-    z: NDArray[np.float64], chord: NDArray[np.float64], twist: NDArray[np.float64], t: float, e: float, rho: float
-) -> BeamStations:
-    """Sections of a solid strip: E c t³/12 across its flat side, E t c³/12 along it, torsion G c t³/3."""
-    area, flat, edge = chord * t, chord * t**3 / 12.0, t * chord**3 / 12.0
-    stiffness, zero = np.zeros((len(z), 6, 6)), np.zeros(len(z))
-    for k, value in ((2, e * area), (3, e * edge), (4, e * flat), (5, e / 2.6 * chord * t**3 / 3.0)):
-        stiffness[:, k, k] = value
-    turn = rotation_about_z(-twist)
-    stiffness = turn @ stiffness @ np.swapaxes(turn, 1, 2)
-    stiffness[:, 0, 0] = stiffness[:, 1, 1] = np.inf
-    inertia = inertia_matrix(rho * area, zero, zero, rho * edge, rho * flat, zero)
-    return BeamStations(z, stiffness, turn @ inertia @ np.swapaxes(turn, 1, 2))
-
-
-def _nada_tower(tower: dict[str, Any]) -> Tower:
-    """Solid rod of circular section."""
-    height, d, rho = tower["length_m"], tower["diameter_m"], tower["density_kg_m3"]
-    area, second = 0.25 * np.pi * d**2, np.pi * d**4 / 64.0
-    bending = tower["youngs_modulus_Pa"] * second
-    section = np.diag([np.inf, np.inf, tower["youngs_modulus_Pa"] * area, bending, bending,
-                       tower["shear_modulus_Pa"] * 2.0 * second])  # fmt: skip
-    mass = inertia_matrix(rho * area, 0.0, 0.0, rho * second, rho * second, 0.0)
-    ends = np.array([0.0, height])
-    return Tower(
-        base_height=0.0,
-        height=height,
-        diameter_station=ends,
-        diameter=np.full(2, d),
-        structure=BeamStations(ends, np.array([section] * 2), np.array([mass] * 2)),
-        damping_ratio=tower["damping_ratio"],
-        drag_coefficient=0.0,
-    )
-
-
-def _nada_nacelle(data: dict[str, Any], mass: float) -> Nacelle:
-    """Rigid body on the tower top, yaw held."""
-    return Nacelle(
-        mass=mass,
-        cm=np.zeros(3),
-        inertia=mass * data["nacelle_radius_of_gyration_m"] ** 2 * np.eye(3),
-        tilt=0.0,
-        overhang=data["hub"]["overhang_m"],
-        tower_top_to_shaft=0.0,
-        yaw_bearing_mass=0.0,
-        yaw_spring=HELD,
-        yaw_damper=0.0,
-        max_yaw_rate=0.0,
     )
 
 
@@ -590,10 +529,7 @@ def tube(station: NDArray[np.float64], diameter: NDArray[np.float64], wall: NDAr
     """Sections of a steel tube at stations (n,) [m] with diameters and walls (n,) [m]."""
     outer, inner = 0.5 * diameter, 0.5 * diameter - wall
     area, second = np.pi * (outer**2 - inner**2), 0.25 * np.pi * (outer**4 - inner**4)
-    stiffness = np.zeros((len(station), 6, 6))
-    rigid = np.full(len(station), np.inf)
-    for k, value in enumerate((rigid, rigid, YOUNG * area, YOUNG * second, YOUNG * second, SHEAR * 2.0 * second)):
-        stiffness[:, k, k] = value
+    stiffness = shear_rigid_stiffness(YOUNG * area, YOUNG * second, YOUNG * second, SHEAR * 2.0 * second)
     mass, rotary = DENSITY * area, DENSITY * second
     return BeamStations(station, stiffness, inertia_matrix(mass, 0.0, 0.0, rotary, rotary, 0.0))
 

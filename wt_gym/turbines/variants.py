@@ -1,6 +1,7 @@
-"""Turbines whose generator is a linear damper, M = c Ω, and takes no demand (Gebhardt et al. 2012).
+"""Turbines with another generator or the other direction of rotation; clearance of the blades from the tower.
 
-Generator and converter beyond a torque that is there at once and one efficiency: lag, losses, damping of the shaft.
+The generator may be a linear damper, M = c Ω, that takes no demand (Gebhardt et al. 2012). Generator and converter may
+have a lag, losses and a damping of the shaft, beyond a torque that is there at once and one efficiency:
 
 *Lag.* The converter controls the currents, and with them the torque T, towards the demand T_d by a closed loop whose
 lag is of first order: tau dT/dt = T_d - T. The current loops of full converters have bandwidths of tens to hundreds of
@@ -19,21 +20,15 @@ current of generator and grid, and one with their squares (Polinder et al., IEEE
 side is taken in proportion to the shaft power. L follows from the efficiency of the turbine's generator, which is that
 at rated operation; a generator without torque is off and has no losses.
 
-*Damping of the shaft.* See `wt_gym.turbines.variants` and `wt_gym.simulation.drivetrain.drives.DampingTorque`.
-
-Damping of the shaft's torsion by the converter, and the inertias that swing against each other.
-
-The rotor J_r and the geared generator J_g = N^2 J_hss turn against each other on the spring k of the shaft with
-omega^2 = k (1/J_r + 1/J_g). A torque c (Omega_g - mean) that the converter adds brakes the generator's part of this
-motion: with the mode (-J_g, J_r)/(J_r + J_g) of unit twist and its mass mu = J_r J_g/(J_r + J_g) it adds the damping
-ratio
+*Damping of the shaft.* The rotor J_r and the geared generator J_g = N^2 J_hss turn against each other on the spring k
+of the shaft with omega^2 = k (1/J_r + 1/J_g). A torque c (Omega_g - mean) that the converter adds brakes the
+generator's part of this motion (`wt_gym.simulation.drivetrain.drives.DampingTorque`): with the mode (-J_g, J_r)/(J_r +
+J_g) of unit twist and its mass mu = J_r J_g/(J_r + J_g) it adds the damping ratio
 
     zeta = c (J_r/(J_r + J_g))^2 / (2 omega mu),   so that   c = 2 zeta omega J_g (J_r + J_g)/J_r.
 
 Industry's controllers add such a torque at the frequency of the shaft to the demand (Burton, Jenkins, Sharpe and
 Bossanyi, Wind Energy Handbook, 2nd ed. 2011, section 8.3.6).
-
-The mirror image of a turbine at the vertical plane through its tower and its shaft.
 
 A turbine whose rotor turns counter-clockwise is the mirror image, y to -y, of one that turns clockwise. With
 S = diag(1, -1, 1) positions, velocities and forces become S p; angular velocities and moments, which are
@@ -43,8 +38,6 @@ displacements and three rotations to forces and moments, becomes T M T with T = 
 All of the turbine that is described in the frame of a blade stays as it is: that frame (z to the tip, x to the suction
 side, y to the trailing edge) is reflected with the blade and is left-handed where the rotor turns counter-clockwise.
 What is described in axes that the direction of rotation does not turn, nacelle and tower, is reflected.
-
-How far the blades of an unloaded turbine pass from its tower.
 """
 
 from __future__ import annotations
@@ -66,7 +59,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GENERATORS", "LONGEST_LAG", "REFLECTION", "REFLECTION_6", "LossShares", "clockwise_image", "electrical_power",
-    "mirrored", "shaft_damper_of", "unloaded_clearance", "with_damper", "with_electrical", "with_generator",
+    "mirrored", "rotor_inertia_without_generator", "shaft_damper_of", "unloaded_clearance", "with_damper",
+    "with_electrical", "with_generator",
 ]  # fmt: skip
 
 MOST_TORQUE = 1.1

@@ -1,24 +1,23 @@
-"""windIO files turned into turbines.
-
-The tower of a windIO file, from its table of section properties or from its shell of walls.
+"""windIO files turned into turbines: the readers of tower and controller, and all parts put together.
 
 windIO's tower frame: x parallel to the ground downwind, z up, y to the left. Section matrices use the same axes, so K44
 (bending about x) is side-side and K55 fore-aft.
 
-The turbine's own controller in a windIO file: the section ``control``, and a file of published constants beside it.
+windIO gives gains of the controller from the speed of the rotor [rpm] to pitch [deg] and torque [N m], with the signs
+of ROSCO's input files (negative), and schedules in degrees; `ControlData` holds them on the generator side, in SI units
+and positive. A JSON file ``NAME.control.json`` beside ``NAME.yaml`` holds what windIO has no keys for, under the names
+of `ControlData`; an angle may be given in degrees under its name with ``_deg``. What stands there goes before the
+section of the windIO file. Numbers of the turbine without a windIO key stand in its object ``turbine`` (`OWN_FIELDS`).
 
-windIO gives gains from the speed of the rotor [rpm] to pitch [deg] and torque [N m], with the signs of ROSCO's input
-files (negative), and schedules in degrees; `ControlData` holds them on the generator side, in SI units and positive.
-
-A JSON file ``NAME.control.json`` beside ``NAME.yaml`` holds what windIO has no keys for, under the names of
-`ControlData`; an angle may be given in degrees under its name with ``_deg``. What stands there goes before the section
-of the windIO file. Numbers of the turbine without a windIO key stand in its object ``turbine`` (`OWN_FIELDS`).
+The readers raise `TurbineDefinitionError` with the key path that is missing, inconsistent or out of range, and leave a
+sentence for every assumption in the notes of the file.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -28,77 +27,47 @@ from numpy.typing import NDArray
 
 from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.turbines.blade import BeamStations, inertia_matrix
+from wt_gym.turbines.blade import BeamStations, inertia_matrix, shear_rigid_stiffness
 from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import ControlData, Support, Tower, Turbine
 from wt_gym.turbines.windio_blade import beam_tables, damping_ratio, read_blade, require_straight
 from wt_gym.turbines.windio_file import Node, WindioFile, read_windio, within
 from wt_gym.turbines.windio_machine import read_drivetrain, read_hub, read_machine, read_nacelle, read_pitch, rpm
 
-__all__ = ["OWN_FIELDS", "POISSON_RATIO", "own_file", "read_turbine", "shell_sections"]
+__all__ = [
+    "CONTROL_NUMBERS", "OWN_FIELDS", "POISSON_RATIO", "control_file_of", "own_file", "read_turbine", "shell_sections",
+]  # fmt: skip
 
-_BESIDE = "the .control.json beside it"
-
+_Table = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Grid (n,) and values (n,)."""
+_DEGREE = np.pi / 180.0
+_LARGEST_PITCH, _LARGEST_YAW_RATE = 0.5 * np.pi, 10.0 * _DEGREE
+"""Of windIO's schema."""
+OWN_FIELDS: dict[str, Callable[[Any], bool]] = {
+    "air_density": lambda value: value == AIR_DENSITY,
+    "design_air_density": lambda value: value is None,
+    "rotation": lambda value: value == "clockwise",
+    "pitch.max_pitch": lambda value: value <= _LARGEST_PITCH,
+    "pitch.servo_frequency": lambda value: value is None,
+    "pitch.servo_damping": lambda value: value == 1.0,
+    "drivetrain.gearbox_reverses": lambda value: not value,
+    "drivetrain.torque_lag": lambda value: value == 0.0,
+    "drivetrain.min_rotor_speed": lambda value: value > 0.0,  # 0 means unknown in windIO files
+    "nacelle.max_yaw_rate": lambda value: value <= _LARGEST_YAW_RATE,
+}
+"""Fields of a turbine and of its parts that a windIO file has no keys for, or keys with a smaller range, and whether it
+holds a value of them."""
+CONTROL_NUMBERS = {
+    "optimal_tsr": ("optimal_tip_speed_ratio", 0),
+    "region2_k": ("region_2_gain", 2),
+    "lpf_frequency": ("speed_filter_frequency", 0),
+    "lpf_damping": ("speed_filter_damping", 0),
+    "pitch_actuator_frequency": ("pitch_actuator_frequency", 0),
+    "pitch_actuator_damping": ("pitch_actuator_damping", 0),
+}
+"""Numbers of the section ``control``: field of `ControlData`, and power with which the speed of the rotor in rpm over
+that of the generator in rad/s enters."""
 _CLASS_NUMBERS = {"1": "I", "2": "II", "3": "III", "4": "IV"}
-
-_loaded: dict[str, Turbine] = {}
-
-
-def own_file(name: str) -> Path:
-    """Path of a file of the package by its name in the folder of turbines."""
-    return Path(__file__).parent / "data" / name
-
-
-def read_turbine(
-    path: Path, water_depth: float | None = None, foundation: NDArray[np.float64] | None = None
-) -> Turbine:
-    """Read a windIO file.
-
-    Parameters
-    ----------
-    water_depth, foundation
-        As of `wt_gym.turbines.load_turbine`.
-
-    Returns
-    -------
-    Turbine
-        The same object for the same content of the file in one process.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        As of `wt_gym.turbines.load_turbine`.
-    """
-    beside = own_control_file(path)
-    try:
-        content = path.read_bytes()
-        constants = None if beside is None else beside.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise TurbineDefinitionError(f"{beside}: must be UTF-8 text: {error}") from error
-    key = hashlib.sha256(content + b"\0" + (constants or "").encode()).hexdigest()
-    if water_depth is None and key in _loaded:
-        return _loaded[key]
-    file: WindioFile | None = None
-    try:
-        file = read_windio(path, content)
-        turbine = _build(file, water_depth, foundation, constants)
-    except TurbineDefinitionError as error:
-        raise TurbineDefinitionError(f"{path}: {error}{_resembling(error, file)}") from error
-    if water_depth is None and file.alone:
-        _loaded[key] = turbine
-    return turbine
-
-
-def _resembling(error: TurbineDefinitionError, file: WindioFile | None) -> str:
-    """Return the unknown key of a file that may be meant for the missing one of an error, beginning with ``;``."""
-    path, _, rest = str(error).partition(": ")
-    if file is None or not rest.startswith("missing") or path not in file.resembling:
-        return ""
-    return f"; the file has {file.resembling[path]!r} there"
-
-
 _FILE_KEYS = {
     "n_blades": "number_of_blades",
     "rotor_orientation": "rotor_orientation",
@@ -110,64 +79,107 @@ _FILE_KEYS = {
     "turbulence_class": "turbulence_class",
 }
 """Keys of the ``assembly`` section behind the fields of a turbine."""
+_DEFAULT_TOWER_DAMPING = 0.01
+"""Modal damping of the NREL 5-MW and IEA 15-MW towers."""
+POISSON_RATIO = 0.3
+"""Of steel; only used where a table leaves out the torsional stiffness."""
+
+_loaded: dict[str, Turbine] = {}
+
+
+def own_file(name: str) -> Path:
+    """Path of a file of the package by its name in the folder of turbines."""
+    return Path(__file__).parent / "data" / name
+
+
+def control_file_of(path: Path) -> Path:
+    """Return the path of the published constants beside a windIO file."""
+    return path.with_name(f"{path.stem}.control.json")
+
+
+def read_turbine(
+    path: Path, water_depth: float | None = None, foundation: NDArray[np.float64] | None = None
+) -> Turbine:
+    """Read a windIO file; arguments and errors are those of `wt_gym.turbines.load_turbine`.
+
+    Returns
+    -------
+    Turbine
+        The same object for the same content of the file in one process.
+    """
+    beside = control_file_of(path)
+    try:
+        content = path.read_bytes()
+        constants = beside.read_text(encoding="utf-8-sig") if beside.is_file() else None
+    except OSError as error:
+        raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise TurbineDefinitionError(f"{beside}: must be UTF-8 text: {error}") from error
+    key = hashlib.sha256(content + b"\0" + (constants or "").encode()).hexdigest()
+    if water_depth is None and key in _loaded:
+        return _loaded[key]
+    file: WindioFile | None = None
+    try:
+        file = read_windio(path, content)
+        turbine = _build(file.root, water_depth, foundation, constants)
+    except TurbineDefinitionError as error:
+        where, _, rest = str(error).partition(": ")
+        alike = ""
+        if file is not None and rest.startswith("missing") and where in file.resembling:
+            alike = f"; the file has {file.resembling[where]!r} there"
+        raise TurbineDefinitionError(f"{path}: {error}{alike}") from error
+    if water_depth is None and file.alone:
+        _loaded[key] = turbine
+    return turbine
 
 
 def _build(
-    file: WindioFile,
-    water_depth: float | None,
-    foundation: NDArray[np.float64] | None,
-    constants: str | None = None,
+    root: Node, water_depth: float | None, foundation: NDArray[np.float64] | None, constants: str | None
 ) -> Turbine:
     """Turn a file, and constants beside it, into a turbine, on its monopile if the depth of the water is given."""
-    root = file.root
-    notes = list(file.notes)
-    assembly = root.at("assembly")
+    notes, assembly = root.notes, root.at("assembly")
     control = root.at("control", "a mapping with rated_rotor_speed, max_gen_torque and the limits of the actuators")
     power_node = assembly if "rated_power" in assembly else control
     rated_power = power_node.number("rated_power", 1.0, 1e9)
-    n_blades = int(_default(assembly, "number_of_blades", 3, notes))
+    n_blades = int(_default(assembly, "number_of_blades", 3))
     hub_node = root.at("components.hub")
     hub_radius = hub_node.number("diameter", 0.0, 30.0, 0.5)
-    blade = read_blade(root, hub_radius, control.number("rated_rotor_speed", 1e-3, 1000.0, rpm), notes)
-    diameter = (
-        2.0 * (hub_radius + blade.length) * float(np.cos(hub_node.number("cone_angle", 0.0, 50.0, np.pi / 180.0)))
-    )
-    machine = read_machine(root, rated_power, diameter, n_blades, blade.structure.mass_moment(0), notes)
-    hub = read_hub(root, machine, notes)
-    drivetrain = read_drivetrain(root, blade, hub, machine, notes)
-    tower = read_tower(root, notes)
+    blade = read_blade(root, hub_radius, control.number("rated_rotor_speed", 1e-3, 1000.0, rpm))
+    diameter = 2.0 * (hub_radius + blade.length) * float(np.cos(hub_node.number("cone_angle", 0.0, 50.0, _DEGREE)))
+    machine = read_machine(root, rated_power, diameter, n_blades, blade.structure.mass_moment(0))
+    hub = read_hub(root, machine)
+    drivetrain = read_drivetrain(root, blade, hub, machine)
+    tower = _read_tower(root)
     if water_depth is not None:
         notes[:] = [note for note in notes if not note.startswith("components.monopile:")]
-        tower = replace(tower, support=read_support(root, tower, water_depth, foundation, notes))
-    nacelle = read_nacelle(root, blade, hub, machine, notes)
+        tower = replace(tower, support=_read_support(root, tower, water_depth, foundation))
+    nacelle = read_nacelle(root, blade, hub, machine)
     height = tower.height + root.at("components.drivetrain.outer_shape").number("distance_tt_hub", 0.0, 20.0)
-    own = read_control(root, drivetrain.gear_ratio, notes)
-    if constants is not None:
-        own = with_own_constants(own, constants, _BESIDE, notes)
+    data = _read_control(root, drivetrain.gear_ratio)
+    data, own = (data, {}) if constants is None else _own_constants(root, data, constants)
     values: dict[str, Any] = dict(
         name=root.text("name"),
         n_blades=n_blades,
-        rotor_orientation=str(_default(assembly, "rotor_orientation", "upwind", notes)).lower(),
+        rotor_orientation=str(_default(assembly, "rotor_orientation", "upwind")).lower(),
         rotor_diameter=assembly.number("rotor_diameter", 1.0, 1000.0) if "rotor_diameter" in assembly else diameter,
         hub_height=assembly.number("hub_height", 1.0, 1000.0) if "hub_height" in assembly else height,
-        rated_wind_speed=_rated_wind_speed(root, rated_power, 0.5 * diameter, drivetrain.rated_rotor_speed, notes),
-        cut_in=float(_default(assembly, "cut_in_wind_speed", 3.0, notes)),
-        cut_out=float(_default(assembly, "cut_out_wind_speed", 25.0, notes)),
+        rated_wind_speed=_rated_wind_speed(root, rated_power, 0.5 * diameter, drivetrain.rated_rotor_speed),
+        cut_in=float(_default(assembly, "cut_in_wind_speed", 3.0)),
+        cut_out=float(_default(assembly, "cut_out_wind_speed", 25.0)),
         air_density=AIR_DENSITY,  # windIO's turbine files carry none
         blade=blade,
         tower=tower,
         hub=hub,
         nacelle=nacelle,
         drivetrain=drivetrain,
-        pitch=read_pitch(root, notes),
-        iec_class=_iec_class(_default(assembly, "turbine_class", "I", notes)),
-        turbulence_class=str(_default(assembly, "turbulence_class", "B", notes)).upper(),
+        pitch=read_pitch(root),
+        iec_class=_iec_class(_default(assembly, "turbine_class", "I")),
+        turbulence_class=str(_default(assembly, "turbulence_class", "B")).upper(),
         notes=tuple(notes),
-        control=own,
+        control=data,
     )
     try:
-        turbine = Turbine(**values)
-        return turbine if constants is None else with_own_fields(turbine, constants, _BESIDE)
+        return _with_own_fields(Turbine(**values), own)
     except TurbineDefinitionError as error:
         # say the same in the words of the file
         text = str(error)
@@ -176,11 +188,11 @@ def _build(
         raise TurbineDefinitionError(text) from error
 
 
-def _default(node: Node, key: str, default: object, notes: list[str]) -> Any:
+def _default(node: Node, key: str, default: object) -> Any:
     """Return an entry that the schema has checked, or the schema's default with a note."""
     if key in node:
         return node.data[key]
-    notes.append(f"{node.where(key)}: not in the file, {default} assumed")
+    node.missing(key, f"{default} assumed")
     return default
 
 
@@ -189,7 +201,7 @@ def _iec_class(value: str | int) -> str:
     return _CLASS_NUMBERS.get(text, text)
 
 
-def _rated_wind_speed(root: Node, power: float, radius: float, speed: float, notes: list[str]) -> float:
+def _rated_wind_speed(root: Node, power: float, radius: float, speed: float) -> float:
     """Return the lowest wind of ``outputs.cases`` at rated power, else that of the optimal tip-speed ratio [m/s]."""
     winds = []
     if "outputs.cases" in root:
@@ -205,18 +217,11 @@ def _rated_wind_speed(root: Node, power: float, radius: float, speed: float, not
             "control.optimal_tsr: missing, and outputs.cases has no case at rated power; one of them must be there"
         )
     wind = speed * radius / root.at("control").number("optimal_tsr", 0.1, 50.0)
-    notes.append(f"rated wind speed: not in the file, {wind:.2f} m/s is where rated speed has control.optimal_tsr")
+    root.notes.append(f"rated wind speed: not in the file, {wind:.2f} m/s is where rated speed has control.optimal_tsr")
     return wind
 
 
-DEFAULT_TOWER_DAMPING = 0.01
-"""Modal damping of the NREL 5-MW and IEA 15-MW towers."""
-
-POISSON_RATIO = 0.3
-"""Of steel; only used where a table leaves out the torsional stiffness."""
-
-
-def read_tower(root: Node, notes: list[str]) -> Tower:
+def _read_tower(root: Node) -> Tower:
     """Build the tower, clamped at the start of its reference axis."""
     node = root.at("components.tower")
     base, height = _heights(node.at("reference_axis"))
@@ -226,45 +231,32 @@ def read_tower(root: Node, notes: list[str]) -> Tower:
     if np.any(diameter <= 0.0):
         raise fail(shape.where("outer_diameter.values"), float(diameter.min()), "diameters above 0 m")
     if np.ptp(cd) > 1e-9:
-        notes.append(f"{shape.where('cd')}: varies along the tower, its mean {cd.mean():g} is used")
+        shape.note("cd", f"varies along the tower, its mean {cd.mean():g} is used")
     for support in ("monopile", "jacket", "floating_platform"):
         if support in root.at("components"):
             how = "left out (load_turbine takes a water_depth)" if support == "monopile" else "not modeled"
-            notes.append(f"components.{support}: {how}, the tower is clamped at its base, {base:g} m up")
+            root.note(f"components.{support}", f"{how}, the tower is clamped at its base, {base:g} m up")
     length = height - base
     structure = node.at("structure", "a mapping with elastic_properties or layers")
     if "elastic_properties" in structure:
         elastic = structure.at("elastic_properties")
         with within(elastic.path):
-            sections = _from_table(elastic, length, (grid, diameter), notes)
-        damping = damping_ratio(elastic, DEFAULT_TOWER_DAMPING, notes)
+            sections = _from_table(elastic, length, (grid, diameter))
+        damping = damping_ratio(elastic, _DEFAULT_TOWER_DAMPING)
     else:
         sections = shell_sections(root, structure, length, (grid, diameter))
-        damping = DEFAULT_TOWER_DAMPING
-        notes.append(f"{structure.path}: no structural_damping, {100 * damping:g} % of critical assumed")
+        damping = _DEFAULT_TOWER_DAMPING
+        root.note(structure.path, f"no structural_damping, {100 * damping:g} % of critical assumed")
     with within(node.path):
         return Tower(base, height, grid * length, diameter, sections, damping, float(cd.mean()))
 
 
-def read_support(
-    root: Node, tower: Tower, water_depth: float, foundation: NDArray[np.float64] | None, notes: list[str]
-) -> Support:
+def _read_support(root: Node, tower: Tower, water_depth: float, foundation: NDArray[np.float64] | None) -> Support:
     """Build the monopile under a tower, from the sea bed up.
 
     Its sections are those of its walls where the file gives them, else of its table. What lies below the sea bed is
-    left out: the ground holds the pile there, rigidly or by a foundation's stiffness.
-
-    Parameters
-    ----------
-    water_depth : float
-        [m]; files of turbines do not say where the sea bed lies.
-    foundation : ndarray (6, 6) or None
-        See `Support`.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the file has no monopile, the tower does not stand on it, or the sea bed lies outside of it.
+    left out: the ground holds the pile there, rigidly or by a foundation's stiffness. ``water_depth`` [m] comes from
+    outside, because files of turbines do not say where the sea bed lies.
     """
     if "monopile" not in root.at("components"):
         raise fail("water_depth", water_depth, "None for a turbine whose file has no components.monopile")
@@ -284,14 +276,12 @@ def read_support(
     else:
         elastic = structure.at("elastic_properties")
         with within(elastic.path):
-            whole = _from_table(elastic, length, (grid, diameter), notes)
+            whole = _from_table(elastic, length, (grid, diameter))
     buried = -water_depth - start
     station = np.concatenate([[0.0], whole.station[whole.station > buried + 1e-6] - buried])
     wall = np.concatenate([[0.0], grid[grid * length > buried + 1e-6] * length - buried])
     mass = node.number("transition_piece_mass", 0.0, 1e8) if "transition_piece_mass" in node else 0.0
-    notes.append(
-        f"components.monopile: stands on the sea bed {water_depth:g} m deep; its {buried:g} m below are left out"
-    )
+    root.note(node.path, f"stands on the sea bed {water_depth:g} m deep; its {buried:g} m below are left out")
     with within(node.path):
         return Support(
             -water_depth,
@@ -313,9 +303,7 @@ def _heights(axis: Node) -> tuple[float, float]:
     return float(z[0]), float(z[-1])
 
 
-def _from_table(
-    node: Node, length: float, diameter: tuple[NDArray[np.float64], NDArray[np.float64]], notes: list[str]
-) -> BeamStations:
+def _from_table(node: Node, length: float, diameter: _Table) -> BeamStations:
     """Section properties from ``elastic_properties``; gaps are filled with those of a thin tube of that diameter."""
     grid, stiffness, tables = beam_tables(node, ("K44", "K55"))
     d = np.interp(grid, *diameter)
@@ -324,20 +312,18 @@ def _from_table(
     for key, k, value in (("K33", 2, 8.0 * bending / d**2), ("K66", 5, bending / (1.0 + POISSON_RATIO))):
         if not np.any(stiffness[:, k, k]):
             stiffness[:, k, k] = value
-            notes.append(f"{node.path}.stiffness_matrix.{key}: not in the file, taken from K44, K55 as for a thin tube")
+            node.missing(f"stiffness_matrix.{key}", "taken from K44, K55 as for a thin tube")
     ring = tables["mass"] * d**2 / 8.0
     if not np.any(tables["i_edge"]) or not np.any(tables["i_flap"]):
         tables["i_edge"], tables["i_flap"] = ring, ring
-        notes.append(f"{node.path}.inertia_matrix: no section inertias, those of a thin tube are used")
+        node.note("inertia_matrix", "no section inertias, those of a thin tube are used")
     inertia = inertia_matrix(
         tables["mass"], tables["cm_x"], tables["cm_y"], tables["i_edge"], tables["i_flap"], tables["i_cp"]
     )
     return BeamStations(grid * length, stiffness, inertia)
 
 
-def shell_sections(
-    root: Node, structure: Node, length: float, diameter: tuple[NDArray[np.float64], NDArray[np.float64]]
-) -> BeamStations:
+def shell_sections(root: Node, structure: Node, length: float, diameter: _Table) -> BeamStations:
     """Return the section properties of a tower given as layers of isotropic walls.
 
     The first layer lies outside; each further one inside the one before. Euler-Bernoulli sections with area
@@ -345,19 +331,12 @@ def shell_sections(
 
     Parameters
     ----------
-    root : Node
-        Top level of the file (for its materials).
     structure : Node
-        ``components.tower.structure``.
+        ``components.tower.structure``; the materials stand at the top level, ``root``.
     length : float
         [m].
     diameter : tuple of ndarray
         Grid (n,) and outer diameter (n,) [m].
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If layers or materials are missing, not isotropic, or thicker than the tower.
     """
     layers = structure.items("layers")
     if not layers:
@@ -382,10 +361,7 @@ def shell_sections(
     if np.any(mass <= 0.0):
         raise fail(structure.where("layers"), "a wall of no thickness", "walls along the whole tower")
     factor = structure.number("outfitting_factor", 1.0, 2.0) if "outfitting_factor" in structure else 1.0
-    stiffness = np.zeros((grid.size, 6, 6))
-    diagonal: tuple[float | NDArray[np.float64], ...] = (np.inf, np.inf, axial, bending, bending, torsion)
-    for k, value in enumerate(diagonal):
-        stiffness[:, k, k] = value
+    stiffness = shear_rigid_stiffness(axial, bending, bending, torsion)
     inertia = inertia_matrix(factor * mass, 0.0, 0.0, factor * rotary, factor * rotary, 0.0)
     return BeamStations(grid * length, stiffness, inertia)
 
@@ -404,15 +380,6 @@ def _material(root: Node, layer: Node) -> tuple[float, float, float]:
     return young, shear, node.number("rho", 1.0, 20000.0)
 
 
-OWN_FIELDS = {
-    "": ("air_density", "design_air_density", "rotation"),
-    "pitch": ("max_pitch", "servo_frequency", "servo_damping"),
-    "drivetrain": ("gearbox_reverses", "torque_lag", "min_rotor_speed"),
-    "nacelle": ("max_yaw_rate",),
-}
-"""Fields of a turbine and of its parts that a windIO file has no keys for, or keys with a smaller range."""
-
-_DEGREE = np.pi / 180.0
 _READ = {
     "fine_pitch": "fine pitch",
     "optimal_tsr": "tip-speed ratio",
@@ -445,42 +412,30 @@ _ELSEWHERE = frozenset(
 """Keys that the readers of drivetrain, nacelle and pitch system take."""
 
 
-def read_control(root: Node, gear_ratio: float, notes: list[str]) -> ControlData | None:
-    """Read the numbers of the controller from ``control``.
+def _read_control(root: Node, gear_ratio: float) -> ControlData | None:
+    """Read the numbers of the controller from ``control``; None for a file that says nothing about its controller.
 
-    Parameters
-    ----------
-    root : Node
-        The file.
-    gear_ratio : float
-        Generator speed over rotor speed.
-    notes : list of str
-        Gets what was read and what was left aside.
-
-    Returns
-    -------
-    ControlData or None
-        None for a file that says nothing about its controller.
+    ``gear_ratio`` is the generator speed over the rotor speed.
     """
     node = root.at("control")
     values: dict[str, Any] = {}
     ignored = sorted(key for key in node.data if key not in _READ and key not in _ELSEWHERE)
     _numbers(node, gear_ratio, values)
-    _pitch_gains(node, gear_ratio, values, notes)
+    _pitch_gains(node, gear_ratio, values)
     if "min_pitch_table" in node:
         table = node.at("min_pitch_table")
         wind = table.array("wind_speed")
         values["min_pitch_wind"], values["min_pitch"] = wind, _DEGREE * table.array("min_pitch", wind.size)
     used = list(dict.fromkeys(words for key, words in _READ.items() if key in node))
     if used:
-        notes.append(f"control: the turbine's own controller has {', '.join(used)} from the file")
+        root.note("control", f"the turbine's own controller has {', '.join(used)} from the file")
     if "pitch_actuator_frequency" in node:
-        notes.append(
-            "control.pitch_actuator_frequency: kept in Turbine.control only; the pitch drives of the simulation follow "
-            "their demand at up to max_pitch_rate unless PitchSystem.servo_frequency is set"
-        )
+        node.note(
+            "pitch_actuator_frequency", "kept in Turbine.control only; the pitch drives of the simulation follow their "
+            "demand at up to max_pitch_rate unless PitchSystem.servo_frequency is set",
+        )  # fmt: skip
     if ignored:
-        notes.append(f"control: {', '.join(ignored)} not used")
+        root.note("control", f"{', '.join(ignored)} not used")
     if not values:
         return None
     with within("control"):
@@ -490,17 +445,9 @@ def read_control(root: Node, gear_ratio: float, notes: list[str]) -> ControlData
 def _numbers(node: Node, gear_ratio: float, values: dict[str, Any]) -> None:
     """Read what is a single number; zero stands for what a file does not know."""
     torque_gain = 1.0 / (rpm * gear_ratio)
-    known: dict[str, tuple[str, float]] = {
-        "optimal_tsr": ("optimal_tip_speed_ratio", 1.0),
-        "region2_k": ("region_2_gain", torque_gain**2),
-        "lpf_frequency": ("speed_filter_frequency", 1.0),
-        "lpf_damping": ("speed_filter_damping", 1.0),
-        "pitch_actuator_frequency": ("pitch_actuator_frequency", 1.0),
-        "pitch_actuator_damping": ("pitch_actuator_damping", 1.0),
-    }
-    for key, (name, scale) in known.items():
+    for key, (name, power) in CONTROL_NUMBERS.items():
         if key in node and (value := node.number(key, 0.0, 1e12)) > 0.0:
-            values[name] = scale * value
+            values[name] = torque_gain**power * value
     if "fine_pitch" in node:
         values["fine_pitch"] = node.number("fine_pitch", -90.0, 90.0, _DEGREE)
     if "constant_power" in node:
@@ -516,12 +463,12 @@ def _numbers(node: Node, gear_ratio: float, values: dict[str, Any]) -> None:
         values["torque_integral_gain"] = torque_gain * abs(gains["gen_torque_ki"])
 
 
-def _pitch_gains(node: Node, gear_ratio: float, values: dict[str, Any], notes: list[str]) -> None:
+def _pitch_gains(node: Node, gear_ratio: float, values: dict[str, Any]) -> None:
     """Read the gain schedules of the pitch controller, on one grid."""
     given = [key for key in ("pitch_kp", "pitch_ki") if key in node]
     if len(given) < 2:
         if given:
-            notes.append(f"{node.where(given[0])}: not used, since only one of pitch_kp and pitch_ki is in the file")
+            node.note(given[0], "not used, since only one of pitch_kp and pitch_ki is in the file")
         return
     grids, gains = [], []
     for key, column in (("pitch_kp", "kp"), ("pitch_ki", "ki")):
@@ -529,7 +476,7 @@ def _pitch_gains(node: Node, gear_ratio: float, values: dict[str, Any], notes: l
         grids.append(_DEGREE * table.array("pitch_angle"))
         gains.append(table.array(column, grids[-1].size))
     if not (gains[0].any() and gains[1].any()):
-        notes.append(f"{node.where('pitch_kp')}: not used, all gains of pitch_kp or pitch_ki are zero")
+        node.note("pitch_kp", "not used, all gains of pitch_kp or pitch_ki are zero")
         return
     # most files have the signs of ROSCO: more speed with a negative gain means more pitch
     sign = -1.0 if gains[1].sum() < 0.0 else 1.0
@@ -540,91 +487,46 @@ def _pitch_gains(node: Node, gear_ratio: float, values: dict[str, Any], notes: l
     values["pitch_integral_gain"] = scale * np.interp(grid, grids[1], gains[1])
 
 
-def own_control_file(path: Path) -> Path | None:
-    """Return the file of published constants beside a windIO file, None where there is none."""
-    beside = path.with_name(f"{path.stem}.control.json")
-    return beside if beside.is_file() else None
+_BESIDE = "the .control.json beside it"
 
 
-def _own_object(text: str, name: str) -> dict[str, Any]:
-    """Return the content of a file ``NAME.control.json``.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the text is not a JSON object.
-    """
+def _own_constants(root: Node, control: ControlData | None, text: str) -> tuple[ControlData | None, dict[str, Any]]:
+    """Return control data with the constants of a file ``NAME.control.json``, and its object ``turbine``."""
     try:
         content = json.loads(text)
     except ValueError as error:
-        raise TurbineDefinitionError(f"{name}: not JSON: {error}") from error
+        raise TurbineDefinitionError(f"{_BESIDE}: not JSON: {error}") from error
     if not isinstance(content, dict):
-        raise TurbineDefinitionError(f"{name}: must be a JSON object with the names of ControlData, got {content!r}")
-    return content
-
-
-def with_own_fields(turbine: Turbine, text: str, name: str) -> Turbine:
-    """Return a turbine with the fields in the object ``turbine`` of a file ``NAME.control.json``.
-
-    Parameters
-    ----------
-    text : str
-        JSON.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        For a key that is none of `OWN_FIELDS`, or a value out of range.
-    """
-    given = _own_object(text, name).get("turbine", {})
-    known = {f"{part}.{field}" if part else field for part, fields in OWN_FIELDS.items() for field in fields}
-    if not isinstance(given, dict) or not given.keys() <= known:
+        raise TurbineDefinitionError(f"{_BESIDE}: must be a JSON object with the names of ControlData, got {content!r}")
+    own, source = content.pop("turbine", {}), content.pop("source", None)
+    if not isinstance(own, dict) or not own.keys() <= OWN_FIELDS.keys():
         raise TurbineDefinitionError(
-            f"{name}: turbine must be an object with keys among {sorted(known)}, got {given!r}"
+            f"{_BESIDE}: turbine must be an object with keys among {sorted(OWN_FIELDS)}, got {own!r}"
         )
-    for part, names in OWN_FIELDS.items():
-        prefix = f"{part}." if part else ""
-        values = {field: given[prefix + field] for field in names if prefix + field in given}
-        with within(name):
-            if part:
-                values = {part: replace(getattr(turbine, part), **values)}
-            turbine = replace(turbine, **values)
-    return turbine
-
-
-def with_own_constants(control: ControlData | None, text: str, name: str, notes: list[str]) -> ControlData | None:
-    """Return control data with the constants of a file ``NAME.control.json``.
-
-    Parameters
-    ----------
-    control : ControlData or None
-        What the windIO file says.
-    text : str
-        JSON.
-    notes : list of str
-        Gets a line with the source that the file names.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the text is not a JSON object, or has a key or value that `ControlData` does not.
-    """
-    content = _own_object(text, name)
-    content.pop("turbine", None)
-    source = content.pop("source", None)
     known = {f.name for f in fields(ControlData)}
     values: dict[str, Any] = {}
     for key, value in content.items():
         plain = key.removesuffix("_deg")
         if plain not in known:
-            raise TurbineDefinitionError(f"{name}: keys must be among {', '.join(sorted(known))}; got {key!r}")
+            raise TurbineDefinitionError(f"{_BESIDE}: keys must be among {', '.join(sorted(known))}; got {key!r}")
         try:
             values[plain] = np.radians(value) if key != plain else value
         except TypeError as error:
-            raise TurbineDefinitionError(f"{name}: {key} must be numbers, got {value!r}") from error
+            raise TurbineDefinitionError(f"{_BESIDE}: {key} must be numbers, got {value!r}") from error
     if not values:
-        return control
-    with within(name):
-        made = replace(control or ControlData(), **values)
-    notes.append(f"control: published constants of the controller from {source or name}")
-    return made
+        return control, own
+    with within(_BESIDE):
+        data = replace(control or ControlData(), **values)
+    root.note("control", f"published constants of the controller from {source or _BESIDE}")
+    return data, own
+
+
+def _with_own_fields(turbine: Turbine, own: dict[str, Any]) -> Turbine:
+    """Return a turbine with values by the keys of `OWN_FIELDS`."""
+    changes: dict[str, dict[str, Any]] = {}
+    for key, value in own.items():
+        part, _, name = key.rpartition(".")
+        changes.setdefault(part, {})[name] = value
+    with within(_BESIDE):
+        parts = {part: replace(getattr(turbine, part), **values) for part, values in changes.items() if part}
+        return replace(turbine, **changes.get("", {}), **parts) if own else turbine

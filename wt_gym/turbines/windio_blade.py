@@ -1,4 +1,4 @@
-"""The blade of a windIO file: reference axis, planform, airfoils and section properties.
+"""The blade of a windIO file: reference axis, planform, airfoils with their polars, and section properties.
 
 windIO's blade frame is the one used here: z along the pitch axis to the tip, x to the suction side (prebend upwind is
 negative), y to the trailing edge. Its distributed data are tables over a grid from 0 (root) to 1 (tip).
@@ -7,8 +7,6 @@ The section matrices of windIO belong to the frame turned by the twist. Its sche
 the trailing edge, while the files that come with windIO, its converter and BeamDyn, where the matrices come from, have
 x to the suction side and y to the trailing edge (K44 edgewise, i_edge in the same place). Both are accepted: a blade is
 stiffer edgewise, so the larger of K44 and K55 over the outer blade tells which frame was meant.
-
-The airfoils of a windIO file: contours, camber lines and polars.
 """
 
 from __future__ import annotations
@@ -41,7 +39,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 __all__ = [
-    "DEFAULT_BLADE_DAMPING", "KINEMATIC_VISCOSITY", "beam_tables", "damping_ratio", "read_blade", "require_straight",
+    "DEFAULT_BLADE_DAMPING", "KINEMATIC_VISCOSITY", "arc_length", "beam_tables", "damping_ratio", "read_blade",
+    "require_straight",
 ]  # fmt: skip
 
 DEFAULT_BLADE_DAMPING = 0.00477465
@@ -69,7 +68,7 @@ class _Axis:
         return out
 
 
-def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float, notes: list[str]) -> Blade:
+def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float) -> Blade:
     """Build the blade.
 
     Parameters
@@ -91,9 +90,9 @@ def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float, notes: l
     )
     hint = "a table of section properties (they are not computed from composite layers)"
     elastic = node.at("structure.elastic_properties", hint)
-    damping = damping_ratio(elastic, DEFAULT_BLADE_DAMPING, notes)
+    damping = damping_ratio(elastic, DEFAULT_BLADE_DAMPING)
     with within(elastic.path):
-        structure = _read_structure(elastic, axis, PchipInterpolator(grid, twist), notes)
+        structure = _read_structure(elastic, axis, PchipInterpolator(grid, twist))
     with within(node.path):
         return Blade(
             length=float(axis.points[-1, 2]),
@@ -125,11 +124,19 @@ def _read_axis(node: Node) -> _Axis:
     points[0, 2] = 0.0
     if np.any(np.diff(points[:, 2]) <= 0.0):
         raise fail(f"{node.path}.z.values", points[:, 2].tolist(), "values that ascend from root to tip")
-    # Arc length by chords of a fine subdivision; 50 parts per segment leave an error of 1e-6 of the sag.
-    fine = np.unique(np.concatenate([np.linspace(a, b, 51) for a, b in pairwise(grid)]))
-    path = np.column_stack([curve(fine) for curve in curves])
-    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
-    return _Axis(grid, points, np.interp(grid, fine, arc))
+    return _Axis(grid, points, arc_length(grid, lambda at: np.column_stack([curve(at) for curve in curves])))
+
+
+def arc_length(
+    at: NDArray[np.float64], curve: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return the distance (n,) along a curve at places (n,), by chords of 50 parts a segment.
+
+    They leave an error of 1e-6 of the sag.
+    """
+    fine = np.unique(np.concatenate([np.linspace(a, b, 51) for a, b in pairwise(at)]))
+    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))))
+    return np.interp(at, fine, arc)
 
 
 def _read_planform(shape: Node) -> tuple[NDArray[np.float64], ...]:
@@ -256,9 +263,9 @@ def beam_tables(
     return grid, stiffness, inertia
 
 
-def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator, notes: list[str]) -> BeamStations:
+def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator) -> BeamStations:
     grid, stiffness, tables = beam_tables(node, ("K33", "K44", "K55", "K66", "i_edge", "i_flap"))
-    _mend_flap_inertia(node, tables, notes)
+    _mend_flap_inertia(node, tables)
     inertia = inertia_matrix(
         tables["mass"],
         tables["cm_x"],
@@ -270,7 +277,7 @@ def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator, notes: li
     )
     if _chordwise_x(grid, stiffness):
         stiffness, inertia = _swap_axes(grid, stiffness, tables)
-        notes.append(
+        node.notes.append(
             f"{node.path}: K55 > K44 along the outer blade, so the matrices are read with x to the trailing edge and y "
             "to the suction side, as windIO's schema describes them"
         )
@@ -278,7 +285,7 @@ def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator, notes: li
     return BeamStations(station=axis.s(grid), stiffness=_turn(turn, stiffness), inertia=_turn(turn, inertia))
 
 
-def _mend_flap_inertia(node: Node, tables: dict[str, NDArray[np.float64]], notes: list[str]) -> None:
+def _mend_flap_inertia(node: Node, tables: dict[str, NDArray[np.float64]]) -> None:
     """Fill a flapwise inertia of nothing but zeros from the polar one, in place.
 
     Public files have, by a slip of the tool that wrote them, the edgewise inertia in the place of the product of
@@ -287,12 +294,11 @@ def _mend_flap_inertia(node: Node, tables: dict[str, NDArray[np.float64]], notes
     if np.any(tables["i_flap"]) or np.any(tables["i_plr"] <= tables["i_edge"]):
         return
     tables["i_flap"] = tables["i_plr"] - tables["i_edge"]
-    path = f"{node.path}.inertia_matrix"
-    note = f"{path}.i_flap: all zero in the file, taken as i_plr - i_edge"
+    note = "all zero in the file, taken as i_plr - i_edge"
     if np.any(tables["i_cp"] ** 2 > tables["i_edge"] * tables["i_flap"]):
         tables["i_cp"] = np.zeros_like(tables["i_cp"])
         note += "; i_cp is larger than any section with these can have, 0 is used"
-    notes.append(note)
+    node.note("inertia_matrix.i_flap", note)
 
 
 def _chordwise_x(grid: NDArray[np.float64], stiffness: NDArray[np.float64]) -> bool:
@@ -333,22 +339,14 @@ def _turn(rotation: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArr
     return np.where(rigid, np.inf, turned)
 
 
-def damping_ratio(node: Node, default: float, notes: list[str]) -> float:
+def damping_ratio(node: Node, default: float) -> float:
     """Return ``structural_damping.damping_ratio`` (an addition to the schema) or the default.
 
     windIO's own ``mu`` is a stiffness-proportional coefficient; its modal damping differs from mode to mode and needs
     the frequencies, so it is not used.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the ratio is not in [0, 0.5].
     """
-    path = f"{node.path}.structural_damping.damping_ratio"
-    if "structural_damping.damping_ratio" in node:
-        return node.at("structural_damping").number("damping_ratio", 0.0, 0.5)
-    notes.append(f"{path}: not in the file, {100 * default:g} % of critical assumed")
-    return default
+    words = f"{100 * default:g} % of critical assumed"
+    return node.part("structural_damping").number_or("damping_ratio", 0.0, 0.5, default, words)
 
 
 def require_straight(node: Node, points: NDArray[np.float64], length: float) -> None:

@@ -1,16 +1,13 @@
 """Reading of windIO files: safe loading, check of keys and values, access by key path with clear errors.
 
-Contents of windIO files that were read and found valid before: reading and checking one again takes seconds.
+Contents of files that were read and found valid before are kept as JSON in ``$WT_GYM_CACHE/turbines`` or the user's
+cache directory, because reading and checking one again takes seconds.
 
-Kept as JSON in ``$WT_GYM_CACHE/turbines`` or the user's cache directory, by the digest of the file and the version of
-windIO whose schema it fits. A file here that does not match its own digest is ignored and made again.
-
-Keys and values of a windIO file against windIO's schema: foreign keys are left aside, wrong values are refused.
-
-The schema is a list of what windIO knows. What it does not know belongs to another tool, or is a typing error: it is
-taken out and named in a note, with the known key that it resembles. Values are held against the schema only in the
-parts that a turbine is built from, so that a flaw in the composite layers does not cost the turbine. Which keys a
-turbine cannot do without is for its readers to say.
+Keys and values are held against windIO's schema: foreign keys are left aside, wrong values are refused. The schema is a
+list of what windIO knows. What it does not know belongs to another tool, or is a typing error: it is taken out and
+named in a note, with the known key that it resembles. Values are held against the schema only in the parts that a
+turbine is built from, so that a flaw in the composite layers does not cost the turbine. Which keys a turbine cannot do
+without is for its readers to say.
 """
 
 from __future__ import annotations
@@ -21,7 +18,6 @@ import difflib
 import hashlib
 import json
 import logging
-import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.base.files import whole_file
+from wt_gym.base.files import write_text_whole
 from wt_gym.base.user_cache import user_cache
 from wt_gym.turbines.checks import check_array, check_ascending, check_number, fail, short
 from wt_gym.turbines.windio_layouts import adopt_layout, to_version_2
@@ -55,11 +51,22 @@ class Node:
     ----------
     path : str
         Dotted key path of ``data`` in the file, empty for the top level.
+    notes : list of str, optional
+        Sentences on what was converted, assumed and left aside, the same for all nodes of a file.
     """
 
-    def __init__(self, data: dict[str, Any], path: str = "") -> None:
+    def __init__(self, data: dict[str, Any], path: str = "", notes: list[str] | None = None) -> None:
         self.data = data
         self.path = path
+        self.notes: list[str] = [] if notes is None else notes
+
+    def note(self, key: str, text: str) -> None:
+        """Add a sentence on an entry of this node."""
+        self.notes.append(f"{self.where(key)}: {text}")
+
+    def missing(self, key: str, words: str) -> None:
+        """Note what stands in for an entry that the file does not have."""
+        self.note(key, f"not in the file, {words}")
 
     def where(self, key: str) -> str:
         """Return the full key path of an entry of this node."""
@@ -75,13 +82,7 @@ class Node:
         return True
 
     def at(self, key: str, hint: str = "a mapping") -> Node:
-        """Return the mapping under the dotted ``key``.
-
-        Raises
-        ------
-        TurbineDefinitionError
-            Naming the first key of the path that is missing and ``hint``, what is expected there.
-        """
+        """Return the mapping under the dotted ``key``; ``hint`` says what is expected where it is missing."""
         node = self
         for part in key.split("."):
             value = node.data.get(part)
@@ -89,20 +90,35 @@ class Node:
                 raise TurbineDefinitionError(f"{node.where(part)}: missing, expected is {hint}")
             if not isinstance(value, dict):
                 raise fail(node.where(part), value, hint)
-            node = Node(value, node.where(part))
+            node = Node(value, node.where(part), self.notes)
         return node
+
+    def part(self, key: str) -> Node:
+        """Return the mapping under the dotted ``key``, an empty one where the file has none."""
+        return self.at(key) if key in self else Node({}, self.where(key), self.notes)
+
+    def gives(self, key: str) -> bool:
+        """Whether an entry is a number or list of numbers, and not only zeros, which stand for "to be computed"."""
+        value = self.data.get(key)
+        return value is not None and value != 0 and not (isinstance(value, list) and all(entry == 0 for entry in value))
 
     def items(self, key: str) -> list[Node]:
         """Return the mappings of the list under ``key``."""
         entries = self._get(key, "a list of mappings")
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise fail(self.where(key), entries, "a list of mappings")
-        return [Node(entry, f"{self.where(key)}[{i}]") for i, entry in enumerate(entries)]
+        return [Node(entry, f"{self.where(key)}[{i}]", self.notes) for i, entry in enumerate(entries)]
 
-    def number(self, key: str, low: float, high: float, scale: float = 1.0, *, hint: str = "") -> float:
+    def number(self, key: str, low: float, high: float, scale: float = 1.0) -> float:
         """Return a number of the file (range in file units) times ``scale``."""
-        allowed = f"a number in [{low:g}, {high:g}]"
-        return scale * check_number(self.where(key), self._get(key, f"{allowed}{hint}"), low, high)
+        return scale * check_number(self.where(key), self._get(key, f"a number in [{low:g}, {high:g}]"), low, high)
+
+    def number_or(self, key: str, low: float, high: float, default: float, words: str, scale: float = 1.0) -> float:
+        """Return a number of the file as `number` does, else a default with a note."""
+        if key in self:
+            return self.number(key, low, high, scale)
+        self.missing(key, words)
+        return default
 
     def text(self, key: str) -> str:
         """Return a string of the file."""
@@ -151,24 +167,14 @@ def within(path: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class WindioFile:
-    """A windIO file as it is read.
-
-    Attributes
-    ----------
-    root : Node
-        Its top level, in the layout of windIO 2.1 and without keys that windIO does not know.
-    alone : bool
-        Whether the content is all there is: the file includes no others, which may change without it.
-    notes : tuple of str
-        What was converted, moved and left aside, in plain words.
-    resembling : dict
-        Key path that the file lacks, and the unknown key of the file that resembles it.
-    """
+    """A windIO file as it is read."""
 
     root: Node
+    """Its top level, in the layout of windIO 2.1 and without keys that windIO does not know."""
     alone: bool
-    notes: tuple[str, ...]
+    """Whether the content is all there is: the file includes no others, which may change without it."""
     resembling: dict[str, str]
+    """Key path that the file lacks, and the unknown key of the file that resembles it."""
 
 
 def read_windio(path: Path, content: bytes) -> WindioFile:
@@ -185,9 +191,9 @@ def read_windio(path: Path, content: bytes) -> WindioFile:
         If the file cannot be read, is not a YAML or JSON file, is not for windIO 1 or 2, or a value that is used does
         not fit the schema. One error, naming the key path; further violations are counted.
     """
-    known = load(content)
+    known = _cached(content)
     if known is not None:
-        return WindioFile(Node(known["data"]), True, tuple(known["notes"]), known["resembling"])
+        return WindioFile(Node(known["data"], "", known["notes"]), True, known["resembling"])
     data, alone = _load(path, content)
     notes: list[str] = []
     data = to_version_2(data, notes)
@@ -199,8 +205,8 @@ def read_windio(path: Path, content: bytes) -> WindioFile:
     check_values(data)
     notes += foreign.notes()
     if alone:
-        store(content, {"data": data, "notes": notes, "resembling": foreign.resembling})
-    return WindioFile(Node(data), alone, tuple(notes), foreign.resembling)
+        _store(content, {"data": data, "notes": notes, "resembling": foreign.resembling})
+    return WindioFile(Node(data, "", notes), alone, foreign.resembling)
 
 
 def _load(path: Path, content: bytes) -> tuple[dict[str, Any], bool]:
@@ -337,65 +343,59 @@ def _check_extent(data: Any) -> None:
         raise TurbineDefinitionError(f"more than {_MOST_ENTRIES} entries once its aliases are written out")
 
 
+# ---- files that were read before -------------------------------------------------------------------------------------
+
 _FORMAT = 5  # raise when what is checked before a file counts as valid changes
 _KEPT = 100  # files, of some 0.5 MB each
 _log = logging.getLogger(__name__)
 
 
-def load(content: bytes) -> dict[str, Any] | None:
+def _cached(content: bytes) -> dict[str, Any] | None:
     """Return what a file of this content holds, or None if it has not been read before."""
     path = _path(content)
     if path is None:
         return None
     try:
         digest, _, text = path.read_text(encoding="utf-8").partition("\n")
+        if digest != _digest(text):
+            raise ValueError("it is damaged")
+        data = json.loads(text)
+        if not isinstance(data, dict):
+            raise ValueError("it holds no turbine")
     except FileNotFoundError:
         return None
-    except (OSError, UnicodeDecodeError) as error:
-        _log.warning("cached turbine %s is unreadable (%s); its file is read again", path, error)
-        return None
-    if digest != _digest(text):
-        _log.warning("cached turbine %s is damaged; its file is read again", path)
-        return None
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError):
-        data = None
-    if not isinstance(data, dict):
-        _log.warning("cached turbine %s holds no turbine; its file is read again", path)
+    except (OSError, ValueError, RecursionError) as error:
+        _log.warning("cached turbine %s is unusable (%s); its file is read again", path, error)
         return None
     return data
 
 
-def store(content: bytes, data: dict[str, Any]) -> None:
-    """Keep what a file holds; without a word if JSON has no such thing, with a warning if it cannot be written."""
+def _store(content: bytes, data: dict[str, Any]) -> None:
+    """Keep what a file holds, unless JSON does not give back just this; a warning if it cannot be written."""
     path = _path(content)
-    if path is None or not _is_plain(data):
+    if path is None:
         return
     try:
-        text = json.dumps(data)
-    except ValueError:  # integers of thousands of digits
+        text = json.dumps(data, allow_nan=False)
+    except (TypeError, ValueError):  # dates, integers of thousands of digits
+        return
+    if json.loads(text) != data:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as partial:
-            partial.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
-        _prune(path.parent)
+        write_text_whole(path, f"{_digest(text)}\n{text}")
+        age = {}
+        for file in path.parent.glob("*.json"):
+            with contextlib.suppress(FileNotFoundError):  # another process may remove files at the same time
+                age[file] = file.stat().st_mtime
+        for file in sorted(age, key=lambda one: age[one])[: max(len(age) - _KEPT, 0)]:
+            file.unlink(missing_ok=True)
     except OSError as error:
         _log.warning("turbine could not be cached in %s (%s)", path.parent, error)
 
 
-def _prune(folder: Path) -> None:
-    """Remove the files that were written first beyond those that are kept."""
-    age = {}
-    for path in folder.glob("*.json"):
-        with contextlib.suppress(FileNotFoundError):  # another process may prune at the same time
-            age[path] = path.stat().st_mtime
-    for path in sorted(age, key=lambda one: age[one])[: max(len(age) - _KEPT, 0)]:
-        path.unlink(missing_ok=True)
-
-
 def _path(content: bytes) -> Path | None:
+    """Path by the digest of the file and the version of windIO whose schema it fits."""
     folder = user_cache()
     if folder is None:
         return None
@@ -412,16 +412,7 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _is_plain(value: Any) -> bool:
-    """Whether JSON gives back just this: no dates, no keys but texts, no numbers that are none."""
-    if isinstance(value, dict):
-        return all(type(key) is str for key in value) and all(map(_is_plain, value.values()))
-    if isinstance(value, list):
-        return all(map(_is_plain, value))
-    if type(value) is float:
-        return math.isfinite(value)
-    return value is None or type(value) in (str, int, bool)
-
+# ---- keys and values against windIO's schema -------------------------------------------------------------------------
 
 SCHEMA = "turbine/turbine_schema.yaml"
 
@@ -458,18 +449,12 @@ _ALIKE = 0.8
 
 @dataclass
 class ForeignKeys:
-    """Keys that windIO does not know.
-
-    Attributes
-    ----------
-    by_parent : dict
-        Key path of the mapping (``[*]`` for any entry of a list) and the foreign keys in it.
-    resembling : dict
-        Key path that windIO knows and the file lacks, and the foreign key beside it that resembles it.
-    """
+    """Keys that windIO does not know."""
 
     by_parent: dict[str, list[str]] = field(default_factory=dict)
+    """Key path of the mapping (``[*]`` for any entry of a list) and the foreign keys in it."""
     resembling: dict[str, str] = field(default_factory=dict)
+    """Key path that windIO knows and the file lacks, and the foreign key beside it that resembles it."""
 
     def notes(self) -> list[str]:
         """Return a sentence for every mapping with foreign keys."""

@@ -1,11 +1,10 @@
-"""Files of windIO version 1 as files of version 2, by the converter that comes with windIO.
+"""windIO files of other versions and layouts in that of windIO 2.1.
 
-The converter's own ``convert()`` works from file to file, prints, and continues after a part that it cannot convert,
-which leaves half of the angles in radians. Its steps are called here one by one, and a step that fails is an error. Two
-parts it drops are carried over: the masses and inertias of nacelle and generator, and all but the first Reynolds number
-of an airfoil. The composite layers of the blade are not converted, because nothing here reads them.
-
-Layouts of windIO 2 files that are not the schema's: keys of windIO 2.0 and of WISDEM under those of windIO 2.1.
+Files of version 1 are read by the converter that comes with windIO. Its own ``convert()`` works from file to file,
+prints, and continues after a part that it cannot convert, which leaves half of the angles in radians. Its steps are
+called here one by one, and a step that fails is an error. Two parts it drops are carried over: the masses and inertias
+of nacelle and generator, and all but the first Reynolds number of an airfoil. The composite layers of the blade are not
+converted, because nothing here reads them.
 
 WISDEM writes its limits under ``control.pitch``, ``control.torque`` and ``control.supervisory``, as windIO's converter
 to 2.0 leaves them, and masses and inertias under ``elastic_properties_mb``. Units are those of version 2 (deg, rpm).

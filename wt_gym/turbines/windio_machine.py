@@ -1,11 +1,9 @@
-"""Hub, nacelle, drivetrain and pitch system of a windIO file.
+"""Hub, nacelle, drivetrain and pitch system of a windIO file, and estimates of what it leaves to be computed.
 
 Rigid bodies of windIO: ``inertia`` is the tensor (xx, yy, zz, xy, xz, yz) about the body's own center of mass and
 ``location`` that center (in the file of the IEA 15-MW turbine the inertia about the tower top, ``inertia_tt``, differs
 from ``inertia`` by just the parallel-axis terms). Tools write 0 where they leave a number to be computed. What a file
-leaves out is estimated (see `windio_estimates`) and said in a note.
-
-Masses, inertias and stiffnesses of hub, nacelle and drivetrain that a file leaves to be computed.
+leaves out is estimated and said in a note.
 
 Masses follow the regressions of the NREL cost and scaling model in its revision of 2015, as WISDEM documents them
 (Fingersh, Hand and Laxson, NREL/TP-500-40566, for the method; wisdem.readthedocs.io, NREL CSM, for the coefficients).
@@ -28,20 +26,17 @@ from wt_gym.turbines.variants import rotor_inertia_without_generator
 from wt_gym.turbines.windio_file import Node, within
 
 __all__ = [
-    "YAW_DAMPING", "YAW_FREQUENCY", "Machine", "read_drivetrain", "read_hub", "read_machine", "read_nacelle",
-    "read_pitch", "rpm", "shaft_stiffness",
+    "Machine", "read_drivetrain", "read_hub", "read_machine", "read_nacelle", "read_pitch", "rpm", "shaft_stiffness",
+    "yaw_actuator",
 ]  # fmt: skip
 
 rpm = np.pi / 30.0
 """One revolution per minute [rad/s]."""
-
-YAW_FREQUENCY, YAW_DAMPING = 3.0, 0.02
+_DEGREE = np.pi / 180.0
+_YAW_FREQUENCY, _YAW_DAMPING = 3.0, 0.02
 """Yaw actuator where a file has none: natural frequency [Hz] and damping ratio of the NREL 5-MW turbine's."""
-
 _TORQUE_MARGIN = 1.1
 """Largest over rated generator torque, in the NREL 5-MW report and in ROSCO, whose numbers windIO files carry."""
-
-
 _RULE = "estimated by the NREL cost and scaling model of 2015"
 _MISSING_LENGTH = {"distance_hub_mb": 1.912, "distance_mb_mb": 0.368}
 """Lengths of the two parts of a low-speed shaft where a file has none [m]; the defaults of windIO's schema."""
@@ -50,24 +45,16 @@ _DEFAULT_TORSION_DAMPING = 0.005
 _STEEL_SHEAR_MODULUS = 79.3e9
 
 
-def read_machine(
-    root: Node, rated_power: float, rotor_diameter: float, n_blades: int, blade_mass: float, notes: list[str]
-) -> Machine:
-    """Collect what the regressions for missing masses take."""
-    gearbox = root.at("components.drivetrain").data.get("gearbox") or {}
-    node = Node(gearbox, "components.drivetrain.gearbox")
+def read_machine(root: Node, rated_power: float, rotor_diameter: float, n_blades: int, blade_mass: float) -> Machine:
+    """Collect the arguments of the regressions for missing masses."""
+    node = root.part("components.drivetrain.gearbox")
     kind = str(root.at("assembly").data.get("drivetrain", "")).lower()
-    if "gear_ratio" in node:
-        ratio = node.number("gear_ratio", 1.0, 1000.0)
-    elif "geared" in kind:
+    if "gear_ratio" not in node and "geared" in kind:
         raise TurbineDefinitionError(f"{node.where('gear_ratio')}: missing, and assembly.drivetrain is {kind!r}")
-    else:
-        ratio = 1.0
-        notes.append(f"{node.where('gear_ratio')}: not in the file, a direct drive (1) is assumed")
     return Machine(
         rated_power=rated_power,
         rated_speed=root.at("control").number("rated_rotor_speed", 1e-3, 1000.0, rpm),
-        gear_ratio=ratio,
+        gear_ratio=node.number_or("gear_ratio", 1.0, 1000.0, 1.0, "a direct drive (1) is assumed"),
         rotor_diameter=rotor_diameter,
         hub_diameter=root.at("components.hub").number("diameter", 0.0, 30.0),
         n_blades=n_blades,
@@ -75,15 +62,9 @@ def read_machine(
     )
 
 
-def _part(root: Node, path: str) -> Node:
-    """Return the mapping of a part, an empty one where the file has none."""
-    return root.at(path) if path in root else Node({}, path)
-
-
-def _given(node: Node, key: str) -> bool:
-    """Whether a file gives a number or list of numbers, and not only zeros."""
-    value = node.data.get(key)
-    return value is not None and value != 0 and not (isinstance(value, list) and all(entry == 0 for entry in value))
+def _generator_mass(root: Node, machine: Machine) -> float:
+    node = root.part("components.drivetrain.generator")
+    return node.number("mass", 0.0, 1e9) if node.gives("mass") else machine.generator_mass()
 
 
 def _estimated_masses(root: Node, machine: Machine) -> tuple[float, float, float, str]:
@@ -92,49 +73,48 @@ def _estimated_masses(root: Node, machine: Machine) -> tuple[float, float, float
     A file that gives the mass of rotor and nacelle together (``components.RNA``, as WISDEM wrote it) has what the
     blades leave of it shared out in the proportions of the regressions.
     """
-    generator = _part(root, "components.drivetrain.generator")
-    weight = generator.number("mass", 0.0, 1e9) if _given(generator, "mass") else machine.generator_mass()
-    masses = np.array([machine.hub_mass(), machine.nacelle_mass(weight), machine.yaw_mass()])
-    together = _part(root, "components.RNA.elastic_properties_mb")
-    if _given(together, "mass"):
-        rest = together.number("mass", 0.0, 1e10) - machine.n_blades * machine.blade_mass
+    weight = _generator_mass(root, machine)
+    masses, words = np.array([machine.hub_mass(), machine.nacelle_mass(weight), machine.yaw_mass()]), _RULE
+    together = root.part("components.RNA.elastic_properties_mb")
+    if together.gives("mass"):
+        blades = machine.n_blades * machine.blade_mass
+        rest = together.number("mass", 0.0, 1e10) - blades
         if rest <= 0.0:
-            blades = machine.n_blades * machine.blade_mass
             raise fail(together.where("mass"), together.data["mass"], f"more than the {blades:g} kg of the blades")
-        hub, nacelle, yaw = (float(mass) for mass in masses * rest / masses.sum())
-        return hub, nacelle, yaw, f"a share of {together.where('mass')} in the proportions of the NREL CSM of 2015"
-    hub, nacelle, yaw = (float(mass) for mass in masses)
-    return hub, nacelle, yaw, _RULE
+        masses = masses * rest / masses.sum()
+        words = f"a share of {together.where('mass')} in the proportions of the NREL CSM of 2015"
+    hub, nacelle, yaw = masses.tolist()
+    return hub, nacelle, yaw, words
 
 
-def read_hub(root: Node, machine: Machine, notes: list[str]) -> Hub:
+def read_hub(root: Node, machine: Machine) -> Hub:
     """Build the hub from ``components.hub``; mass, inertia and center of mass are estimated where missing."""
     node = root.at("components.hub")
-    body = _part(root, "components.hub.elastic_properties")
-    if _given(body, "mass"):
+    body = root.part("components.hub.elastic_properties")
+    if body.gives("mass"):
         mass = body.number("mass", 0.0, 1e9)
     else:
         mass, _, _, words = _estimated_masses(root, machine)
-        notes.append(f"{body.where('mass')}: not in the file, {mass:.4g} kg, {words}")
-    if _given(body, "inertia"):
+        body.missing("mass", f"{mass:.4g} kg, {words}")
+    if body.gives("inertia"):
         inertia = body.array("inertia")
         axial = transverse = float(inertia[0])
         if inertia.size >= 3:
             transverse = float(0.5 * (inertia[1] + inertia[2]))
         else:
-            notes.append(f"{body.where('inertia')}: only the axial inertia is given, the same is used across the shaft")
+            body.note("inertia", "only the axial inertia is given, the same is used across the shaft")
     else:
         axial = transverse = machine.hub_inertia(mass)
-        notes.append(f"{body.where('inertia')}: not in the file, {axial:.4g} kg m^2, that of a spherical shell")
+        body.missing("inertia", f"{axial:.4g} kg m^2, that of a spherical shell")
+    center = 0.0
     if "location" in body:
         center = float(body.array("location")[0])
     else:
-        center = 0.0
-        notes.append(f"{body.where('location')}: not in the file, the hub's center of mass is at the apex")
+        body.missing("location", "the hub's center of mass is at the apex")
     with within(node.path):
         return Hub(
             radius=node.number("diameter", 0.0, 30.0, 0.5),
-            cone=node.number("cone_angle", 0.0, 50.0, np.pi / 180.0),
+            cone=node.number("cone_angle", 0.0, 50.0, _DEGREE),
             mass=mass,
             inertia_axial=axial,
             inertia_transverse=transverse,
@@ -142,7 +122,7 @@ def read_hub(root: Node, machine: Machine, notes: list[str]) -> Hub:
         )
 
 
-def read_nacelle(root: Node, blade: Blade, hub: Hub, machine: Machine, notes: list[str]) -> Nacelle:
+def read_nacelle(root: Node, blade: Blade, hub: Hub, machine: Machine) -> Nacelle:
     """Build the nacelle from ``components.drivetrain`` and ``components.yaw``.
 
     windIO gives the horizontal overhang and the height of the apex above the tower top; along the shaft the overhang is
@@ -151,19 +131,18 @@ def read_nacelle(root: Node, blade: Blade, hub: Hub, machine: Machine, notes: li
     """
     node = root.at("components.drivetrain")
     shape = node.at("outer_shape")
-    tilt = shape.number("uptilt", 0.0, 20.0, np.pi / 180.0)
+    tilt = shape.number("uptilt", 0.0, 20.0, _DEGREE)
     horizontal = shape.number("overhang", 0.0, 20.0)
-    mass, cm, inertia = _nacelle_body(root, machine, horizontal, shape.number("distance_tt_hub", 0.0, 20.0), notes)
-    yaw_inertia = (
-        inertia[2, 2] + mass * (cm[0] ** 2 + cm[1] ** 2) + _rotor_yaw_inertia(blade, hub, machine.n_blades, horizontal)
-    )
-    spring, damper = _yaw_actuator(root, yaw_inertia, notes)
-    bearing = _yaw_mass(root, machine, notes)
-    if "control.yaw_rate" in root:
-        rate = root.at("control").number("yaw_rate", 0.0, 10.0, np.pi / 180.0)
+    mass, cm, inertia = _nacelle_body(root, machine, horizontal, shape.number("distance_tt_hub", 0.0, 20.0))
+    yaw = root.part("components.yaw.elastic_properties")
+    if "spring_constant" in yaw:
+        spring, damper = yaw.number("spring_constant", 1.0, 1e15), yaw.number("damping_coefficient", 0.0, 1e15)
     else:
-        rate = 0.3 * np.pi / 180.0
-        notes.append("control.yaw_rate: not in the file, 0.3 deg/s assumed")
+        yaw.missing("spring_constant", "a yaw actuator with 3 Hz and 2 % damping is assumed")
+        about_axis = inertia[2, 2] + mass * (cm[0] ** 2 + cm[1] ** 2)
+        spring, damper = yaw_actuator(blade, hub, machine.n_blades, horizontal, about_axis)
+    bearing = _yaw_mass(root, machine)
+    rate = root.at("control").number_or("yaw_rate", 0.0, 10.0, 0.3 * np.pi / 180.0, "0.3 deg/s assumed", _DEGREE)
     with within(node.path):
         return Nacelle(
             mass=mass,
@@ -179,42 +158,54 @@ def read_nacelle(root: Node, blade: Blade, hub: Hub, machine: Machine, notes: li
         )
 
 
+def yaw_actuator(blade: Blade, hub: Hub, n_blades: int, overhang: float, nacelle_inertia: float) -> tuple[float, float]:
+    """Return spring [N m/rad] and damper [N m s/rad] of a yaw actuator with 3 Hz and 2 % damping.
+
+    The rotor counts as straight and untilted; ``nacelle_inertia`` is that about the yaw axis [kg m^2].
+    """
+    blades = rotor_inertia_without_generator(blade, hub, n_blades) - hub.inertia_axial
+    mass = n_blades * blade.structure.mass_moment(0) + hub.mass
+    inertia = nacelle_inertia + (0.5 * blades + hub.inertia_transverse + mass * overhang**2)
+    omega = 2.0 * np.pi * _YAW_FREQUENCY
+    return inertia * omega**2, 2.0 * _YAW_DAMPING * inertia * omega
+
+
 def _nacelle_body(
-    root: Node, machine: Machine, overhang: float, shaft_height: float, notes: list[str]
+    root: Node, machine: Machine, overhang: float, shaft_height: float
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
     """Return mass, center of mass from the tower top (3,) and inertia about it (3, 3), estimated where missing."""
-    body = _part(root, "components.drivetrain.elastic_properties")
-    if _given(body, "mass"):
+    body = root.part("components.drivetrain.elastic_properties")
+    if body.gives("mass"):
         mass = body.number("mass", 0.0, 1e9)
     else:
         _, mass, _, words = _estimated_masses(root, machine)
-        notes.append(f"{body.where('mass')}: not in the file, {mass:.4g} kg for the nacelle, {words}")
+        body.missing("mass", f"{mass:.4g} kg for the nacelle, {words}")
     if "location" in body:
         center = body.array("location", 3)
     else:
         center = machine.nacelle_center(overhang, shaft_height)
-        notes.append(
-            f"{body.where('location')}: not in the file, x = {center[0]:.2f} m and z = {center[2]:.2f} m from the "
-            "tower top, in proportion to the overhang and the height of the hub"
-        )
-    if _given(body, "inertia") and any(body.array("inertia")[:3]):
+        body.missing(
+            "location", f"x = {center[0]:.2f} m and z = {center[2]:.2f} m from the tower top, in proportion to the "
+            "overhang and the height of the hub",
+        )  # fmt: skip
+    if body.gives("inertia") and any(body.array("inertia")[:3]):
         return mass, center, _tensor(body)
     inertia = machine.nacelle_inertia(mass)
-    told = "not in the file" if "inertia" not in body else "no inertia about x, y and z in the file"
-    notes.append(f"{body.where('inertia')}: {told}, {inertia[2, 2]:.4g} kg m^2 about the vertical by rotor diameter")
+    reason = "not in the file" if "inertia" not in body else "no inertia about x, y and z in the file"
+    body.note("inertia", f"{reason}, {inertia[2, 2]:.4g} kg m^2 about the vertical by rotor diameter")
     return mass, center, inertia
 
 
-def _yaw_mass(root: Node, machine: Machine, notes: list[str]) -> float:
+def _yaw_mass(root: Node, machine: Machine) -> float:
     """Return the mass at the yaw bearing [kg]; estimated only beside an estimated nacelle."""
-    path = "components.yaw.elastic_properties"
-    if f"{path}.mass" in root:
-        return root.at(path).number("mass", 0.0, 1e9)
-    if _given(_part(root, "components.drivetrain.elastic_properties"), "mass"):
-        notes.append(f"{path}: not in the file, no mass at the yaw bearing")
+    body = root.part("components.yaw.elastic_properties")
+    if "mass" in body:
+        return body.number("mass", 0.0, 1e9)
+    if root.part("components.drivetrain.elastic_properties").gives("mass"):
+        root.missing(body.path, "no mass at the yaw bearing")
         return 0.0
     _, _, mass, words = _estimated_masses(root, machine)
-    notes.append(f"{path}.mass: not in the file, {mass:.4g} kg, {words}")
+    body.missing("mass", f"{mass:.4g} kg, {words}")
     return mass
 
 
@@ -229,24 +220,7 @@ def _tensor(body: Node) -> NDArray[np.float64]:
     return tensor
 
 
-def _rotor_yaw_inertia(blade: Blade, hub: Hub, n_blades: int, overhang: float) -> float:
-    """Return the inertia of the straight, untilted rotor about the yaw axis, for an actuator's stiffness [kg m^2]."""
-    blades = rotor_inertia_without_generator(blade, hub, n_blades) - hub.inertia_axial
-    mass = n_blades * blade.structure.mass_moment(0) + hub.mass
-    return 0.5 * blades + hub.inertia_transverse + mass * overhang**2
-
-
-def _yaw_actuator(root: Node, inertia: float, notes: list[str]) -> tuple[float, float]:
-    path = "components.yaw.elastic_properties"
-    if f"{path}.spring_constant" in root:
-        body = root.at(path)
-        return body.number("spring_constant", 1.0, 1e15), body.number("damping_coefficient", 0.0, 1e15)
-    omega = 2.0 * np.pi * YAW_FREQUENCY
-    notes.append(f"{path}.spring_constant: not in the file, a yaw actuator with 3 Hz and 2 % damping is assumed")
-    return inertia * omega**2, 2.0 * YAW_DAMPING * inertia * omega
-
-
-def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine, notes: list[str]) -> Drivetrain:
+def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine) -> Drivetrain:
     """Build the drivetrain from ``components.drivetrain`` and ``control``.
 
     The torsion spring and damper, both seen from the low-speed shaft, come from ``gearbox.elastic_properties`` or, as
@@ -256,33 +230,25 @@ def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine, notes:
     """
     node = root.at("components.drivetrain")
     control = root.at("control", "a mapping with rated_rotor_speed, max_gen_torque and the limits of the actuators")
-    speed, ratio, rated_power = machine.rated_speed, machine.gear_ratio, machine.rated_power
-    gearbox = _part(root, "components.drivetrain.gearbox")
-    gear_efficiency = 1.0
-    if "efficiency" in gearbox:
-        gear_efficiency = gearbox.number("efficiency", 0.0, 1.0)
-    else:
-        notes.append(f"{gearbox.where('efficiency')}: not in the file, 1 is assumed")
-    spring, damper = _torsion(root, rotor_inertia_without_generator(blade, hub, machine.n_blades), machine, notes)
-    shaft_torque = rated_power / (speed * ratio * gear_efficiency)
-    efficiency = _generator_efficiency(node, control, speed * ratio, shaft_torque, notes)
+    speed, ratio = machine.rated_speed, machine.gear_ratio
+    gear_efficiency = root.part("components.drivetrain.gearbox").number_or("efficiency", 0.0, 1.0, 1.0, "1 is assumed")
+    spring, damper = _torsion(root, rotor_inertia_without_generator(blade, hub, machine.n_blades), machine)
+    shaft_torque = machine.rated_power / (speed * ratio * gear_efficiency)
+    efficiency = _generator_efficiency(node, control, speed * ratio, shaft_torque)
     torque = shaft_torque / efficiency
-    slowest = _min_rotor_speed(root, machine, notes)
-    most = _optional(
-        control, "max_gen_torque", 1.0, 1e12, 1.0, _TORQUE_MARGIN * torque, "110 % of the rated torque", notes
-    )
-    rate = _optional(
-        control, "max_torque_rate", 1.0, 1e12, 1.0, torque / 3.0, "a third of the rated torque per second", notes
-    )
+    slowest = _min_rotor_speed(root, machine)
+    most = control.number_or("max_gen_torque", 1.0, 1e12, _TORQUE_MARGIN * torque, "110 % of the rated torque assumed")
+    words = "a third of the rated torque per second assumed"
+    rate = control.number_or("max_torque_rate", 1.0, 1e12, torque / 3.0, words)
     with within(node.path):
         return Drivetrain(
             gear_ratio=ratio,
             gearbox_efficiency=gear_efficiency,
             generator_efficiency=efficiency,
-            generator_inertia=_generator_inertia(root, machine, notes),
+            generator_inertia=_generator_inertia(root, machine),
             spring=spring,
             damper=damper,
-            rated_power=rated_power,
+            rated_power=machine.rated_power,
             rated_rotor_speed=speed,
             min_rotor_speed=slowest,
             max_generator_torque=most,
@@ -290,82 +256,77 @@ def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine, notes:
         )
 
 
-def _min_rotor_speed(root: Node, machine: Machine, notes: list[str]) -> float:
+def _min_rotor_speed(root: Node, machine: Machine) -> float:
     """Return the lowest rotor speed of operation [rad/s], where a file has none that of the optimal ratio at cut-in."""
     control, assembly = root.at("control"), root.at("assembly")
-    if _given(control, "min_rotor_speed"):
+    if control.gives("min_rotor_speed"):
         return control.number("min_rotor_speed", 0.0, 1000.0, rpm)
-    where = control.where("min_rotor_speed")
     if "optimal_tsr" not in control:
-        notes.append(f"{where}: not in the file, 0 rpm assumed")
+        control.missing("min_rotor_speed", "0 rpm assumed")
         return 0.0
     cut_in = assembly.number("cut_in_wind_speed", 0.0, 30.0) if "cut_in_wind_speed" in assembly else 3.0
     speed = control.number("optimal_tsr", 0.1, 50.0) * cut_in / (0.5 * machine.rotor_diameter)
     speed = min(speed, 0.5 * machine.rated_speed)
-    notes.append(f"{where}: not in the file, {speed / rpm:.3g} rpm, of control.optimal_tsr at the cut-in wind speed, "
-                 "at most half the rated one")  # fmt: skip
+    words = "of control.optimal_tsr at the cut-in wind speed, at most half the rated one"
+    control.missing("min_rotor_speed", f"{speed / rpm:.3g} rpm, {words}")
     return speed
 
 
-def _generator_inertia(root: Node, machine: Machine, notes: list[str]) -> float:
+def _generator_inertia(root: Node, machine: Machine) -> float:
     """Return the inertia of the generator about the high-speed shaft [kg m^2], estimated where it is missing."""
-    node = _part(root, "components.drivetrain.generator")
-    body = _part(root, "components.drivetrain.generator.elastic_properties")
-    if _given(body, "inertia"):
+    node = root.part("components.drivetrain.generator")
+    body = root.part("components.drivetrain.generator.elastic_properties")
+    if body.gives("inertia"):
         return float(body.array("inertia")[0])
-    mass = node.number("mass", 0.0, 1e9) if _given(node, "mass") else machine.generator_mass()
-    radius = node.number("radius", 0.0, 20.0) if _given(node, "radius") else None
-    inertia = machine.generator_inertia(mass, radius)
+    radius = node.number("radius", 0.0, 20.0) if node.gives("radius") else None
+    inertia = machine.generator_inertia(_generator_mass(root, machine), radius)
     words = "half its mass as a disk" if machine.direct_drive else "0.75 s of rated power at rated speed"
-    notes.append(f"{body.where('inertia')}: not in the file, {inertia:.4g} kg m^2 at the generator's shaft, {words}")
+    body.missing("inertia", f"{inertia:.4g} kg m^2 at the generator's shaft, {words}")
     return inertia
 
 
-def _torsion(root: Node, rotor_inertia: float, machine: Machine, notes: list[str]) -> tuple[float, float]:
+def _torsion(root: Node, rotor_inertia: float, machine: Machine) -> tuple[float, float]:
     """Return the torsional spring [N m/rad] and damper [N m s/rad] of the drivetrain at the low-speed shaft."""
-    node = root.at("components.drivetrain")
-    gearbox, body = _part(root, "components.drivetrain.gearbox"), _part(root, f"{node.path}.elastic_properties")
-    geared = _part(root, f"{gearbox.path}.elastic_properties")
+    gearbox, body = (root.part(f"components.drivetrain.{part}") for part in ("gearbox", "elastic_properties"))
+    geared = gearbox.part("elastic_properties")
     if "torsional_stiffness" in geared or "torsional_damping" in geared:
         return geared.number("torsional_stiffness", 1.0, 1e15), geared.number("torsional_damping", 0.0, 1e15)
-    if _given(body, "spring_constant"):
+    if body.gives("spring_constant"):
         spring = body.number("spring_constant", 1.0, 1e15)
         if "damping_coefficient" in body:
             return spring, body.number("damping_coefficient", 0.0, 1e15)
     else:
-        spring = _shaft_spring(root, notes)
+        spring = _shaft_spring(root, body)
     ratio = _DEFAULT_TORSION_DAMPING
     if "damping_ratio" in gearbox:
         ratio = gearbox.number("damping_ratio", 0.0, 1.0)
-    damper = machine.shaft_damping(spring, ratio, rotor_inertia)
-    notes.append(f"{body.where('damping_coefficient')}: not in the file, {100 * ratio:g} % of critical for the rotor")
-    return spring, damper
+    body.missing("damping_coefficient", f"{100 * ratio:g} % of critical for the rotor")
+    return spring, machine.shaft_damping(spring, ratio, rotor_inertia)
 
 
-def _shaft_spring(root: Node, notes: list[str]) -> float:
+def _shaft_spring(root: Node, body: Node) -> float:
     """Return the torsional stiffness of the low-speed shaft from its dimensions [N m/rad]."""
-    node = root.at("components.drivetrain")
-    shaft = _part(root, f"{node.path}.lss")
-    spring = f"{node.path}.elastic_properties.spring_constant"
-    if not (_given(shaft, "diameter") and _given(shaft, "wall_thickness")):
+    node, shaft = root.at("components.drivetrain"), root.part("components.drivetrain.lss")
+    if not (shaft.gives("diameter") and shaft.gives("wall_thickness")):
         raise TurbineDefinitionError(
-            f"{spring}: missing, expected is a number (or, instead, {node.where('gearbox.elastic_properties')} with "
-            f"the torsion of the drivetrain, or {shaft.path} with diameter and wall_thickness of the low-speed shaft)"
+            f"{body.where('spring_constant')}: missing, expected is a number (or, instead, "
+            f"{node.where('gearbox.elastic_properties')} with the torsion of the drivetrain, or {shaft.path} with "
+            "diameter and wall_thickness of the low-speed shaft)"
         )
     diameter, thickness = (float(shaft.array(key).mean()) for key in ("diameter", "wall_thickness"))
     shape = node.at("outer_shape")
-    if _given(shaft, "length"):
+    if shaft.gives("length"):
         length = shaft.number("length", 0.0, 100.0)
     else:
         length = sum(
-            shape.number(key, 0.0, 100.0) if _given(shape, key) else default for key, default in _MISSING_LENGTH.items()
+            shape.number(key, 0.0, 100.0) if shape.gives(key) else default for key, default in _MISSING_LENGTH.items()
         )
     modulus = _shear_modulus(root, shaft)
     value = shaft_stiffness(diameter, thickness, length, modulus)
-    notes.append(
-        f"{spring}: not in the file, {value:.4g} N m/rad from the low-speed shaft ({length:.3g} m long, "
-        f"{diameter:.3g} m wide, shear modulus {modulus:.3g} Pa)"
-    )
+    body.missing(
+        "spring_constant", f"{value:.4g} N m/rad from the low-speed shaft ({length:.3g} m long, {diameter:.3g} m wide, "
+        f"shear modulus {modulus:.3g} Pa)",
+    )  # fmt: skip
     return value
 
 
@@ -381,7 +342,7 @@ def _shear_modulus(root: Node, shaft: Node) -> float:
     return _STEEL_SHEAR_MODULUS
 
 
-def _generator_efficiency(node: Node, control: Node, speed: float, ideal_torque: float, notes: list[str]) -> float:
+def _generator_efficiency(node: Node, control: Node, speed: float, ideal_torque: float) -> float:
     """Return the efficiency at the rated generator speed [rad/s]; ``ideal_torque`` [N m] is the lossless rated one."""
     key = "generator.rpm_efficiency"
     if key in node:
@@ -396,35 +357,25 @@ def _generator_efficiency(node: Node, control: Node, speed: float, ideal_torque:
     if "max_gen_torque" in control:
         efficiency = _TORQUE_MARGIN * ideal_torque / control.number("max_gen_torque", 1.0, 1e12)
         if 0.8 <= efficiency <= 1.0:
-            notes.append(
-                f"{node.where(key)}: not in the file, {efficiency:.4f} follows from control.max_gen_torque, taken as "
-                "110 % of the rated torque"
-            )
+            words = "follows from control.max_gen_torque, taken as 110 % of the rated torque"
+            node.missing(key, f"{efficiency:.4f} {words}")
             return efficiency
-    notes.append(f"{node.where(key)}: not in the file, 0.95 is assumed")
+    node.missing(key, "0.95 is assumed")
     return 0.95
 
 
-def read_pitch(root: Node, notes: list[str]) -> PitchSystem:
+def read_pitch(root: Node) -> PitchSystem:
     """Build the limits of the pitch system from ``control``."""
     control = root.at("control")
-    degree = np.pi / 180.0
     with within("control"):
         return PitchSystem(
-            min_pitch=_optional(control, "min_pitch_limit", -90.0, 90.0, degree, 0.0, "0 deg", notes),
-            max_pitch=_optional(control, "max_pitch_limit", -90.0, 90.0, degree, 0.5 * np.pi, "90 deg", notes),
-            max_rate=control.number("max_pitch_rate", 1e-3, 570.0, degree),
+            min_pitch=control.number_or("min_pitch_limit", -90.0, 90.0, 0.0, "0 deg assumed", _DEGREE),
+            max_pitch=control.number_or("max_pitch_limit", -90.0, 90.0, 0.5 * np.pi, "90 deg assumed", _DEGREE),
+            max_rate=control.number("max_pitch_rate", 1e-3, 570.0, _DEGREE),
         )
 
 
-def _optional(
-    node: Node, key: str, low: float, high: float, scale: float, default: float, words: str, notes: list[str]
-) -> float:
-    if key in node:
-        return node.number(key, low, high, scale)
-    notes.append(f"{node.where(key)}: not in the file, {words} assumed")
-    return default
-
+# ---- estimates -------------------------------------------------------------------------------------------------------
 
 _SHELL = 2.0 / 3.0
 """Inertia of a thin spherical shell about a diameter over mass times radius squared."""
@@ -435,29 +386,21 @@ GENERATOR_TIME_CONSTANT = 0.75
 
 @dataclass(frozen=True)
 class Machine:
-    """What the regressions take.
-
-    Attributes
-    ----------
-    rated_power : float
-        [W].
-    rated_speed : float
-        Of the rotor [rad/s].
-    gear_ratio : float
-        1 for a direct drive.
-    rotor_diameter, hub_diameter : float
-        [m].
-    blade_mass : float
-        Of one blade [kg].
-    """
+    """Arguments of the regressions."""
 
     rated_power: float
+    """[W]."""
     rated_speed: float
+    """Of the rotor [rad/s]."""
     gear_ratio: float
+    """1 for a direct drive."""
     rotor_diameter: float
+    """[m]."""
     hub_diameter: float
+    """[m]."""
     n_blades: int
     blade_mass: float
+    """Of one blade [kg]."""
 
     @property
     def direct_drive(self) -> bool:
@@ -499,12 +442,8 @@ class Machine:
         NREL/TP-500-38060) and the WindPACT 1.5-MW turbine (0.63 s: 53.04 kg m^2 at 1800 rpm, NREL/SR-500-32495); the
         disk of DrivetrainSE stores several times as much.
 
-        Parameters
-        ----------
-        mass : float
-            Of the generator [kg].
-        radius : float or None
-            Of the generator of a direct drive [m]; by default 0.75 % of the rotor diameter, as in DrivetrainSE.
+        Without the radius [m] of the generator of a direct drive it is 0.75 % of the rotor diameter, as in
+        DrivetrainSE. ``mass`` is that of the generator [kg].
         """
         if self.direct_drive:
             radius = 0.0075 * self.rotor_diameter if radius is None else radius
@@ -556,29 +495,13 @@ class Machine:
     def shaft_damping(self, stiffness: float, damping_ratio: float, rotor_inertia: float) -> float:
         """Return the damping of the shaft's torsion [N m s/rad], from a fraction of critical as in DrivetrainSE.
 
-        Critical is 2 sqrt(k I) with the inertia I of the rotor.
-
-        Parameters
-        ----------
-        stiffness : float
-            Seen from the low-speed shaft [N m/rad].
-        damping_ratio : float
-            [-].
-        rotor_inertia : float
-            Of blades and hub about the shaft [kg m^2].
+        Critical is 2 sqrt(k I) with the stiffness k seen from the low-speed shaft [N m/rad] and the inertia I of blades
+        and hub about the shaft [kg m^2].
         """
         return 2.0 * damping_ratio * float(np.sqrt(stiffness * rotor_inertia))
 
 
 def shaft_stiffness(diameter: float, thickness: float, length: float, shear_modulus: float) -> float:
-    """Return the torsional stiffness G J / L of a hollow shaft [N m/rad].
-
-    Parameters
-    ----------
-    diameter, thickness, length : float
-        Outer diameter, wall thickness and length [m].
-    shear_modulus : float
-        [Pa].
-    """
+    """Return the torsional stiffness G J / L of a hollow shaft [N m/rad]: outer diameter, wall, length [m], G [Pa]."""
     inner = max(diameter - 2.0 * thickness, 0.0)
     return shear_modulus * np.pi / 32.0 * (diameter**4 - inner**4) / length

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import quad
 
+from envs_tests.physics.cases.airfoils import UniformStream
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.aerodynamics import AeroOptions, VortexLattice
 from wt_gym.aerodynamics.bodies.body_set import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
@@ -259,14 +260,6 @@ def wall() -> list[Check]:
     ]
 
 
-class _Uniform:
-    def __init__(self, stream):
-        self.stream = stream
-
-    def velocity(self, points, time):
-        return np.broadcast_to(self.stream, np.shape(points))
-
-
 def _rotor(planform, center, azimuth, speed):
     """Nodes of three rigid blades and their velocities for a rotor that turns about x."""
     turned = []
@@ -308,7 +301,7 @@ def tower_passage() -> CaseResult:
     found = {}
     for name, disturb in models.items():
         solver = VortexLattice(planform, 3, options, turbine.air_density)
-        state, inflow, dt = solver.new_state(), _Uniform(stream), step / rotor_speed
+        state, inflow, dt = solver.new_state(), UniformStream(stream), step / rotor_speed
         nodes, velocities = _rotor(planform, center, azimuth[0], rotor_speed)
         wind = disturb(nodes, np.tile(stream, (*nodes.shape[:3], 1)))
         solver.initialize_helix(state, nodes, velocities, wind, center, [1.0, 0.0, 0.0], rotor_speed, dt)

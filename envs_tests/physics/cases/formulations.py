@@ -13,7 +13,6 @@ from scipy.linalg import eigh
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.analysis.metrics import run_metrics
-from wt_gym.base.ids import present_id
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.multibody.constraints.descriptor import descriptor_form
 from wt_gym.multibody.system import HammingIntegrator
@@ -21,7 +20,8 @@ from wt_gym.multibody.tree import output_kernels, tree_kernels
 from wt_gym.simulation import FIDELITIES, Recorder, Simulator
 from wt_gym.simulation.model.assembly import assemble
 from wt_gym.simulation.model.equilibrium import elastic_equilibrium
-from wt_gym.wind import SteadyInflow
+from wt_gym.turbine_records import RECORDS
+from wt_gym.wind.steady import SteadyInflow
 
 # ---- joints against multipliers -------------------------------------------------------------------------------------
 # Blades on joints against blades held by Lagrange multipliers: the same turbine twice.
@@ -293,6 +293,8 @@ IMPLICIT = {"integrator": "generalized_alpha"}
 LINEAR: dict[str, Any] = {"formulation": "observer", "frame_displacement": "linear"}
 """Observer frames as published."""
 TORSION: dict[str, Any] = {"blade_modes": (2, 1, 1)}
+_IDS = {env_id.rpartition("-v")[0]: env_id for record in RECORDS.values() for env_id, _ in record.ids}
+"""Ids by their names without version."""
 WINDS = {"NREL5MW": 10.0, "IEA15MW": 10.0, "Gebhardt45m": 10.0, "NadaSmall": 8.0}
 
 
@@ -390,7 +392,7 @@ def measure(combination):
     """
     times = combination.times
     env = gym.make(
-        present_id(f"wt_gym/{combination.turbine}-Turbulent-v0"), fidelity=combination.fidelity, action_mode="residual",
+        _IDS[f"wt_gym/{combination.turbine}-Turbulent"], fidelity=combination.fidelity, action_mode="residual",
         wind_speed=WINDS[combination.turbine], episode_length=times.duration + times.random, max_episode_steps=10**9,
     )  # fmt: skip
     raw = turbine_env_of(env)
@@ -471,7 +473,7 @@ def parked_frequencies(turbine, fidelity, step=1e-5):
 def steady_tip(combination, wind_speed=9.0):
     """Mean deflection of all tips in steady, sheared wind under the baseline controller [m]."""
     env = gym.make(
-        present_id(f"wt_gym/{combination.turbine}-Steady-v0"), fidelity=combination.fidelity, action_mode="residual",
+        _IDS[f"wt_gym/{combination.turbine}-Steady"], fidelity=combination.fidelity, action_mode="residual",
         wind_speed=wind_speed, episode_length=STEADY, max_episode_steps=10**9,
     )  # fmt: skip
     env.reset(seed=1)

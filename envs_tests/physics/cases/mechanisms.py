@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
+from envs_tests.physics.cases.tools import upward_crossings
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.base.constants import GRAVITY
 from wt_gym.multibody.integrators.schemes import make_integrator
@@ -35,6 +36,14 @@ def trajectory(system, y, step, times):
 # ---- simple pendulum -------------------------------------------------------------------------------------------------
 
 
+def pendulum():
+    """Point mass of 1 kg on a massless rod of 1 m, hanging at angle zero."""
+    system = MultibodySystem()
+    bob = FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), np.zeros((3, 3)))
+    system.add(bob, Joint("revolute", (0.0, 1.0, 0.0), name="swing"))
+    return system.build()
+
+
 @case(
     "simple-pendulum",
     "Simple pendulum released horizontally: energy drift, period and angle over 10 s",
@@ -42,10 +51,8 @@ def trajectory(system, y, step, times):
 )
 def simple_pendulum() -> CaseResult:
     """θ(t) = 2 asin(k sn(K − ω t, k)) with k = sin(θ₀/2), ω = √(g/L); energy criterion of the library 5e-5 J."""
-    system = MultibodySystem()
-    bob = FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), np.zeros((3, 3)))
-    system.add(bob, Joint("revolute", (0.0, 1.0, 0.0), name="swing"))
-    y = system.build().initial_state()
+    system = pendulum()
+    y = system.initial_state()
     y[0] = np.pi / 2.0
     step = 2e-3
     times = np.arange(0.0, 10.0 + 1e-9, 10 * step)
@@ -54,8 +61,7 @@ def simple_pendulum() -> CaseResult:
     omega, quarter = np.sqrt(GRAVITY), ellipk(0.5)
     exact = 2.0 * np.arcsin(np.sqrt(0.5) * ellipj(quarter - omega * times, 0.5)[0])
     fine = trajectory(system, y, step, np.arange(0.0, 4.5, step))[:, 0]
-    down = np.flatnonzero((fine[:-1] > 0.0) & (fine[1:] <= 0.0))
-    crossing = (down + fine[down] / (fine[down] - fine[down + 1])) * step
+    crossing = upward_crossings(-fine, step)
     drift = float(np.abs(energy - energy[0]).max())
     checks = [
         Check("largest energy drift in 10 s", "<= 5e-5", drift, unit="J", source="criterion of the benchmark library"),
@@ -135,8 +141,7 @@ def heavy_top_precession() -> CaseResult:
     axes_fast = top_axes(trajectory(system, top_state(system, theta, [0.0, 0.0, fast]), 1e-4, times_fast))
     angle = np.arccos(axes_fast[:, 2])
     middle = angle - 0.5 * (angle.max() + angle.min())
-    up = np.flatnonzero((middle[:-1] < 0.0) & (middle[1:] >= 0.0))
-    crossing = times_fast[up] + middle[up] / (middle[up] - middle[up + 1]) * 1e-3
+    crossing = upward_crossings(middle, 1e-3)
     nutation = 2.0 * np.pi * (len(crossing) - 1) / (crossing[-1] - crossing[0])
     slow = np.unwrap(np.arctan2(axes_fast[:, 1], axes_fast[:, 0]))
     mean = (np.interp(crossing[-1], times_fast, slow) - np.interp(crossing[0], times_fast, slow)) / (
@@ -160,6 +165,7 @@ def heavy_top_precession() -> CaseResult:
     "heavy-top-spherical",
     "Heavy top on a ball joint, horizontal start, spin 150 rad/s",
     "Géradin & Cardona 2001; Brüls & Cardona 2010, J. Comput. Nonlinear Dyn. 5; exact by Lagrange's integrals",
+    quick=False,
 )
 def heavy_top_spherical() -> CaseResult:
     """Mass 15 kg, center at 1 m, J = diag(0.234375, 0.46875, 0.234375) about it, Ω₀ = (0, 150, −4.61538) rad/s.
@@ -446,14 +452,6 @@ def stability() -> CaseResult:
 # ---- order -----------------------------------------------------------------------------------------------------------
 
 PERIOD = 4.0 * ellipk(0.5) / np.sqrt(GRAVITY)
-
-
-def pendulum():
-    """Point mass of 1 kg on a massless rod of 1 m, hanging at angle zero."""
-    system = MultibodySystem()
-    bob = FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), np.zeros((3, 3)))
-    system.add(bob, Joint("revolute", (0.0, 1.0, 0.0), name="swing"))
-    return system.build()
 
 
 def pendulum_state(time):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from envs_tests.physics.cases.rotating_beams import EI, LENGTH, MASS
+from envs_tests.physics.cases.tools import upward_crossings
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator, ObserverFrameSystem, Substructure
@@ -107,9 +108,7 @@ def period(what, n_sub_bodies, speed=0.0, periods=10, per_period=300, displaceme
     for _ in range(round((periods + 0.75) * per_period)):
         run.advance()
         out.append(run.position(name, "tip")[0])
-    x = np.array(out)
-    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-    crossing = step * (up + x[up] / (x[up] - x[up + 1]))
+    crossing = upward_crossings(out, step)
     return 2.0 * np.pi * (len(crossing) - 1) / (crossing[-1] - crossing[0])
 
 
@@ -117,6 +116,7 @@ def period(what, n_sub_bodies, speed=0.0, periods=10, per_period=300, displaceme
     "observer-substructures",
     "Rotating blade and loaded tower in several local observer frames: the geometric stiffness comes back",
     "the same beams in one body with second-order displacements; Southwell's coefficient of the uniform blade",
+    quick=False,
 )
 def substructures() -> CaseResult:
     """First frequency of one to eight bodies against that of one body with geometric stiffness."""
@@ -188,9 +188,7 @@ def rotating_frequency(eta, plane, displacement="second_order", n_modes=8, perio
     for _ in range(round((periods + 0.75) * per_period)):
         run.advance()
         out.append(run.displacement("blade", "tip")[:3] @ across)
-    x = np.array(out)
-    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-    crossing = step * (up + x[up] / (x[up] - x[up + 1]))
+    crossing = upward_crossings(out, step)
     return float(2.0 * np.pi * (len(crossing) - 1) / (crossing[-1] - crossing[0]) * unit)
 
 
@@ -218,11 +216,12 @@ def steady_tips(turbine, wind, fidelity, duration=30.0):
     "observer-second-order",
     "Observer frames with second-order displacements: rotating blade, loaded tower, turbine at rated wind",
     ROTATING_SOURCE,
+    quick={"etas": (4.0,), "winds": ()},
 )
-def second_order() -> CaseResult:
+def second_order(etas=tuple(TABLE), winds=(("nrel_5mw", 8.0), ("nrel_5mw", 11.4), ("iea_15mw", 10.5))) -> CaseResult:
     """Rotating-beam table, P-Δ of a tower in one body, tips of the turbine against the embedded form."""
     checks, lines = [], []
-    for eta in TABLE:
+    for eta in etas:
         for k, plane in enumerate(("flap", "lag")):
             found = rotating_frequency(eta, plane)
             checks.append(Check(f"{plane} 1 at η = {eta:g}", TABLE[eta][k], found, 2e-3, source=ROTATING_SOURCE))
@@ -231,7 +230,7 @@ def second_order() -> CaseResult:
     checks.append(Check("tower under 350 t in one body: first frequency", known, found, 2e-3, "rad/s",
                         source="the same body on joints, with second-order displacements"))  # fmt: skip
     base = FIDELITIES["training"]
-    for name, wind in (("nrel_5mw", 8.0), ("nrel_5mw", 11.4), ("iea_15mw", 10.5)):
+    for name, wind in winds:
         tip, moment = steady_tips(name, wind, base)
         for displacement in ("second_order", "linear"):
             fidelity = replace(base, formulation="observer", frame_displacement=displacement)

@@ -226,7 +226,12 @@ def harmonic(time: np.ndarray, x: np.ndarray, low: float, high: float) -> tuple[
     return float(frequency[strongest]), float(found[strongest])
 
 
-@case("observer-frame-rotor", "Blade and shaft: tip loads spin the rotor up; 16 modes against finite elements", PAPER)
+@case(
+    "observer-frame-rotor",
+    "Blade and shaft: tip loads spin the rotor up; 16 modes against finite elements",
+    PAPER,
+    quick=False,
+)
 def spin_up() -> CaseResult:
     """Load case 1, figure 3."""
     edge, inertia = edge_load()
@@ -427,7 +432,12 @@ def figures_of(runs, name):
     }
 
 
-@case("observer-frame-follower", "Load in the deformed state, consistent levers, and how many modes it needs", PAPER)
+@case(
+    "observer-frame-follower",
+    "Load in the deformed state, consistent levers, and how many modes it needs",
+    PAPER,
+    quick=False,
+)
 def follower() -> CaseResult:
     """Load case 2, figure 4."""
     runs = follower_runs()
@@ -523,7 +533,12 @@ def exact_follower(force, n=2000):
     return float(np.sin(angle) * along - np.cos(angle) * across)
 
 
-@case("observer-frame-follower-printed", "Eq. (4) as printed: a couple at the tip, and where it has a solution", PAPER)
+@case(
+    "observer-frame-follower-printed",
+    "Eq. (4) as printed: a couple at the tip, and where it has a solution",
+    PAPER,
+    quick=False,
+)
 def printed() -> CaseResult:
     """Load case 2 with the couple u × p at the loaded section."""
     limit = largest_printed_load()
@@ -575,6 +590,7 @@ def reference_runs():
     "observer-frame-references",
     "Three reference conditions: similar response, smaller displacement from the frame",
     PAPER,
+    quick=False,
 )
 def references() -> CaseResult:
     """Load case 2, figure 5, with finite elements and with 10 modes."""
@@ -728,7 +744,12 @@ def printed_updates() -> CaseResult:
     return CaseResult(checks, figures, notes)
 
 
-@case("observer-frame-threshold", "Frame updates on demand: tip and speed against updates in every step", PAPER)
+@case(
+    "observer-frame-threshold",
+    "Frame updates on demand: tip and speed against updates in every step",
+    PAPER,
+    quick=False,
+)
 def thresholds() -> CaseResult:
     """Load case 1 with 16 modes, updated when the rigid-body displacement exceeds a threshold."""
     edge, _ = edge_load()

@@ -56,8 +56,8 @@ class SteadyPoint:
         Force of the air along the shaft [kN].
     tip : float
         Tip displacement out of the plane of rotation [m].
-    drift : float
-        Relative change of the power from the first to the second half of the mean.
+    drift, speed_drift : float
+        Relative change of power and rotor speed from the first to the second half of the mean.
     """
 
     wind: float
@@ -68,10 +68,13 @@ class SteadyPoint:
     aero_thrust: float
     tip: float
     drift: float
+    speed_drift: float
 
 
-def steady_point(turbine, wind, rotor_speed, pitch, fidelity=FIDELITY, settling=SETTLING) -> SteadyPoint:
-    """Simulate a turbine under the baseline controller until it is steady.
+def steady_point(
+    turbine, wind, rotor_speed, pitch, fidelity=FIDELITY, settling=SETTLING, average=AVERAGE
+) -> SteadyPoint:
+    """Simulate a turbine under its baseline controller until it is steady.
 
     Parameters
     ----------
@@ -81,29 +84,28 @@ def steady_point(turbine, wind, rotor_speed, pitch, fidelity=FIDELITY, settling=
     rotor_speed, pitch : float
         Where to start: the nearer to the steady state, the sooner it is reached [rad/s], [rad].
     fidelity : str or Fidelity
-    settling : float
-        Time before the mean [s].
+    settling, average : float
+        Time before the mean and time of the mean [s].
     """
-    from wt_gym.control.controllers.discon import BaselineController, BaselineParameters
-
-    simulator = Simulator(turbine, SteadyInflow(wind, hub_height=turbine.hub_height), fidelity)
+    inflow = SteadyInflow(wind, hub_height=turbine.hub_height)
+    simulator = Simulator(turbine, inflow, fidelity)
     signals = simulator.reset(rotor_speed=rotor_speed, pitch=pitch)
-    controller = BaselineController(BaselineParameters.from_turbine(turbine))
-    controller.start(signals.generator_speed, signals.pitch, signals.generator_torque)
-    dt = simulator.time_step
-    rows = []
-    for _ in range(round((settling + AVERAGE) / dt)):
-        command, torque = controller.step(signals.generator_speed, dt)
-        signals = simulator.advance(dt, pitch=command, generator_torque=torque)
+    controller = make_controller("discon", turbine)
+    readings = readings_of(controller, signals, inflow, turbine.hub_height)
+    controller.start(readings, Demand(np.array(signals.pitch), 0.0, signals.generator_torque))
+    dt, rows = simulator.time_step, []
+    for _ in range(round((settling + average) / dt)):
+        readings = readings_of(controller, signals, inflow, turbine.hub_height)
+        demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
+        signals = simulator.advance(dt, pitch=demand.pitch, generator_torque=demand.generator_torque)
         rows.append(
             (signals.rotor_speed * 30.0 / np.pi, np.degrees(signals.pitch.mean()), signals.generator_power / 1e3,
              signals.rotor_thrust / 1e3, signals.aero_thrust / 1e3, signals.tip_out_of_plane.mean())
         )  # fmt: skip
-    last = np.array(rows)[-round(AVERAGE / dt) :]
+    last = np.array(rows)[-round(average / dt) :]
     half = len(last) // 2
-    drift = last[half:, 2].mean() / last[:half, 2].mean() - 1.0
-    rotor_speed, pitch, power, thrust, aero_thrust, deflection = (float(mean) for mean in last.mean(axis=0))
-    return SteadyPoint(wind, rotor_speed, pitch, power, thrust, aero_thrust, deflection, drift)
+    drift, speed_drift = (last[half:, k].mean() / last[:half, k].mean() - 1.0 for k in (2, 0))
+    return SteadyPoint(wind, *(float(mean) for mean in last.mean(axis=0)), drift, speed_drift)
 
 
 def operating_curve(fidelity=FIDELITY):
@@ -222,54 +224,6 @@ IEA22_RATED = 11.2
 """Between the last wind of the table below rated power and the first one above [m/s]."""
 
 
-@dataclass(frozen=True)
-class SteadyState:
-    """Means over whole turns: rotor speed [rpm], pitch [deg], thrust of the air [kN], electrical power [MW], drift [-].
-
-    The drift is the relative change of the rotor speed between the halves of the mean.
-    """
-
-    rotor_speed: float
-    pitch: float
-    thrust: float
-    power: float
-    drift: float
-
-
-def steady_state(turbine, wind, rotor_speed, pitch, fidelity=IEA22_FIDELITY) -> SteadyState:
-    """Simulate a turbine under its own controller in uniform wind until it is steady.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    wind : float
-        [m/s].
-    rotor_speed, pitch : float
-        To start with [rad/s], [rad].
-    fidelity : str or Fidelity
-    """
-    inflow = SteadyInflow(wind, hub_height=turbine.hub_height)
-    simulator = Simulator(turbine, inflow, fidelity)
-    signals = simulator.reset(rotor_speed=rotor_speed, pitch=pitch)
-    controller = make_controller("discon", turbine)
-    readings = readings_of(controller, signals, inflow, turbine.hub_height)
-    controller.start(readings, Demand(np.array(signals.pitch), 0.0, signals.generator_torque))
-    dt, rows = simulator.time_step, []
-    turns = np.ceil(IEA22_AVERAGE * rotor_speed / (2.0 * np.pi))
-    for _ in range(round((IEA22_SETTLING + turns * 2.0 * np.pi / rotor_speed) / dt)):
-        readings = readings_of(controller, signals, inflow, turbine.hub_height)
-        demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
-        signals = simulator.advance(dt, pitch=demand.pitch, generator_torque=demand.generator_torque)
-        rows.append(
-            (signals.rotor_speed * 30.0 / np.pi, np.degrees(signals.pitch.mean()), signals.aero_thrust / 1e3,
-             signals.generator_power / 1e6)
-        )  # fmt: skip
-    last = np.array(rows)[-round(turns * 2.0 * np.pi / rotor_speed / dt) :]
-    half = len(last) // 2
-    rotor_speed, pitch, thrust, power = (float(mean) for mean in last.mean(axis=0))
-    return SteadyState(rotor_speed, pitch, thrust, power, last[half:, 0].mean() / last[:half, 0].mean() - 1.0)
-
-
 @case("iea22-steady", "IEA 22-MW under its own controller in steady wind, 4 to 24 m/s", IEA22, slow=True)
 def iea22_steady() -> CaseResult:
     """Worst of the winds below and above rated power, for each quantity, against OpenFAST; HAWC2 beside it."""
@@ -277,10 +231,12 @@ def iea22_steady() -> CaseResult:
     turbine = replace(turbine, nacelle=replace(turbine.nacelle, tilt=0.0))
     table, _ = read_table("iea22mw_steady.csv")
     wind = table[:, 0]
-    states = [
-        steady_state(turbine, v, row[1] * np.pi / 30.0, np.radians(row[2])) for v, row in zip(wind, table, strict=True)
-    ]
-    found = np.array([(s.rotor_speed, s.pitch, s.thrust, s.power) for s in states])
+    states = []
+    for v, speed, pitch in zip(wind, table[:, 1] * np.pi / 30.0, np.radians(table[:, 2]), strict=True):
+        turns = np.ceil(IEA22_AVERAGE * speed / (2.0 * np.pi))
+        times = IEA22_SETTLING, turns * 2.0 * np.pi / speed
+        states.append(steady_point(turbine, v, speed, pitch, IEA22_FIDELITY, *times))
+    found = np.array([(s.rotor_speed, s.pitch, s.aero_thrust, s.power / 1e3) for s in states])
     openfast, hawc2 = table[:, 1:5], table[:, 6:10]
     above = wind > IEA22_RATED
     checks = [
@@ -309,10 +265,11 @@ def iea22_steady() -> CaseResult:
             f"| {one[2]:.0f} kN | {_iea22_percent(one[2], two[2])} | {_iea22_percent(one[2], three[2])} "
             f"| {one[3]:.3f} MW | {_iea22_percent(one[3], two[3])} | {_iea22_percent(one[3], three[3])} |"
         )
-    drift = max(abs(s.drift) for s in states)
+    drift = max(abs(s.speed_drift) for s in states)
     lines += [
         "",
-        f"Fidelity: {IEA22_FIDELITY.name}. No tilt, as published. Largest drift of the rotor speed: {100 * drift:.2f} %.",
+        f"Fidelity: {IEA22_FIDELITY.name}. No tilt, as published. "
+        f"Largest drift of the rotor speed: {100 * drift:.2f} %.",
     ]
     titles = ("rotor speed [rpm]", "pitch [deg]", "thrust [kN]", "electrical power [MW]")
     figures = {
@@ -397,12 +354,13 @@ def controllers() -> CaseResult:
     "wind-estimate",
     "Wind estimated from speed, torque and pitch against the rotor-effective wind of the inflow",
     "rotor-effective wind: mean of the undisturbed wind over the disc",
+    quick={"winds": (8.0, 16.0), "duration": 120.0},
 )
-def wind_estimate() -> CaseResult:
+def wind_estimate(winds=(8.0, 12.0, 16.0), duration=200.0) -> CaseResult:
     """8, 12 and 16 m/s, one seed of 200 s each, under the baseline controller."""
     turbine, checks, lines, figures = load_turbine("nrel_5mw"), [], [], {}
     simulator, dt, skip = None, 0.1, 300
-    for wind in (8.0, 12.0, 16.0):
+    for wind in winds:
         inflow = cast("TurbulentInflow", inflow_of(turbine, Case(wind, SEEDS[0])))
         simulator = simulator or Simulator(turbine, inflow)
         simulator.inflow = inflow
@@ -414,7 +372,7 @@ def wind_estimate() -> CaseResult:
                 estimator.start(signals)
             found.append(estimator.update(signals, dt))
 
-        run_controller(simulator, make_controller("discon", turbine), 200.0, dt, take)
+        run_controller(simulator, make_controller("discon", turbine), duration, dt, take)
         times = dt * np.arange(1, len(found) + 1)[skip:]
         estimate, truth = np.array(found[skip:]), inflow.rotor_effective_speed(times, turbine.rotor_diameter)
         correlation, error = float(np.corrcoef(estimate, truth)[0, 1]), estimate - truth

@@ -500,8 +500,9 @@ def flap_history(time, frequency):
     "one-rotor-three-formulations",
     "One rotor in the embedded, the constrained and the observer-frame form: frequencies and response",
     "the same bodies, joints and loads; Southwell's coefficient of the uniform blade",
+    quick={"speeds": ()},
 )
-def one_rotor() -> CaseResult:
+def one_rotor(speeds=(SLOW, FAST)) -> CaseResult:
     """At rest, turning slowly, and at a speed at which the missing geometric stiffness shows."""
     rest, tied_rest = build(push=0.0), build("constrained", push=0.0)
     still = rest.initial_state()
@@ -523,7 +524,7 @@ def one_rotor() -> CaseResult:
     embedded, constrained = build(), build("constrained")
     flap, southwell = collective_flap(True, 0.0), _southwell()
     figures = {}
-    for speed in (SLOW, FAST):
+    for speed in speeds:
         full = tree_response("embedded", speed)
         tied = tree_response("constrained", speed)
         linear = tree_response("embedded", speed, geometric=False)

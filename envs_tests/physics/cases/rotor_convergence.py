@@ -358,6 +358,7 @@ def ramp_run(options, rung, wind):
     "pitch-ramp",
     "Rigid NREL 5-MW rotor pitched at 8 deg/s to 10 deg and back: rows in turn against all rows in every step",
     "the same lattice with every row of the wake computed anew in every step",
+    quick=False,
 )
 def pitch_ramp() -> CaseResult:
     """Largest difference at any instant from the ramp on, over the change that the first ramp makes."""

@@ -52,14 +52,20 @@ DURATION = 100.0
 """After the step [s]."""
 
 
+def five_megawatt_elements(n_span: int = 30) -> DynamicRotor:
+    """The rotor of the NREL 5-MW turbine as blade elements."""
+    return DynamicRotor(BladeElementRotor.of_turbine(load_turbine("nrel_5mw")), n_span)
+
+
 def element_step():
     """The same step in blade-element theory with Øye's filter."""
 
     def acceleration(torque, speed, settled):
         return (torque - settled * (speed / ROTOR_SPEED) ** 2) / INERTIA
 
-    rotor = DynamicRotor(BladeElementRotor.of_turbine(load_turbine("nrel_5mw")), 30)
-    return rotor.respond(WIND, lambda time: 0.0 * time, ROTOR_SPEED, DURATION, acceleration=acceleration)
+    return five_megawatt_elements().respond(
+        WIND, lambda time: 0.0 * time, ROTOR_SPEED, DURATION, acceleration=acceleration
+    )
 
 
 @case("wind-step", "Rigid 5-MW rotor, wind step 8 → 9 m/s: overshoot of thrust and rotor speed", STEP_SOURCE, slow=True)
@@ -257,7 +263,7 @@ GUST_OPTIONS = AeroOptions(
 
 def gust_theory(wind: float, frequencies=FREQUENCIES):
     """Responses of the blade-element theory at the mean state of a wind speed, a list of `GustResponse`."""
-    rotor = DynamicRotor(BladeElementRotor.of_turbine(load_turbine("nrel_5mw")))
+    rotor = five_megawatt_elements(40)
     return [rotor.gust_response(f, wind, *STATES[wind]) for f in frequencies]
 
 
@@ -473,14 +479,9 @@ def carried_part(options):
     return means[0], means[1] - means[0]
 
 
-def five_megawatt_elements() -> DynamicRotor:
-    """The rotor of the NREL 5-MW turbine as blade elements."""
-    return DynamicRotor(BladeElementRotor.of_turbine(load_turbine("nrel_5mw")), 30)
-
-
 @case("carried-gust", "Rigid 5-MW rotor at constant speed, wind step 8 → 9 m/s at once and carried along", RING_SOURCE,
-      slow=True)  # fmt: skip
-def carried_gust() -> CaseResult:
+      slow=True, quick={"names": ("training",)})  # fmt: skip
+def carried_gust(names=("training", "engineering", "8 turns, open")) -> CaseResult:
     """Thrust by its lasting change: at once within 0.04 of Øye's filter, what carrying adds within 0.03 of theory."""
     rotor = five_megawatt_elements()
     elements = rotor.respond(WIND, lambda time: 0.0 * time, ROTOR_SPEED, 100.0)
@@ -494,8 +495,8 @@ def carried_gust() -> CaseResult:
     runs = {"training": TRAINING, "engineering": ENGINEERING, "8 turns, open": long_wake(8.0, 24, n_span=10)}
     checks, curves, lines = [], [], []
     middles = [0.5 * (low + high) for low, high in WINDOWS]
-    for name, options in runs.items():
-        whole, part = carried_part(options)
+    for name in names:
+        whole, part = carried_part(runs[name])
         for (low, high), wanted, got in zip(WINDOWS, at_once, whole, strict=True):
             checks.append(Check(f"{name}, {low:g}–{high:g} s: thrust, wind everywhere at once", wanted, got,
                                 absolute(0.04), source=ELEMENTS))  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +38,9 @@ OPTIONS = AeroOptions(
     far_wake_rows=54, squire=1e-3,
 )  # fmt: skip
 """Three turns of free wake, continued by vortex cylinders; the wake drifts 1.1 radii a turn."""
+COARSE = replace(
+    OPTIONS, n_chord=1, n_span=10, azimuth_step_deg=15.0, wake_rows=60, full_rows=60, fresh_rows=24, far_wake_rows=36
+)
 TURNS = 7.0
 SECTIONS = (0.30, 0.47, 0.63, 0.80, 0.95)
 """Radii of the pressure taps, in rotor radii."""
@@ -209,12 +212,19 @@ def stalled_rotor(wind, polars="measured", augmentation=None, options=OPTIONS, t
     return torque, run.ct * run.reference_thrust, np.interp(at, run.span, force_coefficients(run)[:, 0])
 
 
-@case("uae-phase-vi", "UAE Phase VI rotor at 7 m/s: shaft torque", UAE_SOURCE)
-def uae_phase_vi() -> CaseResult:
+@case(
+    "uae-phase-vi",
+    "UAE Phase VI rotor at 7 m/s: shaft torque",
+    UAE_SOURCE,
+    quick={"kinds": ("model",), "options": COARSE, "turns": 5.0},
+)
+def uae_phase_vi(kinds=("model", "measured"), options=OPTIONS, turns=TURNS) -> CaseResult:
     """Torque within 10 % of the measurement, with stall-corrected and with two-dimensional polars."""
     checks, normal, along, lines = [], [], [], []
-    for polars, name in (("model", "polars of the certification model"), ("measured", "two-dimensional polar")):
-        run, element, speed, measured = run_blade(polars)
+    names = {"model": "polars of the certification model", "measured": "two-dimensional polar"}
+    for polars in kinds:
+        name = names[polars]
+        run, element, speed, measured = run_blade(polars, options, turns)
         torque, thrust = run.power[-run.steps_per_turn :].mean() / speed, run.ct * run.reference_thrust
         checks.append(Check(f"shaft torque, {name}", measured, torque, 0.1, "N m", source=UAE_SOURCE))
         force, radius = force_coefficients(run), PhaseSixBlade().tip_radius
@@ -453,13 +463,19 @@ def attached_response(k=0.1, n_chord=4):
     return obtained / exact_lift("pitch", k), (obtained - apparent_mass) / (2.0 * np.pi * (1.0 + 0.5 * rate))
 
 
-@case("dynamic-stall", "Dynamic stall of the S809 airfoil in pitch", OYE_SOURCE)
-def dynamic_stall() -> CaseResult:
+@case(
+    "dynamic-stall",
+    "Dynamic stall of the S809 airfoil in pitch",
+    OYE_SOURCE,
+    quick={"loops": ((8.0, 10.0, 0.05), (14.0, 10.0, 0.077))},
+)
+def dynamic_stall(loops=tuple(LOOPS)) -> CaseResult:
     """Loops of the lift: the model alone, the lattice against the model with its own shed wake, attached flow."""
     polar = s809_polar()
     published, section = StallingSection(polar, monotone=False), StallingSection(polar)
     checks, figures, lines = [], {}, []
-    for (mean, amplitude, k), expected in LOOPS.items():
+    for mean, amplitude, k in loops:
+        expected = LOOPS[mean, amplitude, k]
         motion = Pitching(np.radians(mean), np.radians(amplitude), k)
         label = f"{mean:g} ± {amplitude:g}°, k = {k:g}"
         angle, alone = oye_loop(published, motion)

@@ -174,6 +174,14 @@ def body_pose(
     return work.r[body].copy(), work.rot[body].copy()
 
 
+def upward_crossings(x: ArrayLike, step: float) -> NDArray[np.float64]:
+    """Times at which a series with samples every ``step`` rises through zero, between samples along a line."""
+    x = np.asarray(x)
+    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
+    crossing: NDArray[np.float64] = (up + x[up] / (x[up] - x[up + 1])) * step
+    return crossing
+
+
 class ChainPoints:
     """Points on the axis of a beam cut into bodies: where they are, and dead forces on them.
 

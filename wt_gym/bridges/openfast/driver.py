@@ -18,7 +18,6 @@ import numpy as np
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.base.files import write_text_whole
-from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.measurement import (
     AERODYN_OUTPUTS,
     INFLOW_OUTPUTS,
@@ -31,7 +30,7 @@ from wt_gym.bridges.openfast.measurement import (
 from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.process import VARIABLE
 from wt_gym.bridges.openfast.run_folder import BentTurbine, DriverRun, ServedController, prepare_run
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.turbines import (
     Airfoil,
@@ -48,6 +47,7 @@ from wt_gym.turbines import (
     Tower,
     Turbine,
 )
+from wt_gym.turbines.openfast_text import InputFile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -21,7 +21,7 @@ from scipy.linalg import eigh
 
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.bridges.openfast.input_text import plain_line, write_lines
+from wt_gym.turbines.openfast_text import plain_line, write_lines
 from wt_gym.turbines.variants import clockwise_image
 
 if TYPE_CHECKING:

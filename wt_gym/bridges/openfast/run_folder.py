@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
-from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
 from wt_gym.bridges.openfast.model import POWERS, blade_sections, tower_sections
 from wt_gym.bridges.openfast.wind import write_wind
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
+from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:

@@ -16,7 +16,6 @@ import numpy as np
 from scipy.linalg import expm
 
 from wt_gym.base.errors import ActionError, SimulationError
-from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.measurement import Measurement
 from wt_gym.bridges.openfast.model import steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.process import OpenFASTProcess, find_library, relay_library
@@ -27,6 +26,7 @@ from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_dam
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
+from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import clockwise_image, with_generator
 from wt_gym.wind import MirroredInflow
 from wt_gym.wind.files import is_described, wind_from

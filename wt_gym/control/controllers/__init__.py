@@ -6,7 +6,16 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.coleman import from_harmonic, to_harmonic
+from wt_gym.control.controllers.additions import (
+    AboveRated,
+    FadeParameters,
+    ForeAftDamper,
+    HarmonicPitch,
+    HarmonicPitchParameters,
+    IndividualPitch,
+    SideSideDamper,
+    YawByDeadBand,
+)
 from wt_gym.control.controllers.controller import (
     Addition,
     Combined,
@@ -28,17 +37,13 @@ from wt_gym.control.controllers.discon import (
     DisconController,
     nrel_5mw_parameters,
 )
-from wt_gym.control.controllers.fading import AboveRated, FadeParameters
-from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
+from wt_gym.control.controllers.own import retuned_parameters
 from wt_gym.control.controllers.parameters import Parameter
-from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.supervisor import STATES, Supervisor, SupervisorParameters, supervisor_of
-from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
-from wt_gym.control.controllers.wind_estimator import WindEstimator
-from wt_gym.control.controllers.yaw import YawByDeadBand
-from wt_gym.control.rotor_table import RotorTable, rotor_table
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
+from wt_gym.control.rotor import RotorTable, rotor_table
+from wt_gym.control.sensors import from_harmonic, to_harmonic
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.catalogue import (

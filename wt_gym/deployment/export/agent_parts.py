@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.control import NacelleAnemometer
 from wt_gym.control.controllers import STATES
-from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.controllers.linear_optimal import OUTPUTS
+from wt_gym.control.controllers.tsr_tracking import WindEstimator
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.deployment.export.controller_parts import (
     ACCELERATION,
     LINEAR_READS,

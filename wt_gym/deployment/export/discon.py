@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.files import write_text_whole
 from wt_gym.bridges.compiler import compile_library, library_name
-from wt_gym.control.controllers import make_controller, parse_name
+from wt_gym.control.controllers.names import make_controller, parse_name
 from wt_gym.deployment.export.controller_parts import SUPPORTED, Parts, controller_parts
 from wt_gym.deployment.export.source import c_source, parameter_file, readings
 from wt_gym.envs.dial import constant_factors

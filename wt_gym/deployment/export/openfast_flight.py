@@ -29,9 +29,9 @@ from wt_gym.bridges.openfast import (
 )
 from wt_gym.control import Lidar
 from wt_gym.control.bladed import BladedController
-from wt_gym.control.controllers import parse_name
+from wt_gym.control.controllers.names import parse_name
 from wt_gym.control.controllers.power_tracking import LEAST_SHARE
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
 from wt_gym.envs.options import flat_arguments
 from wt_gym.envs.power_reference import GridOptions

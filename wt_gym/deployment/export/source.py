@@ -15,7 +15,7 @@ import numpy as np
 
 from wt_gym.control.bladed.records import LIDAR_SENSOR, LIDAR_SPEEDS, MOST_LIDAR_POINTS
 from wt_gym.control.controllers.lidar_feedforward import SPACING
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.deployment.export.agent_parts import KINDS
 from wt_gym.deployment.export.controller_parts import FASTEST_LIDAR_WIND, LONGEST_LIDAR_DELAY
 from wt_gym.envs.dial import DIAL_NAMES, LEAST_FACTOR, MOST_FACTOR
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from wt_gym.control import Lidar
     from wt_gym.control.controllers import LidarFeedforward
-    from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.control.rotor import RotorTable
     from wt_gym.deployment.export.agent_parts import Seen
     from wt_gym.deployment.export.controller_parts import LinearPitch, Parts
     from wt_gym.deployment.export.policy import Network
