@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.base.angles import wrapped
-from wt_gym.base.fields import later_field
 from wt_gym.wind.protocol import velocity_ahead
 
 if TYPE_CHECKING:
@@ -225,7 +224,7 @@ class Lidar:
     half_angle: float = math.radians(15.0)
     n_beams: int = 4
     frozen: bool = False
-    apart: bool = later_field(False)
+    apart: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", tuple(map(float, self.ranges)))

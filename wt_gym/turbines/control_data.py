@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.base.fields import later_field
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_ascending, check_number, fail
 
 __all__ = ["ControlData"]
@@ -122,9 +121,9 @@ class ControlData(ArrayRecord):
     max_pitch_rate: float | None = None
     trim_wind: NDArray[np.float64] | None = None
     trim_pitch: NDArray[np.float64] | None = None
-    speed_shift_per_pitch: float | None = later_field(None)
-    speed_shift_per_power: float | None = later_field(None)
-    speed_shift_frequency: float | None = later_field(None)
+    speed_shift_per_pitch: float | None = None
+    speed_shift_per_power: float | None = None
+    speed_shift_frequency: float | None = None
 
     def __post_init__(self) -> None:
         """Check the fields and make the arrays read-only."""

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.base.fields import later_field
 from wt_gym.turbines.airfoil import Airfoil, Polar
 from wt_gym.turbines.beam import BeamStations
 from wt_gym.turbines.blade import Blade
@@ -96,7 +95,7 @@ class Tower(ArrayRecord):
     structure: BeamStations
     damping_ratio: float
     drag_coefficient: float
-    support: Support | None = later_field(None)
+    support: Support | None = None
 
     def __post_init__(self) -> None:
         """Check the fields and make the arrays read-only."""
@@ -284,11 +283,11 @@ class Drivetrain(ArrayRecord):
     min_rotor_speed: float
     max_generator_torque: float
     max_torque_rate: float
-    generator_damping: float = later_field(0.0)
-    gearbox_reverses: bool = later_field(False)
-    torque_lag: float = later_field(0.0)
-    losses: LossShares | None = later_field(None)
-    shaft_damper: ShaftDamper | None = later_field(None)
+    generator_damping: float = 0.0
+    gearbox_reverses: bool = False
+    torque_lag: float = 0.0
+    losses: LossShares | None = None
+    shaft_damper: ShaftDamper | None = None
 
     @property
     def speed_ratio(self) -> float:
@@ -360,7 +359,7 @@ class PitchSystem(ArrayRecord):
     max_pitch: float
     max_rate: float
     servo_frequency: float | None = None
-    servo_damping: float = later_field(1.0)
+    servo_damping: float = 1.0
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -436,10 +435,10 @@ class Turbine(ArrayRecord):
     iec_class: str
     turbulence_class: str
     notes: tuple[str, ...] = ()
-    control: ControlData | None = later_field(None)
-    design_air_density: float | None = later_field(None)
-    rotation: str = later_field("clockwise")
-    ice: BladeIce | None = later_field(None)
+    control: ControlData | None = None
+    design_air_density: float | None = None
+    rotation: str = "clockwise"
+    ice: BladeIce | None = None
 
     def __post_init__(self) -> None:
         """Check the fields and that the parts fit together."""
