@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, cast
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.base.errors import SimulationError, did_you_mean
-from wt_gym.base.fields import later_field
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
 from wt_gym.multibody.integrators.hamming import STARTERS
 from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, IntegratorEntry, SchemeSettings
@@ -160,14 +159,14 @@ class Fidelity:
     tower_body: tuple[int, int] | None = None
     nacelle_body: tuple[int, int] | None = None
     formulation: str = "embedded"
-    spectral_radius: float | None = later_field(None)
-    stabilization: float = later_field(10.0)
-    projection: bool = later_field(True)
-    moving_bodies: bool = later_field(False)
-    blade_basis: str = later_field("fixed")
-    reference_condition: str = later_field("clamped")
-    frame_update: str | float = later_field("step")
-    frame_displacement: str = later_field("second_order")
+    spectral_radius: float | None = None
+    stabilization: float = 10.0
+    projection: bool = True
+    moving_bodies: bool = False
+    blade_basis: str = "fixed"
+    reference_condition: str = "clamped"
+    frame_update: str | float = "step"
+    frame_displacement: str = "second_order"
 
     def __post_init__(self) -> None:
         """Refuse values without meaning."""

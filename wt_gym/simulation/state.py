@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.fields import counting_fields
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,16 +20,13 @@ __all__ = ["SimulatorState", "fingerprint"]
 
 
 def fingerprint(*parts: object) -> str:
-    """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text.
-
-    A field declared by `wt_gym.base.fields.later_field` counts only where it has another value than its default.
-    """
+    """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text."""
     digest = hashlib.sha256()
 
     def feed(value: object) -> None:
         if is_dataclass(value) and not isinstance(value, type):
             digest.update(type(value).__name__.encode())
-            for f in counting_fields(value):
+            for f in fields(value):
                 digest.update(f.name.encode())
                 feed(getattr(value, f.name))
         elif isinstance(value, np.ndarray):
