@@ -161,7 +161,7 @@ NAMES = (
 
 MODULES = {
     **deprecated.MODULES,
-    "wt_gym.simulation.model.blade_pieces": "wt_gym.simulation.model.blade_sub_bodies",
+    "wt_gym.simulation.model.blade_pieces": "wt_gym.simulation.turbine_structure",
     "validation.unsteady_aerofoil": "validation.unsteady_airfoil",
 }
 """Modules with a new name; ``wt_gym.agents`` is the folder ``agents`` of a clone."""

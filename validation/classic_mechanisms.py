@@ -11,7 +11,8 @@ from scipy.special import ellipj, ellipk
 
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.base.constants import GRAVITY
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 
 

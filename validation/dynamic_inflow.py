@@ -28,7 +28,7 @@ from scipy.special import hankel2, jv
 
 from validation.rotor_transients import Response
 from validation.unsteady_airfoil import theodorsen
-from wt_gym.simulation.model.blade_lattice import N_ALPHA
+from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.lifting_tools import UniformStream, WingFlow, two_dimensional_planform
 from validation.phase_vi import PhaseSixBlade
 from validation.unsteady_airfoil import exact_lift
-from wt_gym.aerodynamics.lattice.separation import separation_tables
+from wt_gym.aerodynamics.lattice.planform import separation_tables
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

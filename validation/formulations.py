@@ -14,7 +14,7 @@ import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.multibody.constraints.descriptor import descriptor_form
-from wt_gym.multibody.system import HammingIntegrator
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.tree import output_kernels, tree_kernels
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.wind import SteadyInflow

@@ -20,8 +20,8 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.base.ids import present_id
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.simulation import FIDELITIES, Recorder
-from wt_gym.simulation.model.assembly import assemble
-from wt_gym.simulation.model.equilibrium import elastic_equilibrium
+from wt_gym.simulation.models import assemble
+from wt_gym.simulation.start import elastic_equilibrium
 
 __all__ = ["COMBINATIONS", "NODAL_AND_MODAL", "Combination", "measure", "parked_frequencies", "steady_tip"]
 

@@ -29,9 +29,10 @@ from validation.linear_lattice import LinearLattice
 from validation.unsteady_airfoil import theodorsen
 from wt_gym.aerodynamics import AeroOptions, VortexLattice
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree.point_kernels import point_loads, point_motion
-from wt_gym.simulation.model.turbine_structure import body_points
+from wt_gym.simulation.turbine_structure import body_points
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes

@@ -9,9 +9,9 @@ from scipy.special import ellipj, ellipk
 
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.base.constants import GRAVITY
-from wt_gym.multibody.integrators.schemes import make_integrator
+from wt_gym.multibody.integrators.schemes import HammingIntegrator, make_integrator
 from wt_gym.multibody.integrators.stability import hamming_matrix
-from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 
 __all__ = ["amplification", "oscillator", "spectral_radius", "stability_limit"]

@@ -11,14 +11,13 @@ from scipy.linalg import expm
 from validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.simulation import Simulator
-from wt_gym.simulation.linear.frozen_plant import FrozenPlant
-from wt_gym.simulation.linear.linear_model import multiblade_transform
-from wt_gym.simulation.linear.linearization import linearize
+from wt_gym.simulation.linear_model import multiblade_transform
+from wt_gym.simulation.linearization import FrozenPlant, linearize
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 if TYPE_CHECKING:
-    from wt_gym.simulation.linear.linear_model import SteadyPoint
+    from wt_gym.simulation.linear_model import SteadyPoint
 
 __all__ = ["free_vibration", "rigid_support", "weightless_simulator", "whirl_frequencies"]
 

@@ -14,9 +14,11 @@ import numpy as np
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.exact_rod import BarChain, exact_rod
 from validation.tree_tools import ChainPoints, static_balance
-from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodyError, MultibodySystem
+from wt_gym.multibody.arrays import MultibodyError
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.beam import BeamSections
-from wt_gym.structure.coordinates import ALL_DOFS
+from wt_gym.structure.modes import ALL_DOFS
 from wt_gym.structure.substructure import add_chain, cut_beam
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.beam import inertia_matrix

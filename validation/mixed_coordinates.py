@@ -18,11 +18,11 @@ import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.tree_tools import body_pose
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
-from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import FlexibleBody
-from wt_gym.structure.modes import clamped_modes
+from wt_gym.structure.modes import body_from_beam, circular_sections, clamped_modes
 from wt_gym.turbines.beam import inertia_matrix
 from wt_gym.turbines.nada_turbine import nada_data
 

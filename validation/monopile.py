@@ -11,8 +11,8 @@ from dataclasses import replace
 
 from validation.case import CaseResult, Check, case
 from wt_gym.simulation import Fidelity, Simulator
-from wt_gym.simulation.model.turbine_structure import rotor_nacelle_inertia, tower_beam
-from wt_gym.structure.foundation import pile_head_stiffness
+from wt_gym.simulation.turbine_structure import rotor_nacelle_inertia, tower_beam
+from wt_gym.structure.beam import pile_head_stiffness
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

@@ -16,7 +16,9 @@ from scipy.linalg import eigh
 
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.tree_tools import read_table
-from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator, ObserverFrameSystem, Substructure
+from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
+from wt_gym.multibody.observer_frame.observer_frame_body import Substructure
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.turbines.beam import inertia_matrix
 

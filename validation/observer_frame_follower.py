@@ -32,13 +32,9 @@ from validation.observer_frame import (
     simulate,
     thinned,
 )
-from wt_gym.multibody.observer_frame.frame import (
-    REFERENCE_CONDITIONS,
-    ObserverFrameError,
-    ObserverFrameIntegrator,
-    ObserverFrameSystem,
-    Substructure,
-)
+from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
+from wt_gym.multibody.observer_frame.observer_frame_body import REFERENCE_CONDITIONS, ObserverFrameError, Substructure
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 
 __all__ = ["exact_follower", "follower_runs", "printed_balance", "static_tip"]
 

@@ -26,12 +26,9 @@ from validation.observer_frame import (
     simulate,
     thinned,
 )
-from wt_gym.multibody.observer_frame.frame import (
-    ObserverFrameError,
-    ObserverFrameIntegrator,
-    ObserverFrameSystem,
-    Substructure,
-)
+from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
+from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError, Substructure
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 
 SLOW = 0.2
 """Speed of rotation [rad/s] at which finite elements follow the printed updates."""

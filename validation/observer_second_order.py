@@ -14,7 +14,9 @@ import numpy as np
 
 from validation.case import CaseResult, Check, case
 from validation.observer_substructures import chain, first_mode, period
-from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator, ObserverFrameSystem, Substructure
+from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
+from wt_gym.multibody.observer_frame.observer_frame_body import Substructure
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.structure.beam import Beam, BeamSections

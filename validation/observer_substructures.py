@@ -17,10 +17,10 @@ import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.three_formulations import EI, LENGTH, MASS
-from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_frame_from_system
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.system import Joint, MultibodySystem
-from wt_gym.simulation.model.turbine_structure import tower_beam
+from wt_gym.simulation.turbine_structure import tower_beam
 from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody, without_second_order
 from wt_gym.structure.substructure import add_chain, cut_beam

@@ -26,7 +26,7 @@ from wt_gym.simulation.fidelity import ELASTODYN_NREL_5MW_TOWER
 from wt_gym.wind import SteadyInflow
 
 if TYPE_CHECKING:
-    from wt_gym.simulation.linear.linear_model import Mode, SteadyPoint
+    from wt_gym.simulation.linear_model import Mode, SteadyPoint
 
 
 JONKMAN = "Jonkman, Butterfield, Musial & Scott 2009, NREL/TP-500-38060, Table 9-1"

@@ -14,7 +14,7 @@ import numpy as np
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.rigid_rotor import RigidRotor
 from wt_gym.aerodynamics import AeroOptions, build_planform, span_distribution
-from wt_gym.simulation.model.blade_lattice import N_ALPHA
+from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import RotationalAugmentation
 from wt_gym.turbines.airfoil import Polar, blend_polars
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.models import blade_planform
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -10,7 +10,8 @@ import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, case, worst
 from validation.tree_tools import frequencies, rate_jacobian, read_table
-from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes

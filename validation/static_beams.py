@@ -6,11 +6,11 @@ import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.tree_tools import body_pose, frequencies, static_balance
-from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
-from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import FlexibleBody
-from wt_gym.structure.modes import clamped_modes, select_modes
+from wt_gym.structure.modes import body_from_beam, circular_sections, clamped_modes, select_modes
 from wt_gym.turbines.beam import inertia_matrix
 
 LENGTH = 12.0

@@ -12,7 +12,7 @@ import numpy as np
 from validation.case import CaseResult, Check, case
 from validation.parked_turbine import AS_FAST, parked_modes
 from wt_gym.simulation import Fidelity, Simulator
-from wt_gym.simulation.model.turbine_structure import tower_beam
+from wt_gym.simulation.turbine_structure import tower_beam
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

@@ -21,9 +21,10 @@ from scipy.spatial.transform import Rotation
 
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.tree_tools import body_pose, frequencies, rate_jacobian, read_table
-from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_frame_from_system
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, Marker, particle_fields
 from wt_gym.structure.modes import clamped_modes

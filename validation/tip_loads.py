@@ -25,7 +25,7 @@ from validation.tip_theory import (
 )
 from wt_gym.aerodynamics import AeroOptions, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING
-from wt_gym.simulation.model.blade_lattice import TOWARDS_ENDS, TOWARDS_TIP
+from wt_gym.simulation.models import TOWARDS_ENDS, TOWARDS_TIP
 from wt_gym.turbines import load_turbine
 
 __all__ = ["blade_strips", "helical_flow", "turbine_strips", "wing_strips"]

@@ -13,7 +13,7 @@ from validation.dynamic_inflow import DynamicRotor
 from validation.rigid_rotor import RigidRotor
 from validation.rotor_transients import Ramp, Response, long_wake, respond
 from wt_gym.aerodynamics import ENGINEERING, TRAINING, AeroOptions, build_planform, span_distribution
-from wt_gym.simulation.model.blade_lattice import N_ALPHA
+from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.blade_element import BladeElementRotor
 

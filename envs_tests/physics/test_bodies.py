@@ -6,8 +6,14 @@ import pytest
 from validation.bodies import box_body
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.bodies import body_kernels
-from wt_gym.aerodynamics.bodies.body_set import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
-from wt_gym.aerodynamics.bodies.tower_flow import TowerFlow
+from wt_gym.aerodynamics.bodies.body_set import (
+    BodySet,
+    BodySurface,
+    TowerFlow,
+    ellipsoid_body,
+    revolution_body,
+    tower_body,
+)
 from wt_gym.aerodynamics.bodies.tower_kernels import flag_wake_segments
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from wt_gym.aerodynamics.bodies.body_set import BodySet, ellipsoid_body, tower_body
-from wt_gym.aerodynamics.bodies.lagally import convective_force, impulse
+from wt_gym.aerodynamics.bodies.body_set import BodySet, convective_force, ellipsoid_body, impulse, tower_body
 
 DENSITY = 1.2
 STILL = np.zeros(3)

@@ -7,13 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wt_gym.base.errors import WtGymError
-from wt_gym.multibody.observer_frame.frame import ObserverFrameError
+from wt_gym.multibody.arrays import MultibodyError
+from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError
 from wt_gym.multibody.observer_frame.observer_frame_from_system import Translation, observer_frame_from_system
 from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations, hold_velocities
-from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree import output_kernels
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.model.turbine_structure import build_structure
+from wt_gym.simulation.turbine_structure import build_structure
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

@@ -5,7 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wt_gym.base.constants import GRAVITY
-from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodyError, MultibodySystem
+from wt_gym.multibody.arrays import MultibodyError
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.flexible_body import FlexibleBody, particle_fields

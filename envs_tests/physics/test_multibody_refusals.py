@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.constraints.descriptor import descriptor_form
-from wt_gym.multibody.integrators.schemes import INTEGRATORS, make_integrator
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodyError, MultibodySystem
+from wt_gym.multibody.integrators.schemes import INTEGRATORS, HammingIntegrator, make_integrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 
 REFLECTION = np.diag([1.0, 1.0, -1.0])

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.simulation import Fidelity
-from wt_gym.simulation.model.turbine_structure import averaged_over_yaw, build_structure, rotor_nacelle_inertia
+from wt_gym.simulation.turbine_structure import averaged_over_yaw, build_structure, rotor_nacelle_inertia
 from wt_gym.structure.beam import Beam, BeamSections, SecondOrderField, skew
 from wt_gym.structure.flexible_body import (
     BodyInertia,

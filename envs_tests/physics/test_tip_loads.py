@@ -28,7 +28,7 @@ from validation.tip_theory import (
 )
 from wt_gym.aerodynamics import AerodynamicsError, build_planform
 from wt_gym.aerodynamics.options import TRAINING
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
 
 

@@ -10,7 +10,7 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.commands import campbell, compare_controllers, design, simulate, tune
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.tip_twist import choose_fidelity, rated_tip_twist, tip_twist
+from wt_gym.simulation.fidelity import choose_fidelity, rated_tip_twist, tip_twist
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine

@@ -14,7 +14,7 @@ from validation import case as module
 from validation.case import Case, CaseResult, Check, Curve, Figure, absolute, case, load_cases, run_case, worst
 from validation.record import read_record
 from wt_gym.structure.beam import Beam
-from wt_gym.structure.coordinates import body_from_beam, circular_sections
+from wt_gym.structure.modes import body_from_beam, circular_sections
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 

@@ -53,7 +53,7 @@ from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
 from wt_gym.experiment.tuning import Cost, TuningTask, _defaults
-from wt_gym.simulation.model.turbine_structure import tower_beam
+from wt_gym.simulation.turbine_structure import tower_beam
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.turbines import catalogue, load_turbine
 

@@ -3,7 +3,7 @@
 from dataclasses import make_dataclass
 
 from wt_gym.base.fields import later_field
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 
 EARLIER = make_dataclass("Options", [("rows", int)])
 LATER = make_dataclass("Options", [("rows", int), ("gain", float, later_field(10.0))])

@@ -9,7 +9,7 @@ from importlib import import_module
 import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbines import file_cache, load_turbine, source
 from wt_gym.turbines.catalogue import turbine_file
 

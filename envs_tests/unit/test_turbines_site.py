@@ -13,7 +13,7 @@ from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.control.rotor_table import rotor_table
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.rewards.power import available_power
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.site import SITE, at_controller_density, with_site
 from wt_gym.wind import SeriesInflow, SteadyInflow

@@ -42,7 +42,7 @@ class Support(ArrayRecord):
         From the base (station 0) to the base of the tower.
     foundation : ndarray (6, 6) or None
         Stiffness that the ground has against the displacement and rotation of the base (axes of a tower: x downwind,
-        y left, z up) [N/m, N, N m]; None: the base is clamped. See `wt_gym.structure.foundation.pile_head_stiffness`.
+        y left, z up) [N/m, N, N m]; None: the base is clamped. See `wt_gym.structure.beam.pile_head_stiffness`.
     top_mass : float
         Of a transition piece at the base of the tower [kg].
     water_density : float

@@ -24,8 +24,8 @@ from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.wind_file import repeats
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
+from wt_gym.simulation.fidelity import choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
 from wt_gym.turbines.mirror import clockwise_image
