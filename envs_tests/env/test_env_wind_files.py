@@ -118,7 +118,7 @@ def test_environments_know_how_long_their_episodes_are(files):
     once = str(files / "once.bts")
     for env in (
         gym.make(STEADY, inflow=once, episode_length=40.0),
-        gym.make("wt_gym/Gusts-v2", inflow=once, gusts=TRANSIENTS),
+        gym.make("wt_gym/Gusts-v3", inflow=once, gusts=TRANSIENTS),
         gym.make_vec(STEADY, num_envs=2, inflow=once, episode_length=None, max_episode_steps=200).envs[0],
     ):
         offsets = []

@@ -20,7 +20,7 @@ import gymnasium as gym
 import pytest
 
 import wt_gym
-from validation.case import load_cases
+from envs_tests.physics.validation import load_cases
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
@@ -59,7 +59,7 @@ TRAINING, YAML = re.findall(r"```yaml\n(.*?)```", text_of("docs/training.md"), r
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "agents" / "trained" / "README.md"]
 PAGES += sorted((ROOT / "docs").rglob("*.md"))
-ROOMS_WITH_NAMES = ("wt_gym", "agents", "validation", "envs_tests", "docs", "scripts")
+ROOMS_WITH_NAMES = ("wt_gym", "agents", "envs_tests", "docs", "scripts")
 READ = {
     *PAGES, ROOT / "pyproject.toml", *(ROOT / ".ci").iterdir(), *(ROOT / "scripts").glob("*"),
     *(path for room in ROOMS_WITH_NAMES for path in (ROOT / room).rglob("*.py")), *(ROOT / "agents").rglob("*.yml"),
@@ -82,7 +82,7 @@ CALLS = commands()
 def wrong_names(text):
     """Commands and scripts in a text that do not exist."""
     commands = re.findall(r"(?:`|^ *|/bin/)wt-gym ([a-z][a-z-]*)", text, re.MULTILINE)
-    scripts = re.findall(r"(?<![\w/])scripts/(\w+(?:\.\w+)?)", text)
+    scripts = re.findall(r"(?<![\w/])scripts/((?:\w+/)*\w+(?:\.\w+)?)", text)
     return sorted({*commands} - {*COMMANDS}) + [name for name in scripts if not (ROOT / "scripts" / name).exists()]
 
 
@@ -322,7 +322,7 @@ def versions_of_ids_and_tasks():
 
 @statement
 def public_modules():
-    said = text_of("docs/versions.md").split("**Public interface.**")[1].split("in `__all__`")[0]
+    said = text_of("docs/versions.md").split("**Public interface.**")[1].split("and the modules of")[0]
     names = re.findall(r"`(wt_gym\.[a-z.]+)`", said)
     assert len(names) >= 8
     return {name for name in names if import_module(name).__all__}, {*names}

@@ -236,7 +236,7 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.analysis.metrics import idle_sentence, idle_time
         from wt_gym.simulation.fidelity import suited_fidelity
         from wt_gym.turbines import load_turbine
-        from wt_gym.turbines.site import with_site
+        from wt_gym.turbines.model import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from wt_gym.control import Demand
-from wt_gym.control.coleman import to_blades, to_fixed_frame
 from wt_gym.control.controllers import WithDemandedPower, checked_demand, readings_of
-from wt_gym.control.controllers.memory import Memory, changing_parts, memory_of
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of
+from wt_gym.control.operating_point import starting_point
+from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.envs.rewards import AVERAGED
 from wt_gym.envs.start import ControllerMemory, Start, Trail, kind_of
 from wt_gym.simulation import Signals, Simulator

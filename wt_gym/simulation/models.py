@@ -29,7 +29,7 @@ from wt_gym.multibody.system import MultibodySystem
 from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.simulation.turbine_structure import TurbineStructure, build_structure
 from wt_gym.turbines import Blade, Turbine
-from wt_gym.turbines.icing import iced_polar, spread
+from wt_gym.turbines.blade import iced_polar, spread
 
 
 @dataclass(frozen=True)

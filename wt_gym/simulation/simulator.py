@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from wt_gym.aerodynamics.options import AerodynamicsError
 from wt_gym.base.errors import ActionError, InflowError, SimulationError
 from wt_gym.base.types import Array
-from wt_gym.deprecated import renamed_arguments
 from wt_gym.multibody.arrays import Drift, MultibodyError
 from wt_gym.multibody.system import check_state
 from wt_gym.multibody.tree.point_kernels import point_motion
@@ -30,8 +29,7 @@ from wt_gym.simulation.start import Starter
 from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.coupling_data import Measurement
 from wt_gym.turbines import Turbine, load_turbine
-from wt_gym.turbines.damper import with_generator
-from wt_gym.turbines.mirror import clockwise_image
+from wt_gym.turbines.variants import clockwise_image, with_generator
 from wt_gym.wind import Inflow, MirroredInflow
 from wt_gym.wind.files import is_described, wind_from
 from wt_gym.wind.inflow import require_cover
@@ -60,7 +58,7 @@ class Simulator:
         Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
     generator : "torque", "damper" or GeneratorLaw, optional
         What loads the rotor: a torque that is demanded, which is what most turbines have; the damper of the turbine,
-        see `wt_gym.turbines.damper.with_damper`; or a law, see `wt_gym.simulation.drivetrain.drives`.
+        see `wt_gym.turbines.variants.with_damper`; or a law, see `wt_gym.simulation.drivetrain.drives`.
 
     Attributes
     ----------
@@ -172,7 +170,6 @@ class Simulator:
         values, n_blades = self._measurement.values, self.turbine.n_blades
         return Signals(values * parities(n_blades) if self.mirrored else values.copy(), n_blades)
 
-    @renamed_arguments(thrust_before="wake_thrust")  # rename: keep
     def reset(
         self,
         rotor_speed: float,
@@ -248,7 +245,6 @@ class Simulator:
         self._measure()
         return self.signals
 
-    @renamed_arguments(go_on="accumulate")  # rename: keep
     def advance(
         self,
         duration: float,

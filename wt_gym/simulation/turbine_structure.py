@@ -29,7 +29,7 @@ from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_mar
 from wt_gym.structure.modes import body_from_beam, clamped_modes, nodal_basis, node_names, select_modes
 from wt_gym.structure.substructure import SubBody, cut_beam, sub_body_at
 from wt_gym.turbines import Blade, Tower, Turbine
-from wt_gym.turbines.icing import iced_structure
+from wt_gym.turbines.blade import iced_structure
 
 IDEAL_PITCH_SERVO = 4.0 * np.pi
 """Frequency of the servo that stands for an ideal pitch drive [rad/s] in linear models; in simulations such a drive is

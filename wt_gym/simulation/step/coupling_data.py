@@ -34,7 +34,7 @@ from wt_gym.simulation.turbine_structure import (
     rotor_axial_inertia,
 )
 from wt_gym.turbines import Turbine
-from wt_gym.turbines.electrical import electrical_power
+from wt_gym.turbines.variants import electrical_power
 
 RESERVE = 0.01
 """Energy beyond the work done that is let pass once, for the rounding of the sums, in kinetic energies of the rotor at
