@@ -13,7 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the cases are no part of the installed package
 from envs_tests.physics.cases import observer_frame, small_turbine
-from wt_gym.multibody.system import HammingIntegrator
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.wind import SteadyInflow
 

@@ -14,10 +14,9 @@ import time
 import numpy as np
 from numba import njit
 
-from wt_gym.aerodynamics.induction.aligned import aligned_zeros
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH, load, store
-from wt_gym.aerodynamics.induction.tree_induction import TreeInduction, split_direct
+from wt_gym.aerodynamics.induction.tree_induction import TreeInduction, aligned_zeros, split_direct
 
 # Operations at one node, that is for two segments, with multiplication, addition, square root and division as one
 # each: vector 3, distance 6, products of distances 2, two denominators 16, their product and its reciprocal 2, two

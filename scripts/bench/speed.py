@@ -327,7 +327,7 @@ def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
     """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
     from validation import mixed_coordinates, observer_frame
 
-    from wt_gym.multibody.system import HammingIntegrator
+    from wt_gym.multibody.integrators.schemes import HammingIntegrator
 
     figures = {}
     for form in ("embedded", "constrained"):

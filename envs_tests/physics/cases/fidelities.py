@@ -26,8 +26,8 @@ from envs_tests.physics.validation import DATA, CaseResult, Check, Curve, Figure
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.simulation import Simulator
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import Fidelity, fidelity
-from wt_gym.simulation.state import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
