@@ -6,7 +6,7 @@ import logging
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import ControllerError
-from wt_gym.control.controllers.own_class import load_class
+from wt_gym.control.controllers.names import load_class
 from wt_gym.deployment.serving.own_set_points import OwnSetPoints
 from wt_gym.deployment.serving.served_agent import ServedAgent
 from wt_gym.envs.options.environment import flat_arguments, registered_arguments

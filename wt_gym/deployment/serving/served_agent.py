@@ -13,7 +13,7 @@ from wt_gym.base.errors import ActionError
 from wt_gym.bridges.rosco import Message, SetPoints
 from wt_gym.bridges.rosco.messages import FIRST_CALL
 from wt_gym.control import AgentSetpoint, Demand
-from wt_gym.control.actions import ResidualPitch
+from wt_gym.control.controllers.additions import ResidualPitch
 from wt_gym.control.sensors import harmonic_of_blades, to_blades
 from wt_gym.deployment.serving.clock import MessageClock
 from wt_gym.deployment.serving.expressible import check_expressible
