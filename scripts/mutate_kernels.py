@@ -31,7 +31,7 @@ from mutate import ROOT, noticed
 
 UNIT, PHYSICS = "envs_tests/unit", "envs_tests/physics"
 KERNELS, AERO = f"{UNIT}/test_kernels.py", f"{UNIT}/test_aerodynamics_kernels.py"
-LAGRANGE = f"{PHYSICS}/test_multibody_dynamics.py::test_equations_of_motion_are_those_of_lagrange[True]"
+LAGRANGE = f"{PHYSICS}/test_multibody.py::test_equations_of_motion_are_those_of_lagrange[True]"
 RING = f"{PHYSICS}/test_local_induction.py"
 DRIVES, STEADY = f"{UNIT}/test_simulation_drives.py", f"{UNIT}/test_wind_steady.py"
 TREE, RATES = "wt_gym/multibody/tree/tree_kernels.py", "wt_gym/multibody/tree/rate_kernels.py"

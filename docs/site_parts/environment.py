@@ -37,7 +37,7 @@ def ids():
              f"{length:g}\u00a0s by {env.control_dt:g}\u00a0s")
         )  # fmt: skip
     headings = ("id", "turbine", "wind", "actions / observations", "episode by control step")
-    goals = table(("task", "goal", "score"), [(f"`{t.ids[-1]}`", t.goal, t.score) for t in TASKS.values()], "options")
+    goals = table(("task", "goal", "score"), [(f"`{t.id}`", t.goal, t.score) for t in TASKS.values()], "options")
     return table(headings, rows, "options") + "\n## Goals of the tasks\n\n" + goals
 
 

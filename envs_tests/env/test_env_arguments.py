@@ -165,7 +165,7 @@ def test_one_group_can_be_named_alone():
     one, several = (WindTurbineEnv(observation=choice) for choice in ("measurable", ["measurable"]))
     assert one.observation_names.tolist() == several.observation_names.tolist()
     assert one.options.to_json() == several.options.to_json()
-    assert gym.make("wt_gym/LoadReduction-v1", observations={"channels": "rotor"}).observation_space.shape == (2,)
+    assert gym.make("wt_gym/LoadReduction-v2", observations={"channels": "rotor"}).observation_space.shape == (2,)
     with pytest.raises(ValueError, match=r"observation has \['rotors'\]; must be among the groups"):
         WindTurbineEnv(observation="rotors")
 

@@ -174,10 +174,10 @@ def model(tmp_path_factory):
     """Folder of a model that was made and never trained, with the record of a training."""
     folder = tmp_path_factory.mktemp("runs") / "mine"
     kwargs = {"pitch": "collective", "observation": ["rotor", "pitch"], "wind_speed": [10.0, 20.0]}
-    env = gym.make("wt_gym/LoadReduction-v1", **kwargs)
+    env = gym.make("wt_gym/LoadReduction-v2", **kwargs)
     folder.mkdir()
     PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=0).save(folder / "model.zip")
-    config = {"env_id": "wt_gym/LoadReduction-v1", "env_kwargs": kwargs}
+    config = {"env_id": "wt_gym/LoadReduction-v2", "env_kwargs": kwargs}
     record = {"algorithm": "PPO", "config": config, "control_dt": 0.2}
     (folder / "training.json").write_text(json.dumps(record), encoding="utf-8")
     return folder
@@ -199,7 +199,7 @@ def test_a_model_of_another_task_keeps_its_own_bounds(model):
     """Gusts has four degrees of the mean and no fade; the ids of load reduction name others."""
     path = model / "training.json"
     before = path.read_text(encoding="utf-8")
-    config = {"env_id": "wt_gym/Gusts-v0", "env_kwargs": {"pitch": "collective", "action_components": ["pitch"]}}
+    config = {"env_id": "wt_gym/Gusts-v3", "env_kwargs": {"pitch": "collective", "action_components": ["pitch"]}}
     path.write_text(json.dumps(json.loads(before) | {"config": config}), encoding="utf-8")
     entry, task = entry_of(str(model)), short()
     path.write_text(before, encoding="utf-8")
@@ -213,7 +213,7 @@ def test_another_model_is_another_run(model):
     before = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
     assert before == definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
     content = (model / "model.zip").read_bytes()
-    env = gym.make("wt_gym/LoadReduction-v1", pitch="collective", observation=["rotor", "pitch"])
+    env = gym.make("wt_gym/LoadReduction-v2", pitch="collective", observation=["rotor", "pitch"])
     PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=1).save(model / "model.zip")
     after = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
     (model / "model.zip").write_bytes(content)

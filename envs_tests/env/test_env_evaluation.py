@@ -227,10 +227,10 @@ def test_fidelity_inflow_and_an_idle_controller_are_free():
 
 def test_a_record_says_what_an_id_meant_then():
     """The id may mean another action in the version that reads the record."""
-    env = gym.make("wt_gym/LoadReduction-v1")
-    record = {"config": {"env_id": "wt_gym/LoadReduction-v1", "env_kwargs": {}}}
+    env = gym.make("wt_gym/LoadReduction-v2")
+    record = {"config": {"env_id": "wt_gym/LoadReduction-v2", "env_kwargs": {}}}
     check_environment(record, env)
-    before = resolved_arguments("wt_gym/LoadReduction-v1", {}) | {"residual_fade": False}
+    before = resolved_arguments("wt_gym/LoadReduction-v2", {}) | {"residual_fade": False}
     with pytest.raises(ValueError, match=r"residual_fade False, here True;"):
         check_environment(record | {"environment": before}, env)
 
@@ -477,5 +477,5 @@ def test_refused_agents_leave_no_environment_open(monkeypatch):
     closed = []
     monkeypatch.setattr(WindTurbineEnv, "close", lambda self: closed.append(self))
     with pytest.raises(FileNotFoundError, match=r"no trained model at \./nobody"):
-        AgentPool({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v1", {})
+        AgentPool({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v2", {})
     assert len(closed) == 1

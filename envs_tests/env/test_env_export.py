@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 
 from wt_gym.commands.export import main
-from wt_gym.deployment.export.network import network_of
-from wt_gym.deployment.export.onnx_file import INPUT, OUTPUT, check_onnx, write_onnx
-from wt_gym.deployment.export.policy import export_onnx, training_layout
+from wt_gym.deployment.export.policy import (
+    INPUT,
+    OUTPUT,
+    check_onnx,
+    export_onnx,
+    network_of,
+    training_layout,
+    write_onnx,
+)
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, TrainedAgent
+from wt_gym.experiment.trained_environment import trained_arguments
 
 onnxruntime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed: the extra export brings it")
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"
@@ -21,13 +28,11 @@ KWARGS = {"turbine": "nrel_5mw", "inflow": "steady", "wind_speed": 15.0, "action
 
 def test_a_shipped_agent_acts_alike_in_an_episode(tmp_path):
     """Actions of the file for the physical values of the channels against those of the agent in its environment."""
-    agent = TrainedAgent.load(TRAINED / "load_reduction")
-    made = export_onnx(str(TRAINED / "load_reduction"), tmp_path)
+    agent = TrainedAgent.load(TRAINED / "load_reduction_on_linear_optimal")
+    made = export_onnx(str(TRAINED / "load_reduction_on_linear_optimal"), tmp_path)
     session = onnxruntime.InferenceSession(made["files"][0])
-    env = WindTurbineEnv(
-        "nrel_5mw", inflow="steady", wind_speed=15.0, action_mode="residual", pitch="fixed-frame",
-        action_components=["pitch"],
-    )  # fmt: skip
+    steady = {"inflow": "steady", "wind_speed": 15.0, "relative_reward": False, "starts": None, "start": "steady"}
+    env = WindTurbineEnv(**trained_arguments(agent.record) | steady)
     layout = training_layout(agent, {})
     assert env.layout.observation.names == layout.observation.names
     observation, _ = env.reset(seed=1)
@@ -90,13 +95,16 @@ def test_statistics_of_the_training_are_inside(tmp_path):
 
 
 def test_the_card_says_what_the_agent_is_made_for(tmp_path, capsys):
-    main([str(TRAINED / "load_reduction"), "--out", str(tmp_path), "--json"])
+    main([str(TRAINED / "load_reduction_on_linear_optimal"), "--out", str(tmp_path), "--json"])
     printed = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {Path(file).name for file in printed["files"]} == {"policy.onnx", "card.json", "README.md"}
     card = json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))
-    assert card["base_controller"] == "discon"
-    assert card["control_step_s"] == 0.2
-    assert [channel["name"] for channel in card["channels"]][:2] == ["rotor_speed", "generator_speed"]
+    assert card["base_controller"] == "linear_optimal"
+    assert card["control_step_s"] == 0.1
+    assert [channel["name"] for channel in card["channels"]][:2] == [
+        "disturbance_flap_mean_1",
+        "disturbance_flap_mean_2",
+    ]
     text = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert all(f"| {channel['name']} | {channel['unit']} |" in text for channel in card["channels"])
     session = onnxruntime.InferenceSession(tmp_path / "policy.onnx")

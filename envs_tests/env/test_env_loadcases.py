@@ -18,7 +18,7 @@ from wt_gym.turbines import load_turbine
 
 @pytest.fixture(scope="module")
 def env():
-    made = gym.make("wt_gym/LoadReduction-v1", max_episode_steps=10**9)
+    made = gym.make("wt_gym/LoadReduction-v2", max_episode_steps=10**9)
     yield made
     made.close()
 

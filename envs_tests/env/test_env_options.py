@@ -33,7 +33,7 @@ from wt_gym.envs.wind_files import with_whole_paths
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
-TASK = "wt_gym/LoadReduction-v1"
+TASK = "wt_gym/LoadReduction-v2"
 
 GIVEN = [
     WindOptions(inflow="turbulent", speed=[8.0, 9.0], seeds=iter((3, 4)), direction=0.1, wander=(0.1, 60.0)),
@@ -120,7 +120,7 @@ def test_a_group_on_top_of_an_id_replaces_what_it_names(wind, many):
 
 def test_a_controller_on_top_of_an_id_is_a_name_or_a_group():
     def made(controller):
-        return gym.make("wt_gym/Yaw-v2", controller=controller).unwrapped.options.controller
+        return gym.make("wt_gym/Yaw-v3", controller=controller).unwrapped.options.controller
 
     assert made("ipc+yaw").base == "ipc+yaw"
     assert made({"base": "ipc"}).base == "ipc"

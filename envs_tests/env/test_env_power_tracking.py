@@ -9,10 +9,8 @@ import pytest
 from scripted_simulator import ScriptedSimulator, scripted_signals, use
 
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
-from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.deployment.export.flight import fly
-from wt_gym.deployment.export.openfast_folder import Scene, export_openfast
+from wt_gym.deployment.export.openfast_flight import Scene, export_openfast, fly
 from wt_gym.envs import record_store, rewards, running_start
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -20,6 +18,7 @@ from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.runs.playing import play
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")
@@ -266,7 +265,7 @@ def test_a_constant_power_is_the_demand_of_servodyn(tmp_path, compiler):
 
 
 def test_the_task_asks_for_every_kind():
-    env = gym.make(TASKS["PowerTracking"].ids[-1], start="steady", relative_reward=False).unwrapped
+    env = gym.make(TASKS["PowerTracking"].id, start="steady", relative_reward=False).unwrapped
     kinds = set()
     for number in range(24):
         kinds.add(env._starts.draw(np.random.default_rng(number), None, 60.0).reference.kind)

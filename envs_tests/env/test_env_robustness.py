@@ -28,7 +28,7 @@ from wt_gym.experiment.robustness import (
 )
 from wt_gym.runs.store import SWEEP_FILE
 
-TASK = "wt_gym/LoadReduction-v1"
+TASK = "wt_gym/LoadReduction-v2"
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained" / "load_reduction_on_linear_optimal"
 WINDS = (Wind(15.0, 1001), Wind(15.0, 1002), Wind(18.0, 1001))
 TERMS = [term.metric for term in load_task(COST_TASK).terms]

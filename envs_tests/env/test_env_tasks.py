@@ -68,7 +68,7 @@ def test_both_checkers_have_nothing_to_say(mode, pitch):
     "name", [pytest.param(name, marks=pytest.mark.slow) if name.startswith("IEA22MW") else name for name in TASKS]
 )  # turbulence over a rotor of 284 m takes half a minute a box to make
 def test_tasks_start_step_and_tell_their_length(name):
-    env = gym.make(TASKS[name].ids[-1])
+    env = gym.make(TASKS[name].id)
     assert env.spec.max_episode_steps * env.unwrapped.control_dt == TASKS[name].episode
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -95,10 +95,10 @@ def test_ending_a_task_early_never_pays(name):
 
     Of a reward relative to the controller goes what that earns at most: twice the weight of the power.
     """
-    env = gym.make(TASKS[name].ids[-1]).unwrapped
+    env = gym.make(TASKS[name].id).unwrapped
     dials = [(1.0, 1.0, 1.0)] if env.dials is None else [(3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 3.0)]
     worst = min(_worst(env, dial) for dial in dials)  # the reward is linear in the factors: at a corner
-    gamma = hyperparameters_for("PPO", TASKS[name].ids[-1])["gamma"]
+    gamma = hyperparameters_for("PPO", TASKS[name].id)["gamma"]
     assert -worst * env.control_dt / (1.0 - gamma) < env.termination_penalty
 
 
@@ -106,7 +106,7 @@ def test_what_tasks_pay():
     """Power, blades, tower fore-aft and side-side, actuators, overspeed, an early end."""
     paid = {}
     for name, task in TASKS.items():
-        env = gym.make(task.ids[-1]).unwrapped
+        env = gym.make(task.id).unwrapped
         weights = [term.weight for term in env.reward_terms if term.weight]
         paid[name] = (*weights, env.termination_penalty)
     load_reduction, full = (1.0, 1.5, 1.0, 1.0, 0.5, 0.4, 200.0), (1.0, 1.5, 1.0, 1.0, 0.1, 0.4, 200.0)
@@ -134,7 +134,7 @@ def test_what_tasks_pay():
 
 
 def test_the_time_limit_of_a_task_is_a_truncation():
-    env = gym.make("wt_gym/LoadReduction-v1", max_episode_steps=4)
+    env = gym.make("wt_gym/LoadReduction-v2", max_episode_steps=4)
     env.reset(seed=0)
     ends = [env.step(np.zeros(3, dtype=np.float32))[2:4] for _ in range(4)]
     assert ends == [(False, False)] * 3 + [(False, True)]
@@ -147,7 +147,7 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
 
     def warned(steps=300, **kwargs):
         make = partial(gym.make_vec, num_envs=2) if vector else gym.make
-        env = make("wt_gym/LoadReduction-v1", **kwargs)
+        env = make("wt_gym/LoadReduction-v2", **kwargs)
         with warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always")
             for seed in range(3):
@@ -160,7 +160,7 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
         return [str(w.message) for w in found if "max_episode_steps" in str(w.message)]
 
     (message,) = warned(episode_length=120.0)
-    assert "the limit of wt_gym/LoadReduction-v1 ends episodes after 300 steps, 60 s, before the" in message
+    assert "the limit of wt_gym/LoadReduction-v2 ends episodes after 300 steps, 60 s, before the" in message
     assert "episode_length of 120 s: make it with max_episode_steps=600 instead" in message
     for quiet in ({"max_episode_steps": 600}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
         assert warned(**quiet) == []
@@ -289,7 +289,7 @@ def test_cyclic_pitch_is_that_of_the_fixed_frame_without_its_mean():
 
 
 def test_random_residual_policies_survive():
-    """Three winds here; two hundred episodes: scripts/survival.py."""
+    """Three winds."""
     for wind_speed, seed in ((6.0, 1), (12.0, 2), (18.0, 3)):
         env = gym.make(TURBULENT, wind_speed=wind_speed, episode_length=40.0, **RESIDUAL)
         env.reset(seed=seed)
@@ -553,7 +553,7 @@ def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
 
 
 def test_yaw_task_is_on_top_of_the_dead_band():
-    env = gym.make("wt_gym/Yaw-v2", sensor_noise=0.0, wind_direction=0.3, wind_wander=None).unwrapped
+    env = gym.make("wt_gym/Yaw-v3", sensor_noise=0.0, wind_direction=0.3, wind_wander=None).unwrapped
     env.reset(seed=0)
     for _ in range(600):
         env.step(np.zeros(1))

@@ -518,7 +518,7 @@ def test_evaluations_on_the_way_in_winds_of_ones_own(tmp_path):
 
 
 def test_a_training_goes_on_where_only_the_spelling_of_its_pay_has_changed(tmp_path):
-    config = replace(SMALL, env_id="wt_gym/LoadReduction-v1", env_kwargs={"inflow": "steady", "wind_speed": 14.0})
+    config = replace(SMALL, env_id="wt_gym/LoadReduction-v2", env_kwargs={"inflow": "steady", "wind_speed": 14.0})
     train(config, tmp_path, progress=False)
     record = json.loads((tmp_path / "training.json").read_text())
     assert "termination_penalty" not in record["environment"]

@@ -16,7 +16,7 @@ from wt_gym.control import Lidar
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.learning.training.turbine_vec_env import TurbineVecEnv
 
-ID = "wt_gym/LoadReduction-v1"
+ID = "wt_gym/LoadReduction-v2"
 STEPS = 9
 
 

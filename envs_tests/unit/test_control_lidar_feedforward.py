@@ -24,7 +24,7 @@ from wt_gym.experiment.controller_agent import ControllerAgent
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.damper import with_damper
+from wt_gym.turbines.variants import with_damper
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 MEAN, STEP, RATED = 16.0, 0.05, nrel_5mw_parameters().reference_speed / 97
@@ -271,7 +271,7 @@ def test_beneath_an_agent_it_reads_what_the_observation_shows(monkeypatch):
     step = LidarFeedforward.step
     monkeypatch.setattr(LidarFeedforward, "step", lambda s, r, dt: (heard.append(r["lidar_2"]), step(s, r, dt))[1])
     steady = {"start": "steady"}  # a running start has it hear what was before
-    env = gym.make("wt_gym/LoadReduction-v1", controller="lidar+constrained_ipc", observation=("lidar",), **steady)
+    env = gym.make("wt_gym/LoadReduction-v2", controller="lidar+constrained_ipc", observation=("lidar",), **steady)
     observation, _ = env.reset(seed=3)
     shown = [float(env.unwrapped.layout.observation.value(observation, "lidar_2"))]
     for _ in range(3):
@@ -319,9 +319,9 @@ def test_an_observation_has_the_lidar_of_the_controller_beneath():
     lidar = Lidar([70, 140])
     assert lidar.ranges == (70.0, 140.0)
     more = {"observation": ("lidar",), "controller": lambda t: make_controller("lidar", t, lidar=lidar)}
-    env = gym.make("wt_gym/LoadReduction-v1", **more)
+    env = gym.make("wt_gym/LoadReduction-v2", **more)
     assert env.unwrapped.layout.lidar == lidar
     assert env.unwrapped.layout.observation.names == ("lidar_1", "lidar_2")
     env.close()
     with pytest.raises(ValueError, match="the base controller reads Lidar"):
-        gym.make("wt_gym/LoadReduction-v1", **more, lidar=Lidar((50.0,)))
+        gym.make("wt_gym/LoadReduction-v2", **more, lidar=Lidar((50.0,)))

@@ -14,7 +14,6 @@ import pytest
 
 from envs_tests.unit.exported_library import INTERVAL, Exported, numbers_read, random_readings, sanitized
 from wt_gym.bridges.openfast import write_model
-from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.export import main
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import BladedController
@@ -23,9 +22,10 @@ from wt_gym.control.controllers.controller import lidar_of
 from wt_gym.control.controllers.linear_optimal import LinearDesign, save_design
 from wt_gym.deployment.export.controller_parts import controller_parts
 from wt_gym.deployment.export.discon import export_discon
-from wt_gym.deployment.export.parameters import PARAMETERS
+from wt_gym.deployment.export.source import PARAMETERS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.catalogue import turbine_file
+from wt_gym.turbines.openfast_text import InputFile
 
 pytestmark = pytest.mark.usefixtures("compiler")
 DT = INTERVAL

@@ -51,7 +51,7 @@ from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.mirror import mirrored
+from wt_gym.turbines.variants import mirrored
 
 DT = 0.1
 SPEED = 12.1 * math.pi / 30

@@ -575,7 +575,7 @@ def test_a_configuration_holds_the_options_and_needs_ppo():
 
 
 PITCH_OFFSETS = [
-    task.ids[-1] for task in TASKS.values() if task.newest["inflow"] == "turbulent" and "pitch" in task.newest
+    task.id for task in TASKS.values() if task.arguments["inflow"] == "turbulent" and "pitch" in task.arguments
 ]
 
 

@@ -10,7 +10,9 @@ import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.simulation.state import fingerprint
-from wt_gym.turbines import file_cache, load_turbine, source
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines import windio_file as file_cache
+from wt_gym.turbines import windio_file as source
 from wt_gym.turbines.catalogue import turbine_file
 
 CONTENT = b"name: a turbine"
@@ -24,10 +26,10 @@ def cache(tmp_path, monkeypatch):
 
 
 def test_what_was_kept_comes_back(cache):
-    assert file_cache.load(CONTENT) is None
-    file_cache.store(CONTENT, DATA)
-    assert file_cache.load(CONTENT) == DATA
-    assert file_cache.load(CONTENT + b" ") is None
+    assert file_cache._cached(CONTENT) is None
+    file_cache._store(CONTENT, DATA)
+    assert file_cache._cached(CONTENT) == DATA
+    assert file_cache._cached(CONTENT + b" ") is None
     assert [path.suffix for path in cache.iterdir()] == [".json"]
 
 
@@ -45,19 +47,19 @@ def test_a_turbine_is_read_once(monkeypatch):
 
 @pytest.mark.parametrize("damage", [lambda b: b[:-5], lambda b: b.replace(b"2.5", b"2.6"), lambda b: b"\xff" + b])
 def test_damaged_files_are_read_anew(cache, damage, caplog):
-    file_cache.store(CONTENT, DATA)
+    file_cache._store(CONTENT, DATA)
     (path,) = cache.iterdir()
     path.write_bytes(damage(path.read_bytes()))
     with caplog.at_level(logging.WARNING, file_cache.__name__):
-        assert file_cache.load(CONTENT) is None
+        assert file_cache._cached(CONTENT) is None
     assert "read again" in caplog.text
-    file_cache.store(CONTENT, DATA)
-    assert file_cache.load(CONTENT) == DATA
+    file_cache._store(CONTENT, DATA)
+    assert file_cache._cached(CONTENT) == DATA
 
 
 @pytest.mark.parametrize("value", [datetime.date(2020, 1, 1), {1: "a"}, float("nan"), float("inf"), (1, 2)])
 def test_what_json_would_change_is_not_kept(cache, value):
-    file_cache.store(CONTENT, {"a": [value]})
+    file_cache._store(CONTENT, {"a": [value]})
     assert not cache.exists()
 
 
@@ -65,8 +67,8 @@ def test_a_cache_that_cannot_be_written_is_told(tmp_path, monkeypatch, caplog):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path / "file"))
     with caplog.at_level(logging.WARNING, file_cache.__name__):
-        file_cache.store(CONTENT, DATA)
-        assert file_cache.load(CONTENT) is None
+        file_cache._store(CONTENT, DATA)
+        assert file_cache._cached(CONTENT) is None
     assert "could not be cached" in caplog.text
 
 
@@ -82,18 +84,18 @@ def test_files_that_do_not_fit_are_never_kept(cache, tmp_path):
 @pytest.mark.parametrize("text", ["[1]", "", "[" * 100_000])
 def test_what_is_no_turbine_is_read_anew(cache, text, caplog):
     """Even where it bears out its own digest."""
-    file_cache.store(CONTENT, DATA)
+    file_cache._store(CONTENT, DATA)
     (path,) = cache.iterdir()
     path.write_text(f"{hashlib.sha256(text.encode()).hexdigest()}\n{text}")
     with caplog.at_level(logging.WARNING, file_cache.__name__):
-        assert file_cache.load(CONTENT) is None
-    assert "holds no turbine" in caplog.text
+        assert file_cache._cached(CONTENT) is None
+    assert "read again" in caplog.text
 
 
 def test_a_cache_of_nobody_is_none(monkeypatch):
     monkeypatch.setenv("WT_GYM_CACHE", "~no_such_user_here/cache")
-    file_cache.store(CONTENT, DATA)
-    assert file_cache.load(CONTENT) is None
+    file_cache._store(CONTENT, DATA)
+    assert file_cache._cached(CONTENT) is None
 
 
 @pytest.mark.parametrize("tag", ["!include", "!%69nclude"], ids=["plain", "escaped"])
@@ -113,9 +115,9 @@ def test_files_with_others_in_them_are_read_each_time(cache, tmp_path, tag):
 def test_the_oldest_go(cache, monkeypatch):
     monkeypatch.setattr(file_cache, "_KEPT", 3)
     for k in range(5):
-        file_cache.store(CONTENT + bytes([48 + k]), DATA)
+        file_cache._store(CONTENT + bytes([48 + k]), DATA)
         for path in cache.iterdir():
             os.utime(path, (path.stat().st_mtime - 10, path.stat().st_mtime - 10))
     assert len(list(cache.iterdir())) == 3
-    assert file_cache.load(CONTENT + b"0") is None
-    assert file_cache.load(CONTENT + b"4") == DATA
+    assert file_cache._cached(CONTENT + b"0") is None
+    assert file_cache._cached(CONTENT + b"4") == DATA

@@ -14,7 +14,7 @@ from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.rewards.power import available_power
 from wt_gym.simulation.state import fingerprint
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.site import SITE, at_controller_density, with_site
+from wt_gym.turbines.model import SITE, at_controller_density, with_site
 from wt_gym.wind import SeriesInflow, SteadyInflow
 
 NREL, IEA = load_turbine("nrel_5mw"), load_turbine("iea_15mw")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 import time
-import warnings
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -41,8 +40,6 @@ INTERFACE = (
 )  # fmt: skip
 """Arguments of the environment that an agent may choose: what it sees, what its actions mean, its base controller."""
 
-_LATER = (("sensor_washout", None), ("residual_form", "rate"))
-"""Arguments that came after results had been recorded, with the values that those were made with."""
 _ENDLESS = 10**9  # control steps
 _SPELL = 10.0  # s, over which power beyond the rated one may make up for power below it
 
@@ -69,7 +66,7 @@ def run_definition(
         agent=agent,
         env_id=task.env_id,
         env_kwargs=task.env_kwargs,
-        interface={name: value for name, value in (interface or {}).items() if (name, value) not in _LATER},
+        interface=dict(interface or {}),
         more={"task": task.name, "version": task.version},
     ).to_json()
 
@@ -101,9 +98,7 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     given = {**task.env_kwargs, **interface} | {"relative_reward": False, "starts": None}  # compared with other runs
     if wind.transient is not None:
         given |= {"inflow": wind.inflow(_turbine(task)), "wind_speed": None}
-    with warnings.catch_warnings():  # a frozen task keeps the version of its id
-        warnings.filterwarnings("ignore", ".*is out of date", DeprecationWarning)
-        env = gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=_ENDLESS)
+    env = gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=_ENDLESS)
     turbine_env_of(env).outer_steps = _ENDLESS
     return env
 

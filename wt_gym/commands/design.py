@@ -88,7 +88,7 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.learning.linear_design.recording import Excitation, Recording, RecordingStore
         from wt_gym.simulation.tip_twist import suited_fidelity
         from wt_gym.turbines import load_turbine
-        from wt_gym.turbines.site import with_site
+        from wt_gym.turbines.model import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)

@@ -81,10 +81,10 @@ def turbines(turbine: Any = None) -> list[dict[str, Any]]:
 
 
 def tasks(turbine: Any = None) -> list[dict[str, Any]]:
-    """Tasks by the newest id."""
+    """Tasks by id."""
     from wt_gym.tasks import TASKS
 
-    return [{"name": task.ids[-1], "what": f"{task.goal} Score: {task.score}"} for task in TASKS.values()]
+    return [{"name": task.id, "what": f"{task.goal} Score: {task.score}"} for task in TASKS.values()]
 
 
 def channels(turbine: Any = None) -> list[dict[str, Any]]:

@@ -11,7 +11,6 @@ import numpy as np
 from wt_gym.base.errors import ActionError, did_you_mean
 from wt_gym.control.operating_point import operating_point, torque_curve
 from wt_gym.control.sensors import FIXED_FRAME, harmonic_of_blades, to_blades
-from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,9 +22,6 @@ if TYPE_CHECKING:
 __all__ = [
     "ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "RESIDUAL_FORMS", "ActionMap", "AgentSetpoint", "Demand",
 ]  # fmt: skip
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 ACTION_MODES = ("rate", "absolute", "residual")
 RESIDUAL_FORMS = ("rate", "offset")
@@ -388,7 +384,7 @@ class ActionMap:
         return np.array([min(max(value, -1.0), 1.0) for value in numbers])
 
     def start(self, demand: Demand) -> AgentSetpoint:
-        """Aim with which an episode starts from a demand."""
+        """Setpoint with which an episode starts from a demand."""
         if self.mode == "residual":
             return AgentSetpoint(np.zeros(self.n_pitch), 0.0, 0.0)
         pitch = np.asarray(demand.pitch, dtype=np.float64)
@@ -400,7 +396,7 @@ class ActionMap:
         return AgentSetpoint(pitch.copy(), 0.0, demand.generator_torque)
 
     def decode(self, action: NDArray[np.float64], previous: AgentSetpoint) -> AgentSetpoint:
-        """Aim at the end of the next control step.
+        """Setpoint at the end of the next control step.
 
         Parameters
         ----------
@@ -411,7 +407,7 @@ class ActionMap:
 
         Returns
         -------
-        Aim
+        AgentSetpoint
         """
         physical = [
             low + 0.5 * (value + 1.0) * span for value, (low, span) in zip(action.tolist(), self._ranges, strict=True)

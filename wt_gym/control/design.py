@@ -63,7 +63,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
 from wt_gym.control.rotor import Rotor, fine_pitch, rotor_of
-from wt_gym.turbines.site import at_controller_density
+from wt_gym.turbines.model import at_controller_density
 from wt_gym.wind.iec import REFERENCE_INTENSITY, turbulence_sigma
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from wt_gym.control.design import (
     trim_pitch,
 )
 from wt_gym.control.rotor import rotor_of, rotor_table
-from wt_gym.wind.protocol import start_speed
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine

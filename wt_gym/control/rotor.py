@@ -32,7 +32,7 @@ from scipy.interpolate import RectBivariateSpline
 from wt_gym.base.user_cache import user_cache
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
-from wt_gym.turbines.site import at_controller_density, without_site
+from wt_gym.turbines.model import at_controller_density, without_site
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

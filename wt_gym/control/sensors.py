@@ -29,7 +29,7 @@ from scipy.linalg import expm
 
 from wt_gym.base.angles import wrapped
 from wt_gym.base.fields import later_field
-from wt_gym.wind.protocol import velocity_ahead
+from wt_gym.wind.inflow import velocity_ahead
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -278,7 +278,7 @@ class Lidar:
     rotor. Ranges may be near for this, a quarter of a rotor diameter or less: what differs from beam to beam is
     smaller than the rotor, and loses its coherence on a longer way. A point is measured, no volume; the wind is without
     the rotor's induction. Turbulence that is seen is not quite what arrives: it changes on its way
-    (`wt_gym.wind.evolution`). The cone has its tip on the tower axis at hub height and a level
+    (`wt_gym.wind.turbulent`). The cone has its tip on the tower axis at hub height and a level
     axis that yaws with the nacelle: no overhang, no tilt of the shaft, no motion of the tower. Nothing keeps a beam
     above the ground, where the inflows have values too that mean nothing: ``range * tan(half_angle)`` should be less
     than the hub height.

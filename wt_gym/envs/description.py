@@ -6,10 +6,9 @@ import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.base.ids import name_of
 from wt_gym.envs.simulators import OWN
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.tasks import TASKS
+from wt_gym.tasks import task_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -57,7 +56,7 @@ def _task(env: Any, spec: EnvSpec | None) -> str:
     """Id with the goal of its task; the class where there is no id."""
     if spec is None:
         return type(env).__name__
-    task = TASKS.get(name_of(spec.id))
+    task = task_of(spec.id)
     return spec.id if task is None else f"{spec.id}: {task.goal}"
 
 

@@ -30,7 +30,7 @@ from wt_gym.envs.start import ControllerMemory, Start, Trail, kind_of
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.wind.protocol import fill_velocity, read_only
+from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -21,7 +21,6 @@ from wt_gym.control.controllers.names import (
     parse_name,
     source_digest,
 )
-from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -50,9 +49,6 @@ __all__ = [
     "split_name",
     "with_model_options",
 ]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 _log = logging.getLogger(__name__)
 WORDS = ("zero", "random", "planner")

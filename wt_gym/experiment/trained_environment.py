@@ -8,7 +8,6 @@ import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
 from wt_gym.base.files import json_values
-from wt_gym.base.ids import present_id
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options.environment import argument_default, flat_arguments, registered_arguments
 from wt_gym.envs.rewards import DEFAULT_WEIGHTS
@@ -87,7 +86,7 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     config: Any = record.get("config")
     if "environment" not in record and not config:
         return {}
-    return record.get("environment") or resolved_arguments(present_id(config["env_id"]), config["env_kwargs"])
+    return record.get("environment") or resolved_arguments(config["env_id"], config["env_kwargs"])
 
 
 def training_arguments(

@@ -14,17 +14,16 @@ e.g. Przemieniecki, Theory of Matrix Structural Analysis, 1968, ch. 5 and 8.)
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Annotated, cast
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.turbines.beam import BeamStations, inertia_matrix, interpolate
-from wt_gym.turbines.checks import check_array
+from wt_gym.turbines.blade import BeamStations, inertia_matrix, interpolate
+from wt_gym.turbines.checks import Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Beam", "BeamSections", "skew"]
 
@@ -53,32 +52,10 @@ def skew(v: ArrayLike) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BeamSections(BeamStations):
-    """Section properties along a beam, all about the reference axis, and where that axis lies in the body.
+    """Section properties along a beam, all about the reference axis, and where that axis lies in the body."""
 
-    Attributes
-    ----------
-    station : array (n,)
-        Arc length along the reference axis [m], increasing from zero.
-    stiffness : array (n, 6, 6)
-        Section stiffness for the strains [shear x, shear y, axial z, bending about x, about y, torsion z].
-        A shear-rigid section has ``inf`` in [0, 0] and [1, 1].
-    inertia : array (n, 6, 6)
-        Mass matrix per unit length of the velocities [vx, vy, vz, ωx, ωy, ωz].
-    axis : array (n, 3)
-        Position of the reference axis in the body frame [m].
-
-    Raises
-    ------
-    TurbineDefinitionError
-        For tables that do not make a beam, see :class:`wt_gym.turbines.beam.BeamStations`.
-    """
-
-    axis: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        """Check the tables and make them read-only."""
-        super().__post_init__()
-        self._set(axis=check_array("BeamSections.axis", self.axis, (len(self.station), 3)))
+    axis: Annotated[NDArray[np.float64], Table("station", 3)]
+    """Position of the reference axis in the body frame (n, 3) [m]."""
 
     @classmethod
     def uniform(

@@ -1,32 +1,25 @@
-"""Turbines from models of OpenFAST: the primary file (``.fst``) and the files that it names."""
+"""Turbines from models of OpenFAST: the primary file (``.fst``) and the files that it names.
 
+ElastoDyn counts along its shaft axis, which points downwind: an upwind rotor has a negative OverHang, its usual tilt
+and cone are negative. Here all three are positive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import check_number, fail
-from wt_gym.turbines.control_data import ControlData
-from wt_gym.turbines.model import Turbine
-from wt_gym.turbines.openfast_blade import BladeFiles, read_openfast_blade
-from wt_gym.turbines.openfast_control import Rating, read_controllers, read_openfast_control, read_rating
-from wt_gym.turbines.openfast_left_aside import name_the_rest
-from wt_gym.turbines.openfast_nacelle import (
-    blade_file,
-    read_openfast_drivetrain,
-    read_openfast_hub,
-    read_openfast_nacelle,
-    read_openfast_pitch,
-    require_plain,
-)
-from wt_gym.turbines.openfast_text import TextFile, existing_file
-from wt_gym.turbines.openfast_tower import read_openfast_tower
-from wt_gym.turbines.windio_airfoils import KINEMATIC_VISCOSITY
+from wt_gym.turbines.model import Blade, ControlData, Drivetrain, Hub, Nacelle, PitchSystem, Turbine
+from wt_gym.turbines.openfast_blade import STRUCTURES, read_openfast_blade, read_openfast_tower
+from wt_gym.turbines.openfast_control import Rating, read_openfast_control, read_rating
+from wt_gym.turbines.openfast_text import Model, TextFile
+from wt_gym.turbines.windio_machine import yaw_actuator
 
-__all__ = ["read_openfast"]
-
-_STRUCTURES = ("elastodyn", "beamdyn")
-"""Modules with the structure of the blade, as CompElast (1, 2) counts them."""
+__all__ = ["compare_with_openfast_io", "read_openfast"]
 
 CUT_IN, CUT_OUT = 3.0, 25.0
 """Where a model has none [m/s]: OpenFAST models do not say it."""
@@ -34,6 +27,14 @@ CUT_IN, CUT_OUT = 3.0, 25.0
 _BETZ = 16.0 / 27.0
 _NOMINAL = 0.009
 """Part by which the nominal radius TipRad may exceed that of the coned rotor."""
+_DEGREE = np.pi / 180.0
+_YAW_RATE, _PITCH_RATE = 0.3 * _DEGREE, 8.0 * _DEGREE
+"""Of the NREL 5-MW [rad/s], where a model has none."""
+_TORQUE_MARGIN, _TORQUE_TIME = 1.1, 3.0
+"""Largest over rated torque [-] and time in which the torque runs through the rated one [s], where no file has them:
+about those of the NREL 5-MW."""
+_RIGID_SHAFT = 1e15
+"""Stiffness [N m/rad] with which the shaft of any turbine is stiffer than what a simulation lets twist."""
 
 
 def read_openfast(
@@ -75,47 +76,40 @@ def read_openfast(
         rated_power = check_number("rated_power", rated_power, 1.0, 1e9)
     if rated_rotor_speed is not None:
         rated_rotor_speed = check_number("rated_rotor_speed", rated_rotor_speed, 1e-3, 1000.0)
-    if blade not in (None, *_STRUCTURES):
-        raise fail("blade", blade, f"one of {', '.join(map(repr, _STRUCTURES))} or None")
-    notes: list[str] = []
-    primary = TextFile(Path(path))
-    _require_wind_turbine(primary)
-    folder = primary.path.parent
-    elastodyn = TextFile(existing_file(folder, primary.text("EDFile"), "EDFile"))
-    require_plain(elastodyn)
-    aerodyn = TextFile(existing_file(folder, primary.text("AeroFile"), "AeroFile"), free=True)
-    servodyn = None
-    if primary.integer("CompServo", 0) == 1:
-        servodyn = TextFile(existing_file(folder, primary.text("ServoFile"), "ServoFile"), free=True)
-    discon = read_controllers(servodyn, notes)
-    n_blades = elastodyn.integer("NumBl")
+    if blade not in (None, *STRUCTURES):
+        raise fail("blade", blade, f"one of {', '.join(map(repr, STRUCTURES))} or None")
+    model = Model(Path(path))
+    elastodyn = model.elastodyn
     gearbox = elastodyn.number("GBoxEff") / 100.0
-    rating = read_rating(elastodyn, servodyn, discon, rated_power, rated_rotor_speed, notes)
-    hub = read_openfast_hub(elastodyn, notes)
-    structure = blade or _STRUCTURES[primary.integer("CompElast") - 1]
-    files = _blade_files(primary, elastodyn, aerodyn, n_blades, structure, notes)
+    rating = read_rating(model, rated_power, rated_rotor_speed)
+    hub = _hub(model)
     length = elastodyn.number("TipRad") - hub.radius
-    body = read_openfast_blade(files, length, hub.radius, rating.rotor_speed, notes)
-    tower_file = TextFile(existing_file(elastodyn.path.parent, elastodyn.text("TwrFile"), "TwrFile"))
-    tower = read_openfast_tower(elastodyn, tower_file, aerodyn, notes)
-    nacelle = read_openfast_nacelle(elastodyn, servodyn, body, hub, n_blades, notes)
-    density = _density(primary, aerodyn)
+    body = read_openfast_blade(model, blade, length, hub.radius, rating.rotor_speed)
+    tower = read_openfast_tower(model)
+    nacelle = _nacelle(model, body, hub)
+    density = _density(model)
     tip = hub.radius + length
     radius = tip * float(np.cos(hub.cone))
-    drivetrain = read_openfast_drivetrain(elastodyn, discon.torque, rating, notes)
-    pitch = read_openfast_pitch(servodyn, discon.pitch, notes)
-    control = read_openfast_control(servodyn, discon, rating, radius, density, notes)
-    name_the_rest(primary, elastodyn, servodyn, aerodyn, notes)
-    rotation = _rotation(primary, notes)
-    notes.append(f"OpenFAST models have no cut-in and cut-out wind, {CUT_IN:g} and {CUT_OUT:g} m/s assumed")
-    notes.append("OpenFAST models have no wind class, IEC class I and turbulence class B assumed")
+    drivetrain = _drivetrain(model, gearbox, rating)
+    pitch = _pitch(model)
+    control = read_openfast_control(model, rating, radius, density)
+    _note_the_rest(model)
+    rotation = "clockwise"  # the blade files describe this one in any case
+    if model.primary.flag("MirrorRotor"):
+        rotation = "counter-clockwise"
+        model.note(
+            "MirrorRotor: True, the rotor turns counter-clockwise; OpenFAST 5.0 reads this flag without using it"
+        )
+    model.note(f"OpenFAST models have no cut-in and cut-out wind, {CUT_IN:g} and {CUT_OUT:g} m/s assumed")
+    model.note("OpenFAST models have no wind class, IEC class I and turbulence class B assumed")
+    rated_wind = _rated_wind(model, rating, gearbox, control, radius, density)
     return Turbine(
-        name=primary.path.stem,
-        n_blades=n_blades,
+        name=model.primary.path.stem,
+        n_blades=model.n_blades,
         rotor_orientation="upwind",
         rotor_diameter=2.0 * (tip if tip - radius < _NOMINAL * radius else radius),
         hub_height=tower.height + nacelle.tower_top_to_shaft + nacelle.overhang * float(np.sin(nacelle.tilt)),
-        rated_wind_speed=_rated_wind(rating, gearbox, control, radius, density, notes),
+        rated_wind_speed=rated_wind,
         cut_in=CUT_IN,
         cut_out=CUT_OUT,
         air_density=density,
@@ -127,66 +121,20 @@ def read_openfast(
         pitch=pitch,
         iec_class="I",
         turbulence_class="B",
-        notes=tuple(notes),
+        notes=tuple(model.notes),
         control=control,
         rotation=rotation,
     )
 
 
-def _rotation(primary: TextFile, notes: list[str]) -> str:
-    """Return the direction in which the rotor turns: files of blades describe the clockwise one in any case."""
-    if "MirrorRotor" not in primary or not primary.flag("MirrorRotor"):
-        return "clockwise"
-    notes.append("MirrorRotor: True, the rotor turns counter-clockwise; OpenFAST 5.0 reads this flag without using it")
-    return "counter-clockwise"
-
-
-def _require_wind_turbine(file: TextFile) -> None:
-    """Refuse models of other machines, and of parts of one."""
-    if "EDFile" not in file:
-        raise TurbineDefinitionError(f"{file.path.name}: EDFile: missing; is this the primary file of OpenFAST (.fst)?")
-    if "MHK" in file and file.text("MHK").lower() not in ("0", "false", "f"):
-        raise file.fail("MHK", file.text("MHK"), "0 (turbines in water are not modeled)")
-    if "NRotors" in file and file.integer("NRotors") != 1:
-        raise file.fail("NRotors", file.integer("NRotors"), "1")
-    if file.integer("CompElast") not in (1, 2):
-        allowed = "1 or 2 (Simplified-ElastoDyn has no flexible blades and tower)"
-        raise file.fail("CompElast", file.integer("CompElast"), allowed)
-    if file.integer("CompAero") != 2:
-        raise file.fail("CompAero", file.integer("CompAero"), "2 (blade and polars are read from AeroDyn 15)")
-
-
-def _blade_files(
-    primary: TextFile, elastodyn: TextFile, aerodyn: TextFile, n_blades: int, structure: str, notes: list[str]
-) -> BladeFiles:
-    """Open the files of the blade, whose structure is that of ElastoDyn or BeamDyn."""
-    numbers = range(1, n_blades + 1)
-    aero = blade_file(aerodyn, [f"ADBlFile({i})" for i in numbers])
-    fluid = primary if aerodyn.is_default("KinVisc") else aerodyn
-    viscosity = KINEMATIC_VISCOSITY if fluid.is_default("KinVisc") else fluid.number("KinVisc")
-    viscosity = check_number(f"{fluid.path.name}: KinVisc", viscosity, 1e-8, 1e-2)
-    elastic_path = elastodyn.path.parent / elastodyn.text("BldFile(1)").replace("\\", "/")
-    if structure == "elastodyn":
-        elastic = blade_file(elastodyn, [f"BldFile({i})" for i in numbers], free=True)
-        if "BDBldFile(1)" in primary and (primary.path.parent / primary.text("BDBldFile(1)")).is_file():
-            notes.append("blade: sections of ElastoDyn; BeamDyn's, which the model has too, are left aside")
-        return BladeFiles(elastic, None, None, aerodyn, aero, viscosity)
-    beam = blade_file(primary, [f"BDBldFile({i})" for i in numbers], within="BldFile")
-    sections = TextFile(existing_file(beam.path.parent, beam.text("BldFile"), f"{beam.path.name}: BldFile"))
-    elastic_file = TextFile(elastic_path, free=True) if elastic_path.is_file() else None
-    if elastic_file is not None:
-        notes.append(f"blade: sections of BeamDyn ({sections.path.name}), not those of {elastic_file.path.name}")
-    return BladeFiles(elastic_file, beam, sections, aerodyn, aero, viscosity)
-
-
-def _density(primary: TextFile, aerodyn: TextFile) -> float:
+def _density(model: Model) -> float:
     """Return the density of the air; before OpenFAST 3 it stood in AeroDyn's file only."""
-    file = primary if aerodyn.is_default("AirDens") else aerodyn
+    file = model.primary if model.aerodyn.is_default("AirDens") else model.aerodyn
     return check_number(f"{file.path.name}: AirDens", file.number("AirDens"), 0.1, 10.0)
 
 
 def _rated_wind(
-    rating: Rating, gearbox: float, control: ControlData | None, radius: float, density: float, notes: list[str]
+    model: Model, rating: Rating, gearbox: float, control: ControlData | None, radius: float, density: float
 ) -> float:
     """Return the wind at which the rotor has rated power at its largest power coefficient [m/s].
 
@@ -199,5 +147,336 @@ def _rated_wind(
     else:
         how = f"with the power coefficient {cp:.3f} of the controller's data"
     wind = (rating.mechanical_power / gearbox / (0.5 * density * np.pi * radius**2 * cp)) ** (1.0 / 3.0)
-    notes.append(f"rated wind speed: {wind:.2f} m/s is where the rotor reaches rated power {how}")
+    model.note(f"rated wind speed: {wind:.2f} m/s is where the rotor reaches rated power {how}")
     return float(wind)
+
+
+def _hub(model: Model) -> Hub:
+    file = model.elastodyn
+    cones = [file.number(f"PreCone({i + 1})") for i in range(model.n_blades)]
+    if max(cones) - min(cones) > 1e-6:
+        raise file.fail("PreCone", cones, "the same cone for all blades")
+    axial = transverse = file.number("HubIner")
+    if model.n_blades == 2:
+        model.note("HubIner is that about the teeter axis, the same is used about the shaft", file)
+    elif not (transverse := file.number("HubIner_Teeter", 0.0)):
+        transverse = axial
+        model.note("HubIner is that about the shaft, the same is used across it", file)
+    return Hub(
+        radius=file.number("HubRad"),
+        cone=-_DEGREE * cones[0] or 0.0,
+        mass=file.number("HubMass"),
+        inertia_axial=axial,
+        inertia_transverse=transverse,
+        cm_offset_along_shaft=file.number("HubCM"),
+    )
+
+
+def _nacelle(model: Model, blade: Blade, hub: Hub) -> Nacelle:
+    """Build the nacelle.
+
+    ElastoDyn's nacelle has an inertia about the yaw axis only. The others are those of a homogeneous box with this
+    inertia whose cross-section is a square that stands on the tower top.
+    """
+    file, servodyn = model.elastodyn, model.servodyn
+    overhang = file.number("OverHang")
+    if overhang >= 0.0:
+        raise file.fail("OverHang", overhang, "a negative number: an upwind rotor (others are not modeled)")
+    mass, yaw_inertia = file.number("NacMass"), file.number("NacYIner")
+    cm = np.array([file.number(key) for key in ("NacCMxn", "NacCMyn", "NacCMzn")])
+    of_center = mass * float(cm[0] ** 2 + cm[1] ** 2)
+    vertical = yaw_inertia - of_center
+    if vertical < -1e-6 * max(yaw_inertia, 1.0):
+        allowed = f"at least NacMass (NacCMxn^2 + NacCMyn^2) = {of_center:g}"
+        raise file.fail("NacYIner", yaw_inertia, allowed)
+    vertical = max(vertical, 0.0)
+    roll = min(mass * (2.0 * float(cm[2])) ** 2 / 6.0, vertical)
+    model.note(
+        f"NacYIner is about the yaw axis; roll {roll:.4g} and pitch {vertical:.4g} kg m^2 of the nacelle are those of "
+        "a box on the tower top with this yaw inertia", file,
+    )  # fmt: skip
+    if servodyn is not None and servodyn.number("YawManRat", 0.0) > 0.0:
+        rate = min(_DEGREE * servodyn.number("YawManRat"), 1.0)
+    else:
+        rate = model.number(None, "YawManRat", _YAW_RATE, "0.3 deg/s")
+    if servodyn is not None and servodyn.number("YawSpr", 0.0) > 0.0:
+        spring, damper = servodyn.number("YawSpr"), servodyn.number("YawDamp", 0.0)
+    else:
+        model.note("YawSpr: not in the model, a yaw actuator with 3 Hz and 2 % damping is assumed")
+        spring, damper = yaw_actuator(blade, hub, model.n_blades, -overhang, vertical + of_center)
+    return Nacelle(
+        mass=mass,
+        cm=cm,
+        inertia=np.diag([roll, vertical, vertical]),
+        tilt=-_DEGREE * file.number("ShftTilt") or 0.0,
+        overhang=-overhang,
+        tower_top_to_shaft=file.number("Twr2Shft"),
+        yaw_bearing_mass=file.number("YawBrMass"),
+        yaw_spring=spring,
+        yaw_damper=damper,
+        max_yaw_rate=rate,
+    )
+
+
+def _drivetrain(model: Model, gearbox: float, rating: Rating) -> Drivetrain:
+    """Build the drivetrain; limits of the torque come from a DISCON.IN of ROSCO that controls it."""
+    file, discon, ratio = model.elastodyn, model.torque, rating.gear_ratio
+    rated = rating.mechanical_power / (rating.rotor_speed * ratio)
+    spring = file.number("DTTorSpr")
+    if spring < 0.0:
+        raise file.fail("DTTorSpr", spring, "a number of at least 0")
+    if not file.flag("DrTrDOF", True):
+        words = "twists by DTTorSpr" if spring > 0.0 else "is rigid (DTTorSpr 0)"
+        model.note(f"DrTrDOF is False; the shaft {words} here", file)
+        spring = spring or _RIGID_SHAFT
+    elif spring == 0.0:
+        allowed = "a number above 0 with DrTrDOF True: rotor and generator are not connected"
+        raise file.fail("DTTorSpr", spring, allowed)
+    most = model.number(discon, "VS_MaxTq", _TORQUE_MARGIN * rated, "110 % of the rated torque")
+    rate = model.number(discon, "VS_MaxRat", rated / _TORQUE_TIME, "a third of the rated torque per second")
+    slowest = model.number(discon, "VS_MinOMSpd", 0.0, "a least rotor speed of 0") / ratio
+    return Drivetrain(
+        gear_ratio=ratio,
+        gearbox_efficiency=gearbox,
+        generator_efficiency=rating.generator_efficiency,
+        generator_inertia=file.number("GenIner"),
+        spring=spring,
+        damper=file.number("DTTorDmp"),
+        rated_power=rating.power,
+        rated_rotor_speed=rating.rotor_speed,
+        min_rotor_speed=min(slowest, rating.rotor_speed),
+        max_generator_torque=most,
+        max_torque_rate=rate,
+    )
+
+
+def _pitch(model: Model) -> PitchSystem:
+    """Build the limits of the pitch system, from the DISCON.IN that controls it or the Bladed interface of ServoDyn."""
+    discon, servodyn = model.pitch, model.servodyn
+    if discon is not None and all(key in discon for key in ("PC_MinPit", "PC_MaxPit", "PC_MaxRat")):
+        frequency, damping = None, 1.0
+        if discon.integer("PA_Mode", 0) > 0:
+            frequency = discon.number("PA_CornerFreq")
+            if discon.integer("PA_Mode") == 2:
+                damping = discon.number("PA_Damping")
+            else:
+                model.note("the pitch drive is critically damped here, with PA_CornerFreq", discon)
+        low, high, rate = (discon.number(key) for key in ("PC_MinPit", "PC_MaxPit", "PC_MaxRat"))
+        return PitchSystem(low, high, rate, frequency, damping)
+    if servodyn is not None and servodyn.number("Ptch_Max", 0.0) > servodyn.number("Ptch_Min", 0.0):
+        low, high, rate = (_DEGREE * servodyn.number(key) for key in ("Ptch_Min", "Ptch_Max", "PtchRate_Max"))
+        if rate > 0.0:
+            model.note("limits of the pitch from Ptch_Min, Ptch_Max and PtchRate_Max", servodyn)
+            return PitchSystem(low, high, rate)
+    model.note("limits of the pitch: not in the model, 0 to 90 deg at up to 8 deg/s assumed")
+    return PitchSystem(0.0, 0.5 * np.pi, _PITCH_RATE)
+
+
+# ---- what the model has and the turbine does not hold ----------------------------------------------------------------
+
+_GRAVITY = 9.80665
+_SAME_GRAVITY = 0.01
+"""Difference in which models differ by rounding or by their site [m/s^2]."""
+_LONGEST = 9000.0
+"""Times of events [s] and cut-off frequencies [Hz] from which on they stand for never (9999.9 in most models)."""
+
+_INITIAL = (
+    "OoPDefl", "IPDefl", "BlPitch(1)", "BlPitch(2)", "BlPitch(3)", "Azimuth", "RotSpeed", "NacYaw", "TTDspFA",
+    "TTDspSS", "PtfmSurge", "PtfmSway", "PtfmHeave", "PtfmRoll", "PtfmPitch", "PtfmYaw",
+)  # fmt: skip
+_BLADE_MODES = ("FlapDOF1", "FlapDOF2", "EdgeDOF")
+_PLATFORM = ("PtfmSgDOF", "PtfmSwDOF", "PtfmHvDOF", "PtfmRDOF", "PtfmPDOF", "PtfmYDOF")
+_SUPPORT = {
+    "CompSeaSt": "waves",
+    "CompHydro": "loads of the water",
+    "CompSub": "the substructure",
+    "CompMooring": "the mooring",
+    "CompIce": "ice",
+    "CompSoil": "the soil",
+}
+
+# file, what the keywords are, keywords with the value that changes nothing
+_GROUPS: tuple[tuple[str, str, Mapping[str, float | bool]], ...] = (
+    ("elastodyn", "initial conditions; runs start from a steady state", dict.fromkeys(_INITIAL, 0.0)),
+    (
+        "elastodyn",
+        "motions that the model fixes and that are free here",
+        dict.fromkeys(("TwFADOF1", "TwFADOF2", "TwSSDOF1", "TwSSDOF2", "GenDOF", "YawDOF"), True),
+    ),
+    (
+        "elastodyn",
+        "places of sensors and reference of the azimuth",
+        dict.fromkeys(("NcIMUxn", "NcIMUyn", "NcIMUzn", "ShftGagL", "AzimB1Up"), 0.0),
+    ),
+    (
+        "elastodyn",
+        "inertias of pitch bearing and blade about the pitch axis",
+        {f"{key}({i})": 0.0 for key in ("PBrIner", "BlPIner") for i in (1, 2, 3)},
+    ),
+    ("elastodyn", "friction of the yaw bearing", {"YawFrctMod": 0.0}),
+    ("elastodyn", "a gearbox that reverses the direction", {"GBRevers": False}),
+    ("elastodyn", "pitch bearings that turn on springs; drives turn the blades here", {"PitchDOF": False}),
+    ("servodyn", "neutral position of the yaw spring, which is 0 here", {"YawNeut": 0.0}),
+    ("servodyn", "neutral positions of the pitch springs", {f"PitNeut({i})": 0.0 for i in (1, 2, 3)}),
+    ("servodyn", "reference of the nacelle's yaw angle", {"NacYaw_North": 0.0}),
+    ("servodyn", "yaw control", {"YCMode": 0.0}),
+    ("servodyn", "start and stop of the generator by its speed and power", {"GenTiStr": True, "GenTiStp": True}),
+    ("servodyn", "control of the flow over the airfoils", {"AfCmode": 0.0}),
+    ("servodyn", "control of cables", {"CCmode": 0.0}),
+    ("servodyn", "structural dampers of the blades", {"NumBStC": 0.0}),
+    ("servodyn", "structural dampers of the nacelle", {"NumNStC": 0.0}),
+    ("servodyn", "structural dampers of the tower", {"NumTStC": 0.0}),
+    ("servodyn", "structural dampers of the substructure", {"NumSStC": 0.0}),
+    ("servodyn", "mass dampers of nacelle and tower", {"CompNTMD": False, "CompTTMD": False}),  # up to OpenFAST 2
+    ("aerodyn", "the tail fin", {"TFinAero": False}),
+    ("aerodyn", "the drag of the nacelle", {"NacelleDrag": False}),
+    ("aerodyn", "buoyancy", {"Buoyancy": False}),
+)
+_DELAYS = ("TPCOn", "TimGenOn")
+"""Times at which what runs here from the beginning starts."""
+_EVENTS = ("TPitManS(1)", "TPitManS(2)", "TPitManS(3)", "TimGenOf", "THSSBrDp", "TYawManS")
+_AERODYNAMICS = (
+    "Wake_Mod", "WakeMod", "BEM_Mod", "AFAeroMod", "UA_Mod", "UAMod", "DBEMT_Mod", "Skew_Mod", "SkewMod", "TwrPotent",
+    "TwrShadow", "TipLoss", "HubLoss", "TanInd", "AIDrag", "TIDrag", "SectAvg", "AoA34",
+)  # fmt: skip
+_NO_CONTROL = {
+    "PCMode": "the model holds the pitch (BlPitch); here a controller moves the blades",
+    "VSContrl": "the model's generator has no control of its speed; here a controller gives its torque",
+}
+"""Meaning of 0."""
+
+
+def _note_the_rest(model: Model) -> None:
+    """Note the keywords that change what the model does and that the turbine does not hold."""
+    primary, elastodyn, servodyn, aerodyn = model.primary, model.elastodyn, model.servodyn, model.aerodyn
+    left = [f"{what} ({key})" for key, what in _SUPPORT.items() if primary.integer(key, 0) != 0]
+    if any(elastodyn.flag(key) for key in _PLATFORM):
+        left.append("the motion of the platform")
+    if left:
+        base = elastodyn.number("TowerBsHt")
+        model.note(f"left aside: {', '.join(left)}; the tower is clamped at its base, {base:g} m up")
+    files = {"elastodyn": elastodyn, "servodyn": servodyn, "aerodyn": aerodyn}
+    groups = list(_GROUPS)
+    if primary.integer("CompElast") == 1:  # BeamDyn's blade has no such modes
+        modes = "modes that the model fixes and that are free here"
+        groups.append(("elastodyn", modes, dict.fromkeys(_BLADE_MODES, True)))
+    for name, words, neutral in groups:
+        file = files[name]
+        if file is not None and (active := [key for key, value in neutral.items() if _differs(file, key, value)]):
+            given = ", ".join(f"{key} {file.text(key)}" for key in active)
+            model.note(f"left aside: {words} ({given})", file)
+    gravity = primary if "Gravity" in primary else elastodyn  # up to OpenFAST 2
+    if abs(gravity.number("Gravity", _GRAVITY) - _GRAVITY) > _SAME_GRAVITY:
+        model.note(f"left aside: Gravity {gravity.number('Gravity'):g} m/s^2; here it is {_GRAVITY} m/s^2")
+    models = ", ".join(f"{key} {aerodyn.text(key)}" for key in _AERODYNAMICS if key in aerodyn)
+    if models:
+        model.note(f"left aside: AeroDyn's models; those of this package act here ({models})", aerodyn)
+    if servodyn is not None:
+        _note_control(model, servodyn)
+
+
+def _differs(file: TextFile, key: str, value: float | bool) -> bool:
+    return key in file and (file.flag(key) if isinstance(value, bool) else file.number(key)) != value
+
+
+def _note_control(model: Model, servodyn: TextFile) -> None:
+    """Note control modes that are not those of a turbine here, and events of the simulation."""
+    for key, words in _NO_CONTROL.items():
+        mode = servodyn.integer(key, 5)
+        if mode == 0:
+            model.note(f"{key} 0: {words}", servodyn)
+        elif mode in (3, 4):
+            model.note(f"{key} {mode}: control by a routine of the user is left aside", servodyn)
+    events = [key for key in _EVENTS if key in servodyn and servodyn.number(key) < _LONGEST]
+    events += [key for key in _DELAYS if key in servodyn and servodyn.number(key) > 0.0]
+    if events:
+        given = ", ".join(f"{key} {servodyn.text(key)} s" for key in events)
+        model.note(f"left aside: events of the simulation ({given})", servodyn)
+    if servodyn.number("BPCutoff", _LONGEST) < _LONGEST:
+        model.note("left aside: a filter of the demanded pitch (BPCutoff)", servodyn)
+
+
+# ---- a second reading, by the package openfast_io --------------------------------------------------------------------
+
+_REFUSALS = (ValueError, IndexError, KeyError, TypeError, AttributeError, OSError)
+"""What its reader raises where a line is not what it expects."""
+_SHOWN = 3
+_ROUNDING = 1e-9
+
+
+def compare_with_openfast_io(path: str | Path) -> list[str]:
+    """Read the primary files of a model with ``openfast_io``, and compare each number with that beside its keyword.
+
+    ``openfast_io`` reads lines by their number, in the format of its own release. A file of another release it refuses
+    at the first word where it expects a number, or reads with the numbers of lines beside.
+
+    Parameters
+    ----------
+    path : str or Path
+        Primary file (``.fst``).
+
+    Returns
+    -------
+    list of str
+        One line for each module: how many numbers agree, which do not, or where the package stops.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If the package is not installed (extra ``openfast``).
+    """
+    import openfast_io  # noqa: F401 - fails by the name of the package where it is missing
+    from openfast_io.FAST_reader import InputReader_OpenFAST
+
+    primary = TextFile(Path(path))
+    reader = InputReader_OpenFAST()
+    reader.FAST_InputFile, reader.FAST_directory = primary.path.name, str(primary.path.parent)
+    elastodyn = primary.file("EDFile")
+    tower = elastodyn.file("TwrFile")
+    lines = [
+        _comparison("Fst", reader, reader.read_MainInput, primary),
+        _comparison("ElastoDyn", reader, lambda: reader.read_ElastoDyn(str(elastodyn.path)), elastodyn),
+        _comparison("ElastoDynTower", reader, lambda: reader.read_ElastoDynTower(str(tower.path)), tower),
+    ]
+    for module, key, read in (
+        ("AeroDyn", "AeroFile", reader.read_AeroDyn),
+        ("ServoDyn", "ServoFile", reader.read_ServoDyn),
+    ):
+        # the reader lacks the path of a file where it stopped before in the primary file
+        reader.fst_vt["Fst"].setdefault(key, primary.text(key))
+        reader.fst_vt["Fst"].setdefault(f"{key}_path", str(Path(primary.text(key)).parent))
+        lines.append(_comparison(module, reader, read, primary.file(key)))
+    return lines
+
+
+def _comparison(module: str, reader: Any, read: Callable[[], None], file: TextFile) -> str:
+    stop = ""
+    try:
+        read()
+    except _REFUSALS as error:
+        stop = f"; it stops with {type(error).__name__}: {str(error)[:80]}"
+    same, other = 0, []
+    for key, value in reader.fst_vt[module].items():
+        if not isinstance(value, (bool, int, float)) or key not in file:
+            continue
+        expected = _number_or_flag(file, key)
+        if expected is None:
+            continue
+        if abs(float(value) - expected) <= _ROUNDING * max(abs(expected), 1.0):
+            same += 1
+        else:
+            other.append(f"{key} {value:g} instead of {expected:g}")
+    shown = [*other[:_SHOWN], *(["..."] if len(other) > _SHOWN else [])]
+    differ = f"; {len(other)} differ: {', '.join(shown)}" if other else ""
+    return f"openfast_io, {module} ({file.path.name}): {same} numbers agree{differ}{stop}"
+
+
+def _number_or_flag(file: TextFile, key: str) -> float | None:
+    """Return the number or flag beside a keyword, None for a word."""
+    word = file.text(key)
+    if word.lower() in ("true", "t", "false", "f"):
+        return float(word.lower().startswith("t"))
+    try:
+        return float(word)
+    except ValueError:
+        return None

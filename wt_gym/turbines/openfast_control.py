@@ -1,48 +1,47 @@
-"""Rating and controller of an OpenFAST model: ROSCO's DISCON.IN, or the generator model of ServoDyn."""
+"""Rating and controller of an OpenFAST model, and the table of steady states that comes with one.
+
+Rating and controller stand in ROSCO's DISCON.IN or are those of ServoDyn's generator model. OpenFAST has no format for
+tables of power, thrust, speed and pitch over the wind. Public models bring text files with one line of column names, as
+CCBlade, WISDEM and WEIS write them: names with units, or none, between commas or tabs. `find_steady_table` looks for
+such a file beside a model and takes it where its largest power is the rated power of the turbine.
+"""
 
 from __future__ import annotations
 
+import logging
+import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import check_number
-from wt_gym.turbines.control_data import ControlData
-from wt_gym.turbines.openfast_text import TextFile, as_number
+from wt_gym.turbines.model import ControlData
+from wt_gym.turbines.openfast_text import Model, TextFile, as_number
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+__all__ = ["Rating", "SteadyTable", "find_steady_table", "read_openfast_control", "read_rating", "read_steady_table"]
 
-__all__ = ["Controllers", "Rating", "read_controllers", "read_openfast_control", "read_rating"]
-
+_log = logging.getLogger(__name__)
 _RPM = np.pi / 30.0
 _TIP_SPEEDS = 10.0, 250.0
 """Tip speeds of rated operation [m/s]; others come from placeholders and from laws without region 2."""
-_BLADED = 5
-_SIMPLE = 1
-"""Values of PCMode and VSContrl: a library as Bladed takes it, ServoDyn's own torque law."""
+_BLADED, _SIMPLE = 5, 1
+"""Values of VSContrl: a library as Bladed takes it, ServoDyn's own torque law."""
 _SMOOTHER_PITCH = 0.524
 """Pitch over which the gain SS_VSGain of ROSCO's set-point smoother shifts the speed by rated speed [rad]."""
 
 
 @dataclass(frozen=True)
 class Rating:
-    """Rated operation.
-
-    Attributes
-    ----------
-    power : float
-        Electrical [W].
-    rotor_speed : float
-        [rad/s].
-    gear_ratio : float
-    generator_efficiency : float
-    """
+    """Rated operation."""
 
     power: float
+    """Electrical [W]."""
     rotor_speed: float
+    """[rad/s]."""
     gear_ratio: float
     generator_efficiency: float
 
@@ -52,87 +51,28 @@ class Rating:
         return self.power / self.generator_efficiency
 
 
-@dataclass(frozen=True)
-class Controllers:
-    """Parameter files of ROSCO by what they control, None where another law is in force."""
+def read_rating(model: Model, rated_power: float | None, rated_rotor_speed: float | None) -> Rating:
+    """Return rated operation, as far as it is not given from outside [W], [rad/s].
 
-    torque: TextFile | None
-    pitch: TextFile | None
-
-
-def read_controllers(servodyn: TextFile | None, notes: list[str]) -> Controllers:
-    """Return ROSCO's parameter file if ServoDyn names one, for torque (VSContrl 5) and pitch (PCMode 5)."""
-    if servodyn is None:
-        notes.append("CompServo: 0, the model has no controller")
-        return Controllers(None, None)
-    modes = [servodyn.integer(key, 0) for key in ("VSContrl", "PCMode")]
-    if _BLADED not in modes:
-        return Controllers(None, None)
-    name = servodyn.text("DLL_InFile").replace("\\", "/")
-    path = servodyn.path.parent / name
-    if not path.is_file():
-        notes.append(f"{servodyn.path.name}: DLL_InFile {name}: there is no such file, gains are not known")
-        return Controllers(None, None)
-    file = TextFile(path, titles=0)
-    if "VS_RtPwr" not in file or "PC_GS_angles" not in file:
-        notes.append(f"{path.name}: not a DISCON.IN of ROSCO, gains are not known")
-        return Controllers(None, None)
-    for mode, what in zip(modes, ("torque", "pitch"), strict=True):
-        if mode != _BLADED:
-            notes.append(f"{path.name}: left aside: control of the {what}, which ServoDyn does not leave to it")
-    torque, pitch = (file if mode == _BLADED else None for mode in modes)
-    return Controllers(torque, pitch)
-
-
-def read_rating(
-    elastodyn: TextFile,
-    servodyn: TextFile | None,
-    discon: Controllers,
-    rated_power: float | None,
-    rated_rotor_speed: float | None,
-    notes: list[str],
-) -> Rating:
-    """Return the rated operation from what is given, or else from the law that is in force.
-
-    The torque follows ROSCO's DISCON.IN (VSContrl 5) or ServoDyn's own law (VSContrl 1). With the latter, a pitch
-    controller of ROSCO (PCMode 5) holds its own speed.
-
-    Parameters
-    ----------
-    elastodyn, servodyn : TextFile or None
-    discon : Controllers
-    rated_power, rated_rotor_speed : float or None
-        Given from outside [W], [rad/s].
-    notes : list of str
-        Receives a sentence for every assumption.
-
-    Returns
-    -------
-    Rating
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the model does not say it.
+    The model says it where ROSCO's DISCON.IN (VSContrl 5) or ServoDyn's own law (VSContrl 1) controls the torque. With
+    the latter, a pitch controller of ROSCO (PCMode 5) holds its own speed.
     """
+    elastodyn, servodyn, torque, pitch = model.elastodyn, model.servodyn, model.torque, model.pitch
     ratio = elastodyn.number("GBRatio")
     if ratio <= 0.0:
         raise elastodyn.fail("GBRatio", ratio, "a number above 0")
-    efficiency = 1.0
-    if discon.torque is not None and "VS_GenEff" in discon.torque:
-        efficiency = discon.torque.number("VS_GenEff") / 100.0
-    elif servodyn is not None and "GenEff" in servodyn:
-        efficiency = servodyn.number("GenEff") / 100.0
+    if torque is not None and "VS_GenEff" in torque:
+        efficiency = torque.number("VS_GenEff") / 100.0
     else:
-        notes.append("GenEff: not in the model, a generator without losses assumed")
+        efficiency = model.number(servodyn, "GenEff", 100.0, "a generator without losses") / 100.0
     power, speed, reason = None, None, _no_rating(servodyn)
-    if discon.torque is not None:
-        power = discon.torque.number("VS_RtPwr")
-        speed = discon.torque.number("PC_RefSpd" if "PC_RefSpd" in discon.torque else "VS_RefSpd") / ratio
+    if torque is not None:
+        power = torque.number("VS_RtPwr")
+        speed = torque.number("PC_RefSpd" if "PC_RefSpd" in torque else "VS_RefSpd") / ratio
     elif servodyn is not None and servodyn.integer("VSContrl", 0) == _SIMPLE:
         rated = servodyn.number("VS_RtGnSp") * _RPM
-        if discon.pitch is not None and "PC_RefSpd" in discon.pitch:
-            rated = discon.pitch.number("PC_RefSpd")
+        if pitch is not None and "PC_RefSpd" in pitch:
+            rated = pitch.number("PC_RefSpd")
         tip_speed = rated / ratio * elastodyn.number("TipRad")
         if _TIP_SPEEDS[0] <= tip_speed <= _TIP_SPEEDS[1]:
             power, speed = servodyn.number("VS_RtTq") * rated * efficiency, rated / ratio
@@ -145,7 +85,7 @@ def read_rating(
     speed = speed if rated_rotor_speed is None else rated_rotor_speed
     if power is not None and speed is None and elastodyn.number("RotSpeed", 0.0) > 0.0:
         speed = elastodyn.number("RotSpeed") * _RPM
-        notes.append(
+        model.note(
             f"rated rotor speed: not in the model, the initial {speed / _RPM:.4g} rpm (RotSpeed) is taken; give "
             "rated_rotor_speed (--rated-rotor-speed) if it is another"
         )
@@ -173,54 +113,15 @@ def _no_rating(servodyn: TextFile | None) -> str:
     return f"VSContrl is {mode}" + (", a generator without control of its speed" if mode == 0 else "")
 
 
-def read_openfast_control(
-    servodyn: TextFile | None, discon: Controllers, rating: Rating, radius: float, density: float, notes: list[str]
-) -> ControlData | None:
-    """Return the numbers of the turbine's controller, None where the model has none.
-
-    ROSCO's gains are negative (more pitch and torque for more speed); here they are positive.
-
-    Parameters
-    ----------
-    servodyn : TextFile or None
-    discon : Controllers
-    rating : Rating
-    radius : float
-        Of the rotor [m].
-    density : float
-        Of the air [kg/m^3].
-    notes : list of str
-        Receives a sentence for every assumption.
-
-    Returns
-    -------
-    ControlData or None
-
-    Raises
-    ------
-    TurbineDefinitionError
-        For gains of mixed signs, tables of different lengths, or numbers out of range.
-    """
-    values: dict[str, Any] = {}
-    file = discon.torque or discon.pitch
-    if file is not None:
-        values = _from_discon(file, rating, radius, density, notes)
-        for part, names in ((discon.torque, _TORQUE_NUMBERS), (discon.pitch, _PITCH_NUMBERS)):
-            if part is None:
-                values = {name: value for name, value in values.items() if name not in names}
-    if servodyn is not None and servodyn.integer("VSContrl", 0) == _SIMPLE:
-        slip = 0.01 * servodyn.number("VS_SlPc")
-        values |= {
-            "region_2_gain": servodyn.number("VS_Rgn2K") / _RPM**2,
-            "air_density": density,
-            "region_3_speed": servodyn.number("VS_RtGnSp") * _RPM,
-            "slip": slip if slip <= 1.0 else None,
-            "rated_mechanical_power": rating.mechanical_power,
-            "constant_power": False,
-        }
-    return ControlData(**values) if values else None
-
-
+_DISCON = (
+    ("fine_pitch", "PC_FinePit"),
+    ("region_2_gain", "VS_Rgn2K"),
+    ("region_2_speed", "VS_MinOMSpd"),
+    ("region_3_speed", "VS_RefSpd"),
+    ("reference_generator_speed", "PC_RefSpd"),
+    ("speed_filter_frequency", "F_LPFCornerFreq"),
+)
+"""Numbers that `ControlData` has as they are in DISCON.IN."""
 _TORQUE_NUMBERS = (
     "region_2_gain", "region_2_speed", "region_3_speed", "optimal_tip_speed_ratio", "torque_proportional_gain",
     "torque_integral_gain", "constant_power", "region_3_min_pitch",
@@ -230,98 +131,6 @@ _PITCH_NUMBERS = (
     "min_pitch_wind", "min_pitch", "pitch_actuator_frequency", "pitch_actuator_damping",
 )  # fmt: skip
 """Numbers of DISCON.IN that act through the torque and through the pitch."""
-
-
-def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, notes: list[str]) -> dict[str, Any]:
-    values: dict[str, Any] = {"rated_mechanical_power": rating.mechanical_power, "air_density": density}
-    for name, key in (
-        ("fine_pitch", "PC_FinePit"),
-        ("region_2_gain", "VS_Rgn2K"),
-        ("region_2_speed", "VS_MinOMSpd"),
-        ("region_3_speed", "VS_RefSpd"),
-        ("reference_generator_speed", "PC_RefSpd"),
-        ("speed_filter_frequency", "F_LPFCornerFreq"),
-    ):
-        if key in file:
-            values[name] = file.number(key)
-    ratio = file.number("VS_TSRopt", 0.0)
-    if ratio > 0.0:
-        values["optimal_tip_speed_ratio"] = ratio
-    cp = _tabulated_power_coefficient(file, values.get("fine_pitch", 0.0), ratio)
-    if cp is None and ratio > 0.0 and values.get("region_2_gain", 0.0) > 0.0:
-        cp = _power_coefficient(values["region_2_gain"], ratio, rating.gear_ratio, radius, density)
-    if cp is not None and 0.01 <= cp <= 16.0 / 27.0:
-        values["peak_power_coefficient"] = cp
-    elif cp is not None:
-        notes.append(f"{file.path.name}: a power coefficient of {cp:.3f} at VS_TSRopt is left aside")
-    if file.integer("F_LPFType", 1) == 2:
-        values["speed_filter_damping"] = file.number("F_LPFDamping")
-    for name, key in (("torque_proportional_gain", "VS_KP"), ("torque_integral_gain", "VS_KI")):
-        if key in file:
-            values[name] = float(_positive(file, key)[0])
-            if file.array(key).size > 1:
-                notes.append(f"{file.path.name}: {key} has several gains, the first is taken")
-    values["constant_power"] = _constant_power(file)
-    if "SS_Mode" in file:
-        values |= _set_point_smoother(file)
-    if "PC_GS_angles" in file:
-        values |= _schedule(file, notes)
-        if "PC_GS_KD" in file and np.any(file.array("PC_GS_KD")):
-            notes.append(f"{file.path.name}: PC_GS_KD: left aside, the pitch controller has no derivative part")
-    if file.integer("PS_Mode", 0) > 0 and "PS_WindSpeeds" in file:
-        values |= {"min_pitch_wind": file.array("PS_WindSpeeds"), "min_pitch": file.array("PS_BldPitchMin")}
-    if "PC_Switch" in file and "PC_FinePit" in file:
-        values["region_3_min_pitch"] = file.number("PC_FinePit") + file.number("PC_Switch")
-    if file.integer("PA_Mode", 0) > 0:
-        values["pitch_actuator_frequency"] = file.number("PA_CornerFreq")
-        if file.integer("PA_Mode") == 2:
-            values["pitch_actuator_damping"] = file.number("PA_Damping")
-    _name_modes(file, notes)
-    return values
-
-
-def _set_point_smoother(file: TextFile) -> dict[str, float]:
-    """Return the gains and the filter of the set-point smoother; without it the shifts are zero.
-
-    ROSCO shifts by ``SS_VSGain (theta - theta_min)/0.524 - SS_PCGain (P_rated - P)/P_rated`` in rated speeds (Abbas et
-    al., Wind Energ. Sci. 7 (2022) 53, section 3.4, and ROSCO's ControllerBlocks.f90).
-    """
-    if file.integer("SS_Mode") == 0:
-        return {"speed_shift_per_pitch": 0.0, "speed_shift_per_power": 0.0}
-    values = {
-        "speed_shift_per_pitch": file.number("SS_VSGain") / _SMOOTHER_PITCH,
-        "speed_shift_per_power": file.number("SS_PCGain"),
-    }
-    if "F_SSCornerFreq" in file:
-        values["speed_shift_frequency"] = file.number("F_SSCornerFreq")
-    return values
-
-
-def _schedule(file: TextFile, notes: list[str]) -> dict[str, NDArray[np.float64]]:
-    """Return the schedule of the pitch gains up to where one of them changes its sign.
-
-    ROSCO's tuning subtracts the rotor's own damping from the proportional gain, which at large pitch may leave one of
-    the other sign.
-    """
-    angles = file.array("PC_GS_angles")
-    gains = {"pitch_proportional_gain": -file.array("PC_GS_KP"), "pitch_integral_gain": -file.array("PC_GS_KI")}
-    for name, table in gains.items():
-        if table.size != angles.size:
-            raise file.fail(name, f"{table.size} gains", f"as many as PC_GS_angles, {angles.size}")
-    wrong = np.flatnonzero(np.any([table < 0.0 for table in gains.values()], axis=0))
-    if wrong.size and wrong[0] == 0:
-        raise file.fail("PC_GS_KP, PC_GS_KI", float(file.array("PC_GS_KP")[0]), "gains up to 0 (ROSCO's sign)")
-    if wrong.size:
-        end = int(wrong[0])
-        notes.append(
-            f"{file.path.name}: PC_GS_KP or PC_GS_KI changes its sign at {np.degrees(angles[end]):.1f} deg pitch; the "
-            f"schedule ends before, at {np.degrees(angles[end - 1]):.1f} deg"
-        )
-        angles = angles[:end]
-        gains = {name: table[:end] for name, table in gains.items()}
-    return {"gain_pitch": angles, **gains}
-
-
 _MODES = {
     "IPC_ControlMode": "individual pitch control",
     "Y_ControlMode": "yaw control",
@@ -345,38 +154,128 @@ _MODES = {
 """Switches of DISCON.IN whose functions `ControlData` does not hold."""
 
 
-def _name_modes(file: TextFile, notes: list[str]) -> None:
+def read_openfast_control(model: Model, rating: Rating, radius: float, density: float) -> ControlData | None:
+    """Return the numbers of the turbine's controller, None where the model has none.
+
+    ROSCO's gains are negative (more pitch and torque for more speed); here they are positive.
+
+    Parameters
+    ----------
+    radius : float
+        Of the rotor [m].
+    density : float
+        Of the air [kg/m^3].
+    """
+    values: dict[str, Any] = {}
+    servodyn, file = model.servodyn, model.torque or model.pitch
+    if file is not None:
+        values = _from_discon(model, file, rating, radius, density)
+        for part, names in ((model.torque, _TORQUE_NUMBERS), (model.pitch, _PITCH_NUMBERS)):
+            if part is None:
+                values = {name: value for name, value in values.items() if name not in names}
+    if servodyn is not None and servodyn.integer("VSContrl", 0) == _SIMPLE:
+        slip = 0.01 * servodyn.number("VS_SlPc")
+        values |= {
+            "region_2_gain": servodyn.number("VS_Rgn2K") / _RPM**2,
+            "air_density": density,
+            "region_3_speed": servodyn.number("VS_RtGnSp") * _RPM,
+            "slip": slip if slip <= 1.0 else None,
+            "rated_mechanical_power": rating.mechanical_power,
+            "constant_power": False,
+        }
+    return ControlData(**values) if values else None
+
+
+def _from_discon(model: Model, file: TextFile, rating: Rating, radius: float, density: float) -> dict[str, Any]:
+    values: dict[str, Any] = {"rated_mechanical_power": rating.mechanical_power, "air_density": density}
+    values |= {name: file.number(key) for name, key in _DISCON if key in file}
+    ratio = file.number("VS_TSRopt", 0.0)
+    if ratio > 0.0:
+        values["optimal_tip_speed_ratio"] = ratio
+    cp = _tabulated_power_coefficient(file, values.get("fine_pitch", 0.0), ratio)
+    if cp is None and ratio > 0.0 and values.get("region_2_gain", 0.0) > 0.0:
+        # K = pi rho R^5 Cp/(2 lambda^3 N^3), K on the high-speed shaft behind a gearbox without losses
+        cp = 2.0 * values["region_2_gain"] * (ratio * rating.gear_ratio) ** 3 / (np.pi * density * radius**5)
+    if cp is not None and 0.01 <= cp <= 16.0 / 27.0:
+        values["peak_power_coefficient"] = cp
+    elif cp is not None:
+        model.note(f"a power coefficient of {cp:.3f} at VS_TSRopt is left aside", file)
+    if file.integer("F_LPFType", 1) == 2:
+        values["speed_filter_damping"] = file.number("F_LPFDamping")
+    for name, key in (("torque_proportional_gain", "VS_KP"), ("torque_integral_gain", "VS_KI")):
+        if key in file:
+            gains = file.array(key)
+            if np.any(gains < 0.0) and np.any(gains > 0.0):
+                raise file.fail(key, gains.tolist(), "gains of one sign")
+            values[name] = abs(float(gains[0]))
+            if gains.size > 1:
+                model.note(f"{key} has several gains, the first is taken", file)
+    if "VS_ConstPower" in file:
+        values["constant_power"] = file.integer("VS_ConstPower") == 1
+    else:  # before ROSCO 2.9
+        values["constant_power"] = file.integer("VS_ControlMode", 0) in (1, 3)
+    if "SS_Mode" in file:
+        values |= _set_point_smoother(file)
+    if "PC_GS_angles" in file:
+        values |= _schedule(model, file)
+        if "PC_GS_KD" in file and np.any(file.array("PC_GS_KD")):
+            model.note("PC_GS_KD: left aside, the pitch controller has no derivative part", file)
+    if file.integer("PS_Mode", 0) > 0 and "PS_WindSpeeds" in file:
+        values |= {"min_pitch_wind": file.array("PS_WindSpeeds"), "min_pitch": file.array("PS_BldPitchMin")}
+    if "PC_Switch" in file and "PC_FinePit" in file:
+        values["region_3_min_pitch"] = file.number("PC_FinePit") + file.number("PC_Switch")
+    if file.integer("PA_Mode", 0) > 0:
+        values["pitch_actuator_frequency"] = file.number("PA_CornerFreq")
+        if file.integer("PA_Mode") == 2:
+            values["pitch_actuator_damping"] = file.number("PA_Damping")
     active = [f"{what} ({key})" for key, what in _MODES.items() if key in file and file.number(key) != 0.0]
     if active:
-        notes.append(f"{file.path.name}: left aside: {', '.join(active)}")
+        model.note(f"left aside: {', '.join(active)}", file)
     if file.integer("PC_ControlMode", 1) == 0:
-        notes.append(f"{file.path.name}: PC_ControlMode 0: ROSCO holds the fine pitch; here its gains are used")
+        model.note("PC_ControlMode 0: ROSCO holds the fine pitch; here its gains are used", file)
+    return values
 
 
-def _constant_power(file: TextFile) -> bool:
-    """Return whether region 3 holds power; before ROSCO 2.9 VS_ControlMode said it (1, 3)."""
-    if "VS_ConstPower" in file:
-        return file.integer("VS_ConstPower") == 1
-    return file.integer("VS_ControlMode", 0) in (1, 3)
+def _set_point_smoother(file: TextFile) -> dict[str, float]:
+    """Return the gains and the filter of the set-point smoother; without it the shifts are zero.
 
-
-def _positive(file: TextFile, key: str) -> NDArray[np.float64]:
-    """Return gains without the minus sign of ROSCO.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If signs are mixed.
+    ROSCO shifts by ``SS_VSGain (theta - theta_min)/0.524 - SS_PCGain (P_rated - P)/P_rated`` in rated speeds (Abbas et
+    al., Wind Energ. Sci. 7 (2022) 53, section 3.4, and ROSCO's ControllerBlocks.f90).
     """
-    gains = file.array(key)
-    if np.any(gains < 0.0) and np.any(gains > 0.0):
-        raise file.fail(key, gains.tolist(), "gains of one sign")
-    return np.abs(gains)
+    if file.integer("SS_Mode") == 0:
+        return {"speed_shift_per_pitch": 0.0, "speed_shift_per_power": 0.0}
+    values = {
+        "speed_shift_per_pitch": file.number("SS_VSGain") / _SMOOTHER_PITCH,
+        "speed_shift_per_power": file.number("SS_PCGain"),
+    }
+    if "F_SSCornerFreq" in file:
+        values["speed_shift_frequency"] = file.number("F_SSCornerFreq")
+    return values
 
 
-def _power_coefficient(gain: float, tip_speed_ratio: float, ratio: float, radius: float, density: float) -> float:
-    """Return Cp from K = pi rho R^5 Cp/(2 lambda^3 N^3), K on the high-speed shaft behind a gearbox without losses."""
-    return 2.0 * gain * (tip_speed_ratio * ratio) ** 3 / (np.pi * density * radius**5)
+def _schedule(model: Model, file: TextFile) -> dict[str, NDArray[np.float64]]:
+    """Return the schedule of the pitch gains up to where one of them changes its sign.
+
+    ROSCO's tuning subtracts the rotor's own damping from the proportional gain, which at large pitch may leave one of
+    the other sign.
+    """
+    angles = file.array("PC_GS_angles")
+    gains = {"pitch_proportional_gain": -file.array("PC_GS_KP"), "pitch_integral_gain": -file.array("PC_GS_KI")}
+    for name, table in gains.items():
+        if table.size != angles.size:
+            raise file.fail(name, f"{table.size} gains", f"as many as PC_GS_angles, {angles.size}")
+    wrong = np.flatnonzero(np.any([table < 0.0 for table in gains.values()], axis=0))
+    if wrong.size and wrong[0] == 0:
+        raise file.fail("PC_GS_KP, PC_GS_KI", float(file.array("PC_GS_KP")[0]), "gains up to 0 (ROSCO's sign)")
+    if wrong.size:
+        end = int(wrong[0])
+        model.note(
+            f"PC_GS_KP or PC_GS_KI changes its sign at {np.degrees(angles[end]):.1f} deg pitch; the schedule ends "
+            f"before, at {np.degrees(angles[end - 1]):.1f} deg", file,
+        )  # fmt: skip
+        angles = angles[:end]
+        gains = {name: table[:end] for name, table in gains.items()}
+    return {"gain_pitch": angles, **gains}
 
 
 def _tabulated_power_coefficient(file: TextFile, pitch: float, tip_speed_ratio: float) -> float | None:
@@ -411,3 +310,125 @@ def _tabulated_power_coefficient(file: TextFile, pitch: float, tip_speed_ratio: 
         return None
     at_pitch = [float(np.interp(np.degrees(pitch), pitches, row)) for row in table]
     return float(np.interp(tip_speed_ratio, ratios, at_pitch))
+
+
+# ---- tables of steady states -----------------------------------------------------------------------------------------
+
+_COLUMNS = {
+    "wind": (r"wind1velx|wind ?speed|v|u", {"m/s": 1.0, "": 1.0}),
+    "power": (
+        r"gen(erator)? ?(pwr|power)|(rotor )?electrical power",
+        {"w": 1.0, "kw": 1e3, "mw": 1e6},
+    ),
+    "rotor_speed": (
+        r"rot(or)? ?speed|rotor rotational speed|rotor rpm",
+        {"rpm": _RPM, "rad/s": 1.0, "": _RPM},
+    ),
+    "pitch": (r"blade ?pitch|bldpitch1|pitch( angle)?", {"deg": np.pi / 180.0, "rad": 1.0}),
+    "thrust": (r"(rotor|aero|aerodynamic) ?thrust|thrust", {"n": 1.0, "kn": 1e3, "mn": 1e6}),
+}
+"""Names of the columns, and factors of their units to SI units; the first two are needed."""
+_ENDINGS = (".csv", ".dat", ".txt")
+_TOLERANCE = 0.05
+"""Largest deviation of the largest power of a table from rated power, over rated power [-]."""
+
+
+@dataclass(frozen=True)
+class SteadyTable:
+    """Steady states over the wind (n,); an array is None where the file has no such column."""
+
+    path: Path
+    wind: NDArray[np.float64]
+    """Ascending [m/s]."""
+    power: NDArray[np.float64]
+    """Electrical [W]."""
+    rotor_speed: NDArray[np.float64] | None
+    """[rad/s]."""
+    pitch: NDArray[np.float64] | None
+    """[rad]."""
+    thrust: NDArray[np.float64] | None
+    """[N]."""
+
+    def at(self, wind: float, column: str) -> float | None:
+        """Value of a column in a wind [m/s]; None outside the table or without the column.
+
+        Power is interpolated by its cube root, which is linear in the wind at a constant power coefficient.
+        """
+        values = getattr(self, column)
+        if values is None or not self.wind[0] <= wind <= self.wind[-1]:
+            return None
+        if column == "power":
+            return float(np.interp(wind, self.wind, np.cbrt(values)) ** 3)
+        return float(np.interp(wind, self.wind, values))
+
+
+def find_steady_table(model: Path, rated_power: float) -> SteadyTable | None:
+    """Return the table that comes with a model, None where there is none.
+
+    It is looked for in the folder of the model, the two folders above it, and the folders ``performance`` in these. Of
+    several tables one of OpenFAST goes before others. A file that `read_steady_table` refuses is skipped with a note.
+
+    Parameters
+    ----------
+    model : Path
+        Primary file (``.fst``).
+    rated_power : float
+        Electrical [W]; the largest power of the table must be within 5 % of it.
+    """
+    above = [model.resolve().parent, *model.resolve().parents[1:3]]
+    folders = [place for folder in above for place in (folder, folder / "performance") if place.is_dir()]
+    files = [file for folder in folders for file in sorted(folder.iterdir()) if file.suffix.lower() in _ENDINGS]
+    for file in sorted(files, key=lambda file: "openfast" not in file.name.lower()):  # stable: the nearest first
+        try:
+            table = read_steady_table(file)
+        except TurbineDefinitionError as error:  # a time series has the same columns
+            _log.warning("not taken as the table of steady states: %s", error)
+            continue
+        if table is not None and abs(table.power.max() / rated_power - 1.0) <= _TOLERANCE:
+            return table
+    return None
+
+
+def read_steady_table(path: Path) -> SteadyTable | None:
+    """Read a table, None for a file whose first line does not name the wind and the electrical power.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If a table has a row that is not one of numbers, or winds that do not rise.
+    """
+    with path.open(encoding="utf-8", errors="replace") as file:
+        separator, places = _places(file.readline())
+        if not {"wind", "power"} <= places.keys():
+            return None
+        lines = [line for line in file if line.strip()]
+    try:
+        rows = [[float(word) for word in line.strip().split(separator)] for line in lines]
+        columns = {
+            name: np.array([row[place] for row in rows]) * factor if rows else np.zeros(0)
+            for name, (place, factor) in places.items()
+        }
+    except (ValueError, IndexError) as error:
+        raise TurbineDefinitionError(f"{path}: a table of steady states must have rows of numbers: {error}") from error
+    if not (columns["wind"].size > 1 and np.all(np.diff(columns["wind"]) > 0.0)):
+        raise TurbineDefinitionError(f"{path}: a table of steady states must have at least two winds that rise")
+    return SteadyTable(path, **{name: columns.get(name) for name in _COLUMNS})  # type: ignore[arg-type]  # two are there
+
+
+def _places(header: str) -> tuple[str | None, dict[str, tuple[int, float]]]:
+    """Separator of a line of column names, and the places of known columns with the factors of their units."""
+    separator = next((mark for mark in (",", "\t") if mark in header), None)
+    places: dict[str, tuple[int, float]] = {}
+    for place, word in enumerate(header.lstrip("#").strip().split(separator)):
+        name, unit = _name_and_unit(word)
+        for column, (pattern, units) in _COLUMNS.items():
+            if column not in places and re.fullmatch(pattern, name) and unit in units:
+                places[column] = place, units[unit]
+    return separator, places
+
+
+def _name_and_unit(word: str) -> tuple[str, str]:
+    """Name of a column and its unit, in lower case: ``Generator Power [kW]``, ``RotSpeed_(rpm)``."""
+    match = re.fullmatch(r"([^(\[]*)[(\[]([^)\]]*)[)\]]", word.strip().lower())
+    name, unit = match.groups() if match else (word.lower(), "")
+    return name.replace("_", " ").strip(), unit.strip()

@@ -1,4 +1,4 @@
-"""Text files of OpenFAST: scalars by their keyword, tables by their header.
+"""Text files of OpenFAST: scalars by their keyword, tables by their header, read, changed and written.
 
 OpenFAST reads its files line by line and checks the keyword of each. The order and number of lines change from release
 to release, the keywords hardly ever. What is read here is therefore found by its keyword, in files of any release from
@@ -6,19 +6,21 @@ OpenFAST 2 to 5. A reader by line numbers, such as that of ``openfast_io``, belo
 file of another it takes the number of the line beside.
 """
 
+from __future__ import annotations
+
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.base.files import decoded_text
 from wt_gym.turbines.checks import fail, short
 
-__all__ = ["TextFile", "as_number", "existing_file"]
+__all__ = ["InputFile", "Model", "TextFile", "as_number", "existing_file", "plain_line", "write_lines"]
 
 _TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;!]+")
 """Words: quoted, or up to a separator. ROSCO's exclamation mark between values and keyword is one."""
@@ -35,16 +37,13 @@ _MOST_LEVELS = 10
 """Files that include each other."""
 _MOST_REPEATS = 1000
 _DEFAULT = re.compile(r"[\"']?default[\"']?", re.IGNORECASE)
+_QUOTED = re.compile(r'"([^"]+)"')
+_BLADED = 5
+"""Value of PCMode and VSContrl: a library as Bladed takes it."""
 
 
 def existing_file(folder: Path, name: str, what: str) -> Path:
-    """Return the path of a file that another one in ``folder`` names.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If there is no such file.
-    """
+    """Return the path of a file that another one in ``folder`` names; ``what`` names the keyword in messages."""
     path = folder / name.replace("\\", "/").strip()
     if not path.is_file():
         raise TurbineDefinitionError(f"{what}: {short(name, 200)}: there is no such file in {folder}")
@@ -60,7 +59,6 @@ class TextFile:
 
     Parameters
     ----------
-    path : Path
     free : bool
         Whether the file is read in the second way.
     titles : int
@@ -76,7 +74,8 @@ class TextFile:
     Raises
     ------
     TurbineDefinitionError
-        If the file cannot be read or is larger than 20 MB.
+        If the file cannot be read or is larger than 20 MB; later, naming file and keyword, for a value that is missing
+        or not what is asked for.
     """
 
     def __init__(self, path: Path, free: bool = False, titles: int = 2) -> None:
@@ -133,20 +132,18 @@ class TextFile:
         """Build (not raise) an error that names file and keyword."""
         return fail(f"{self.path.name}: {key}", value, allowed)
 
-    def line_of(self, key: str) -> int:
-        """Return the index of the line with a keyword.
+    def missing(self, key: str) -> TurbineDefinitionError:
+        """Build (not raise) the error for a keyword that no line has."""
+        return TurbineDefinitionError(f"{self.path.name}: {key}: missing, no line has this keyword")
 
-        Raises
-        ------
-        TurbineDefinitionError
-            If no line has it.
-        """
+    def line_of(self, key: str) -> int:
+        """Return the index of the line with a keyword."""
         return self._place(key)[0]
 
     def _place(self, key: str) -> tuple[int, list[str]]:
         places = self._lines(key)
         if not places:
-            raise TurbineDefinitionError(f"{self.path.name}: {key}: missing, no line has this keyword")
+            raise self.missing(key)
         values = [words for _, words in places]
         if any(words != values[0] for words in values):
             raise self.fail(key, [" ".join(words) for words in values], "one value: several lines have this keyword")
@@ -176,14 +173,12 @@ class TextFile:
         """Return the value of a keyword without quotes."""
         return self._place(key)[1][0].strip("\"'").strip()
 
-    def number(self, key: str, default: float | None = None) -> float:
-        """Return the number of a keyword; ``default`` where no line has it.
+    def file(self, key: str, free: bool = False) -> TextFile:
+        """Open the file that a keyword names."""
+        return TextFile(existing_file(self.path.parent, self.text(key), key), free)
 
-        Raises
-        ------
-        TurbineDefinitionError
-            If it is missing and has no default, or is not a finite number.
-        """
+    def number(self, key: str, default: float | None = None) -> float:
+        """Return the finite number of a keyword; ``default`` where no line has it."""
         if default is not None and key not in self:
             return default
         return self.value(key, self._place(key)[1][0])
@@ -220,15 +215,8 @@ class TextFile:
     def rows(self, first: int, count: int, what: str, least: int = 1, skip_text: bool = False) -> list[list[str]]:
         """Return the words of ``count`` lines from the index ``first``, each with at least ``least`` words.
 
-        Parameters
-        ----------
-        first, count : int
-            Index of the first line, number of lines without those that are empty or hold a comment only.
-        what : str
-            The lines, for messages.
-        least : int
-        skip_text : bool
-            Whether lines that do not begin with a number are passed over, such as names and units of columns.
+        Lines that are empty or hold a comment only do not count; with ``skip_text`` nor do those that do not begin with
+        a number, such as names and units of columns. ``what`` names the lines in messages.
         """
         rows: list[list[str]] = []
         for line in self.lines[first:]:
@@ -250,39 +238,8 @@ class TextFile:
         rows = self.rows(first, count, what, columns, skip_text)
         return np.array([[self.value(what, word) for word in row[:columns]] for row in rows])
 
-    def sections(
-        self, count_key: str, fraction: str, columns: Sequence[str], what: str
-    ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
-        """Return the table of a beam and its first column (n,), the fraction of the length from 0 to 1.
-
-        Parameters
-        ----------
-        count_key : str
-            As of `table`.
-        fraction : str
-            Name of the first column.
-        columns : sequence of str
-            Required columns, in lower case.
-        what : str
-            The beam, for messages.
-
-        Raises
-        ------
-        TurbineDefinitionError
-            As of `table`, for a missing column and for fractions that do not run from 0 to 1.
-        """
-        table = self.table(count_key, fraction)
-        for name in columns:
-            if name not in table:
-                raise TurbineDefinitionError(f"{self.path.name}: no column {name} in the table of the {what}")
-        along = table[fraction.lower()].copy()
-        if abs(along[0]) > 1e-6 or abs(along[-1] - 1.0) > 1e-6:
-            raise self.fail(fraction, [float(along[0]), float(along[-1])], "fractions from 0 to 1")
-        along[0], along[-1] = 0.0, 1.0
-        return table, along
-
-    def table(self, count_key: str, first_column: str) -> dict[str, NDArray[np.float64]]:
-        """Return a table by the names in its header.
+    def table(self, count_key: str, first_column: str, *needed: str, part: str = "") -> dict[str, NDArray[np.float64]]:
+        """Return a table by the names in its header, in lower case, as far as every row has numbers (n,).
 
         Parameters
         ----------
@@ -290,22 +247,216 @@ class TextFile:
             Keyword of the line with the number of rows, above the table.
         first_column : str
             Name of a column that the header has; a line of units may follow it.
-
-        Returns
-        -------
-        dict of ndarray (n,)
-            By the names of the columns in lower case, as far as every row has numbers.
+        *needed : str
+            Required columns, in lower case.
+        part : str
+            Part of the turbine that the table describes, for messages.
         """
         count = self.integer(count_key)
         start = self.line_of(count_key)
         for i in range(start + 1, len(self.lines)):
             names = [_normal(name) for name in _TOKEN.findall(_content(self.lines[i]))]
             if _normal(first_column) in names:
-                rows = self.rows(i + 1, count, first_column, skip_text=True)
-                width = min(len(names), *(len(row) for row in rows))
-                values = [[self.value(first_column, word) for word in row[:width]] for row in rows]
-                return dict(zip(names[:width], np.array(values).T, strict=True))
-        raise TurbineDefinitionError(f"{self.path.name}: no table with the column {first_column}")
+                break
+        else:
+            raise TurbineDefinitionError(f"{self.path.name}: no table with the column {first_column}")
+        rows = self.rows(i + 1, count, first_column, skip_text=True)
+        width = min(len(names), *(len(row) for row in rows))
+        values = [[self.value(first_column, word) for word in row[:width]] for row in rows]
+        table = dict(zip(names[:width], np.array(values).T, strict=True))
+        for name in needed:
+            if name not in table:
+                raise TurbineDefinitionError(f"{self.path.name}: no column {name} in the table of the {part}")
+        return table
+
+    def unit_grid(self, name: str, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return fractions of a length (n,), which must run from 0 to 1, without rounding at their ends."""
+        if abs(fraction[0]) > 1e-6 or abs(fraction[-1] - 1.0) > 1e-6:
+            raise self.fail(name, [float(fraction[0]), float(fraction[-1])], "fractions from 0 to 1")
+        fraction = fraction.copy()
+        fraction[0], fraction[-1] = 0.0, 1.0
+        return fraction
+
+
+class Model:
+    """Files of an OpenFAST model, and sentences on what its readers assume and leave aside.
+
+    Attributes
+    ----------
+    primary, elastodyn, aerodyn : TextFile
+    servodyn : TextFile or None
+        None where CompServo is 0.
+    torque, pitch : TextFile or None
+        ROSCO's parameter file (DISCON.IN) where it controls torque (VSContrl 5) and pitch (PCMode 5).
+    n_blades : int
+    notes : list of str
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.notes: list[str] = []
+        self.primary = primary = TextFile(path)
+        _require_wind_turbine(primary)
+        self.elastodyn = primary.file("EDFile")
+        _require_plain(self.elastodyn)
+        self.aerodyn = primary.file("AeroFile", free=True)
+        self.servodyn = primary.file("ServoFile", free=True) if primary.integer("CompServo", 0) == 1 else None
+        self.torque, self.pitch = self._controllers()
+        self.n_blades = self.elastodyn.integer("NumBl")
+
+    def note(self, text: str, file: TextFile | None = None) -> None:
+        """Add a sentence, about a file."""
+        self.notes.append(text if file is None else f"{file.path.name}: {text}")
+
+    def number(self, file: TextFile | None, key: str, default: float, words: str) -> float:
+        """Return the number of a keyword, a default with a note where the model has none."""
+        if file is not None and key in file:
+            return file.number(key)
+        self.note(f"{key}: not in the model, {words} assumed")
+        return default
+
+    def first_mode(self, file: TextFile, name: str) -> float:
+        """Return the factor of a bending stiffness that its modal tuners stand for: that of the first mode."""
+        first, second = f"{name}(1)", f"{name}(2)"
+        one, two = file.number(first, 1.0), file.number(second, 1.0)
+        if one != two:
+            self.note(f"{first} = {one:g} is taken for all modes, {second} = {two:g} is left aside", file)
+        return one
+
+    def damping(self, file: TextFile, *keys: str) -> float:
+        """Return the damping ratio of the first keyword [%], with a note where the others differ."""
+        values = [file.number(key) for key in keys if key in file]
+        if not values:
+            raise file.missing(keys[0])
+        if max(values) != min(values):
+            given = ", ".join(f"{value:g}" for value in values)
+            self.note(f"damping {given} % of the modes, {values[0]:g} % is taken for all", file)
+        return 0.01 * values[0]
+
+    def _controllers(self) -> tuple[TextFile | None, TextFile | None]:
+        """Return ROSCO's parameter file for torque and pitch if ServoDyn names one."""
+        servodyn = self.servodyn
+        if servodyn is None:
+            self.note("CompServo: 0, the model has no controller")
+            return None, None
+        modes = [servodyn.integer(key, 0) for key in ("VSContrl", "PCMode")]
+        if _BLADED not in modes:
+            return None, None
+        name = servodyn.text("DLL_InFile").replace("\\", "/")
+        path = servodyn.path.parent / name
+        if not path.is_file():
+            self.note(f"DLL_InFile {name}: there is no such file, gains are not known", servodyn)
+            return None, None
+        file = TextFile(path, titles=0)
+        if "VS_RtPwr" not in file or "PC_GS_angles" not in file:
+            self.note("not a DISCON.IN of ROSCO, gains are not known", file)
+            return None, None
+        for mode, what in zip(modes, ("torque", "pitch"), strict=True):
+            if mode != _BLADED:
+                self.note(f"left aside: control of the {what}, which ServoDyn does not leave to it", file)
+        torque, pitch = (file if mode == _BLADED else None for mode in modes)
+        return torque, pitch
+
+
+def _require_wind_turbine(file: TextFile) -> None:
+    """Refuse models of other machines, and of parts of one."""
+    if "EDFile" not in file:
+        raise TurbineDefinitionError(f"{file.path.name}: EDFile: missing; is this the primary file of OpenFAST (.fst)?")
+    if "MHK" in file and file.text("MHK").lower() not in ("0", "false", "f"):
+        raise file.fail("MHK", file.text("MHK"), "0 (turbines in water are not modeled)")
+    for key, allowed, words, default in (
+        ("NRotors", (1,), "1", 1),
+        ("CompElast", (1, 2), "1 or 2 (Simplified-ElastoDyn has no flexible blades and tower)", None),
+        ("CompAero", (2,), "2 (blade and polars are read from AeroDyn 15)", None),
+    ):
+        if file.integer(key, default) not in allowed:
+            raise file.fail(key, file.integer(key), words)
+
+
+def _require_plain(file: TextFile) -> None:
+    """Refuse what ElastoDyn's primary file has and would make another turbine here."""
+    n = file.integer("NumBl")
+    for i in range(n):
+        key = f"TipMass({i + 1})"
+        if file.number(key, 0.0) != 0.0:
+            raise file.fail(key, file.number(key), "0 (masses at the blade tips are not modeled)")
+    if n == 2 and file.flag("TeetDOF"):
+        raise file.fail("TeetDOF", True, "False (hubs that teeter are not modeled)")
+    if n == 2 and abs(file.number("UndSling", 0.0)) > 0.0:
+        raise file.fail("UndSling", file.number("UndSling"), "0")
+    if file.flag("Furling"):
+        raise file.fail("Furling", True, "False (rotors and tails that furl are not modeled)")
+
+
+class InputFile(TextFile):
+    """An input file that exists, to be changed by keyword and written elsewhere."""
+
+    def set(self, key: str, value: object) -> None:
+        """Replace the value of a keyword, which a line must have."""
+        self.lines[self.line_of(key)] = _lines([(key, value)])[0]
+
+    def set_default(self, key: str) -> None:
+        """Leave the value of a keyword to OpenFAST."""
+        self.lines[self.line_of(key)] = plain_line(key, "default")
+
+    def set_outputs(self, names: Sequence[str]) -> None:
+        """Replace the list of outputs at the end of the file."""
+        starts = [i for i, line in enumerate(self.lines) if re.match(r"\s*OutList\b", line)]
+        if not starts:
+            raise SimulationError(f"{self.path}: no line OutList, so that it gives no outputs")
+        first = starts[0] + 1
+        last = next((i for i in range(first, len(self.lines)) if self.lines[i].startswith("END")), None)
+        if last is None:
+            raise SimulationError(f"{self.path}: no line END after OutList")
+        # a list of nodes may follow: nothing reads it
+        self.lines[first:] = [f'"{name}"' for name in names] + ["END of OutList", "-" * 80]
+
+    def resolve_paths(self) -> None:
+        """Make the names of files that exist beside this one whole paths, so that it can be written elsewhere."""
+        folder = self.path.parent
+
+        def whole(match: re.Match[str]) -> str:
+            path = folder / match.group(1).replace("\\", "/")
+            return f'"{path.resolve()}"' if path.is_file() else match.group(0)
+
+        self.lines = [_QUOTED.sub(whole, line) for line in self.lines]
+
+    def rename(self, name: str, other: str) -> None:
+        """Replace a name in quotes wherever it stands."""
+        self.lines = [line.replace(f'"{name}"', f'"{other}"') for line in self.lines]
+
+    def write(self, path: Path) -> None:
+        """Write the file."""
+        path.write_text("\n".join(self.lines) + "\n", encoding="utf-8")
+
+
+def write_lines(path: Path, title: str, rows: Iterable[str | tuple[str, object]]) -> None:
+    """Write a file with two lines of heading, texts as they are and pairs (key, value) as ``value  key``."""
+    heading = [f"------- {title} ".ljust(100, "-"), "Written by wt_gym"]
+    path.write_text("\n".join([*heading, *_lines(rows)]) + "\n", encoding="utf-8")
+
+
+def plain_line(key: str, word: str) -> str:
+    """Line of a word without quotes."""
+    return f"{word:<26s}  {key:<22s} -"
+
+
+def _lines(rows: Iterable[str | tuple[str, object]]) -> list[str]:
+    return [row if isinstance(row, str) else plain_line(row[0], _shown(row[1])) for row in rows]
+
+
+def _shown(value: object) -> str:
+    """A value as OpenFAST reads it: flags as words, numbers with all their digits, texts in quotes."""
+    if isinstance(value, bool):
+        return str(value)
+    if isinstance(value, int):
+        return f"{value:d}"
+    if isinstance(value, float):
+        return f"{value:.15g}"
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_shown, value))
+    raise SimulationError(f"a value of an input file must be a flag, number, text or sequence, got {value!r:.100}")
 
 
 def _lines_of(path: Path) -> list[str]:

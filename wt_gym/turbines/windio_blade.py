@@ -1,4 +1,4 @@
-"""The blade of a windIO file: reference axis, planform, airfoils and section properties.
+"""The blade of a windIO file: reference axis, planform, airfoils with their polars, and section properties.
 
 windIO's blade frame is the one used here: z along the pitch axis to the tip, x to the suction side (prebend upwind is
 negative), y to the trailing edge. Its distributed data are tables over a grid from 0 (root) to 1 (tip).
@@ -11,26 +11,37 @@ stiffer edgewise, so the larger of K44 and K55 over the outer blade tells which 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.turbines.airfoil import Airfoil, blend_airfoils
-from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
-from wt_gym.turbines.checks import check_number, fail
+from wt_gym.turbines.airfoil import (
+    DRAG_ALLOWED,
+    Airfoil,
+    Polar,
+    blend_airfoils,
+    blend_polars,
+    camber_line,
+    driving_drag,
+)
+from wt_gym.turbines.blade import BeamStations, inertia_matrix, rotation_about_z
+from wt_gym.turbines.checks import check_ascending, check_number, fail
 from wt_gym.turbines.model import Blade
-from wt_gym.turbines.source import Node, within
-from wt_gym.turbines.windio_airfoils import AirfoilLibrary
+from wt_gym.turbines.windio_file import Node, within
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["DEFAULT_BLADE_DAMPING", "beam_tables", "damping_ratio", "read_blade"]
+__all__ = [
+    "DEFAULT_BLADE_DAMPING", "KINEMATIC_VISCOSITY", "arc_length", "beam_tables", "damping_ratio", "read_blade",
+    "require_straight",
+]  # fmt: skip
 
 DEFAULT_BLADE_DAMPING = 0.00477465
 """3 % logarithmic decrement, the value of the NREL 5-MW and (rounded) of the IEA 15-MW blades."""
@@ -57,28 +68,15 @@ class _Axis:
         return out
 
 
-def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float, notes: list[str]) -> Blade:
+def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float) -> Blade:
     """Build the blade.
 
     Parameters
     ----------
-    root : Node
-        Top level of the file.
     hub_radius : float
         Distance of the blade root from the apex [m].
     rated_rotor_speed : float
         [rad/s]; picks the polars with the nearest Reynolds number where a file has several.
-    notes : list of str
-        Receives a sentence for every assumption.
-
-    Returns
-    -------
-    Blade
-
-    Raises
-    ------
-    TurbineDefinitionError
-        Naming the key path that is missing, inconsistent or out of range.
     """
     node = root.at("components.blade")
     axis = _read_axis(node.at("reference_axis"))
@@ -92,9 +90,9 @@ def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float, notes: l
     )
     hint = "a table of section properties (they are not computed from composite layers)"
     elastic = node.at("structure.elastic_properties", hint)
-    damping = damping_ratio(elastic, DEFAULT_BLADE_DAMPING, notes)
+    damping = damping_ratio(elastic, DEFAULT_BLADE_DAMPING)
     with within(elastic.path):
-        structure = _read_structure(elastic, axis, PchipInterpolator(grid, twist), notes)
+        structure = _read_structure(elastic, axis, PchipInterpolator(grid, twist))
     with within(node.path):
         return Blade(
             length=float(axis.points[-1, 2]),
@@ -126,11 +124,19 @@ def _read_axis(node: Node) -> _Axis:
     points[0, 2] = 0.0
     if np.any(np.diff(points[:, 2]) <= 0.0):
         raise fail(f"{node.path}.z.values", points[:, 2].tolist(), "values that ascend from root to tip")
-    # Arc length by chords of a fine subdivision; 50 parts per segment leave an error of 1e-6 of the sag.
-    fine = np.unique(np.concatenate([np.linspace(a, b, 51) for a, b in pairwise(grid)]))
-    path = np.column_stack([curve(fine) for curve in curves])
-    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
-    return _Axis(grid, points, np.interp(grid, fine, arc))
+    return _Axis(grid, points, arc_length(grid, lambda at: np.column_stack([curve(at) for curve in curves])))
+
+
+def arc_length(
+    at: NDArray[np.float64], curve: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return the distance (n,) along a curve at places (n,), by chords of 50 parts a segment.
+
+    They leave an error of 1e-6 of the sag.
+    """
+    fine = np.unique(np.concatenate([np.linspace(a, b, 51) for a, b in pairwise(at)]))
+    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))))
+    return np.interp(at, fine, arc)
 
 
 def _read_planform(shape: Node) -> tuple[NDArray[np.float64], ...]:
@@ -257,9 +263,9 @@ def beam_tables(
     return grid, stiffness, inertia
 
 
-def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator, notes: list[str]) -> BeamStations:
+def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator) -> BeamStations:
     grid, stiffness, tables = beam_tables(node, ("K33", "K44", "K55", "K66", "i_edge", "i_flap"))
-    _mend_flap_inertia(node, tables, notes)
+    _mend_flap_inertia(node, tables)
     inertia = inertia_matrix(
         tables["mass"],
         tables["cm_x"],
@@ -271,7 +277,7 @@ def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator, notes: li
     )
     if _chordwise_x(grid, stiffness):
         stiffness, inertia = _swap_axes(grid, stiffness, tables)
-        notes.append(
+        node.notes.append(
             f"{node.path}: K55 > K44 along the outer blade, so the matrices are read with x to the trailing edge and y "
             "to the suction side, as windIO's schema describes them"
         )
@@ -279,7 +285,7 @@ def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator, notes: li
     return BeamStations(station=axis.s(grid), stiffness=_turn(turn, stiffness), inertia=_turn(turn, inertia))
 
 
-def _mend_flap_inertia(node: Node, tables: dict[str, NDArray[np.float64]], notes: list[str]) -> None:
+def _mend_flap_inertia(node: Node, tables: dict[str, NDArray[np.float64]]) -> None:
     """Fill a flapwise inertia of nothing but zeros from the polar one, in place.
 
     Public files have, by a slip of the tool that wrote them, the edgewise inertia in the place of the product of
@@ -288,12 +294,11 @@ def _mend_flap_inertia(node: Node, tables: dict[str, NDArray[np.float64]], notes
     if np.any(tables["i_flap"]) or np.any(tables["i_plr"] <= tables["i_edge"]):
         return
     tables["i_flap"] = tables["i_plr"] - tables["i_edge"]
-    path = f"{node.path}.inertia_matrix"
-    note = f"{path}.i_flap: all zero in the file, taken as i_plr - i_edge"
+    note = "all zero in the file, taken as i_plr - i_edge"
     if np.any(tables["i_cp"] ** 2 > tables["i_edge"] * tables["i_flap"]):
         tables["i_cp"] = np.zeros_like(tables["i_cp"])
         note += "; i_cp is larger than any section with these can have, 0 is used"
-    notes.append(note)
+    node.note("inertia_matrix.i_flap", note)
 
 
 def _chordwise_x(grid: NDArray[np.float64], stiffness: NDArray[np.float64]) -> bool:
@@ -334,22 +339,14 @@ def _turn(rotation: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArr
     return np.where(rigid, np.inf, turned)
 
 
-def damping_ratio(node: Node, default: float, notes: list[str]) -> float:
+def damping_ratio(node: Node, default: float) -> float:
     """Return ``structural_damping.damping_ratio`` (an addition to the schema) or the default.
 
     windIO's own ``mu`` is a stiffness-proportional coefficient; its modal damping differs from mode to mode and needs
     the frequencies, so it is not used.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the ratio is not in [0, 0.5].
     """
-    path = f"{node.path}.structural_damping.damping_ratio"
-    if "structural_damping.damping_ratio" in node:
-        return node.at("structural_damping").number("damping_ratio", 0.0, 0.5)
-    notes.append(f"{path}: not in the file, {100 * default:g} % of critical assumed")
-    return default
+    words = f"{100 * default:g} % of critical assumed"
+    return node.part("structural_damping").number_or("damping_ratio", 0.0, 0.5, default, words)
 
 
 def require_straight(node: Node, points: NDArray[np.float64], length: float) -> None:
@@ -362,3 +359,171 @@ def require_straight(node: Node, points: NDArray[np.float64], length: float) -> 
     """
     if np.any(np.abs(points) > 1e-6 * length):
         raise TurbineDefinitionError(f"{node.path}: x and y must be 0, only vertical towers can be computed")
+
+
+KINEMATIC_VISCOSITY = 1.46e-5
+"""Of air at 15 degrees Celsius [m^2/s]; only used to choose between tables at several Reynolds numbers."""
+
+_BACKWARDS = 0.01  # parts of the chord that rounded tables may step back
+_WITH_ROTATION = re.compile(r"\b(3-?D correction|rotational augmentation|stall delay) included\b", re.IGNORECASE)
+_WITHOUT = re.compile(r"\bno (3-?D correction|rotational augmentation|stall delay)\b", re.IGNORECASE)
+"""What descriptions of airfoils and polars say about the delay of stall by rotation; windIO has no entry for it."""
+
+
+class AirfoilLibrary:
+    """Airfoils of a file by name; converts each combination of airfoil, configuration and Reynolds number once.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the list is missing, or an airfoil has no name or two have the same.
+    """
+
+    def __init__(self, root: Node) -> None:
+        self.path = root.where("airfoils")
+        self.nodes: dict[str, Node] = {}
+        for node in root.items("airfoils"):
+            name = node.text("name")
+            if name in self.nodes:
+                raise fail(node.where("name"), name, "a name that occurs once")
+            self.nodes[name] = node
+        self._done: dict[tuple[object, ...], Airfoil] = {}
+
+    def _node(self, entry: Node) -> Node:
+        name = entry.text("name")
+        if name not in self.nodes:
+            raise fail(entry.where("name"), name, f"one of the names in {self.path}: {', '.join(sorted(self.nodes))}")
+        return self.nodes[name]
+
+    def thickness(self, entry: Node) -> float:
+        """Return the relative thickness of the airfoil that an entry of the blade names."""
+        return self._node(entry).number("rthick", 1e-3, 1.0)
+
+    def rotating_polars(self, entries: list[Node]) -> bool | None:
+        """Return whether the polars hold the delay of stall by rotation, None if no description says so.
+
+        Parameters
+        ----------
+        entries : list of Node
+            ``components.blade.outer_shape.airfoils``. The ``description`` of an airfoil or of a set of its polars tells
+            by "rotational augmentation included" or "no rotational augmentation", also "3D correction" or "stall
+            delay"; what one of them says holds for those that say nothing.
+        """
+        texts = []
+        for entry in entries:
+            node = self._node(entry)
+            texts += [str(part.data.get("description", "")) for part in (node, *node.items("polars"))]
+        if any(map(_WITH_ROTATION.search, texts)):
+            return True
+        return False if any(map(_WITHOUT.search, texts)) else None
+
+    def airfoil(self, entry: Node, speed_chord: float) -> Airfoil:
+        """Return the airfoil of an entry of the blade.
+
+        Parameters
+        ----------
+        entry : Node
+            ``components.blade.outer_shape.airfoils[i]``: name and, optionally, configurations with weights.
+        speed_chord : float
+            Speed times chord at this place in rated operation [m^2/s].
+
+        Raises
+        ------
+        TurbineDefinitionError
+            If the name, a configuration, a polar or the contour is missing or wrong.
+        """
+        node = self._node(entry)
+        sets = self._sets(entry, node, speed_chord / KINEMATIC_VISCOSITY)
+        key = (node.path, tuple((chosen.path, weight) for chosen, weight in sets))
+        if key not in self._done:
+            self._done[key] = _airfoil(node, sets)
+        return self._done[key]
+
+    def _sets(self, entry: Node, node: Node, reynolds: float) -> list[tuple[Node, float]]:
+        """Return the polar tables of an entry with their weights, at the Reynolds number nearest to ``reynolds``."""
+        polars = node.items("polars")
+        if not polars:
+            raise fail(node.where("polars"), [], "at least one set of polars")
+        if "configuration" not in entry:
+            return [(_nearest(polars[0], reynolds), 1.0)]
+        names = entry.data["configuration"]
+        weights = entry.array("weight", len(names)) if "weight" in entry else np.full(len(names), 1.0 / len(names))
+        if abs(weights.sum() - 1.0) > 1e-6:
+            raise fail(entry.where("weight"), weights.tolist(), "weights with the sum 1")
+        known = {polar.data.get("configuration"): polar for polar in polars}
+        for name in names:
+            if name not in known:
+                raise fail(
+                    entry.where("configuration"), name, f"one of {sorted(map(str, known))} of {node.path}.polars"
+                )
+        return [(_nearest(known[name], reynolds), float(w)) for name, w in zip(names, weights, strict=True)]
+
+
+def _nearest(polar: Node, reynolds: float) -> Node:
+    tables = polar.items("re_sets")
+    if not tables:
+        raise fail(polar.where("re_sets"), [], "at least one table")
+    distance = [abs(np.log(max(table.number("re", 0.0, 1e12), 1.0) / max(reynolds, 1.0))) for table in tables]
+    return tables[int(np.argmin(distance))]
+
+
+def _airfoil(node: Node, sets: list[tuple[Node, float]]) -> Airfoil:
+    contour = _contour(node.at("coordinates", "a mapping with x and y"))
+    x, camber, _ = camber_line(contour)
+    center = node.number("aerodynamic_center", 0.0, 1.0) if "aerodynamic_center" in node else 0.25
+    total = 0.0
+    polar: Polar | None = None
+    for table, weight in sets:
+        new = _polar(table, center)
+        total += weight
+        polar = new if polar is None else blend_polars(polar, new, weight / total if total > 0.0 else 0.0)
+    with within(node.path):
+        return Airfoil(node.text("name"), node.number("rthick", 1e-3, 1.0), contour, x, camber, cast(Polar, polar))
+
+
+def _contour(node: Node) -> NDArray[np.float64]:
+    """Return the contour (n, 2), suction side first, with x/c running from 0 to 1."""
+    x = node.array("x")
+    y = node.array("y", x.size)
+    if x.size < 5:
+        raise fail(node.where("x"), f"{x.size} points", "at least 5 points")
+    if x.min() > 0.02 or x.max() < 0.98:
+        raise fail(node.where("x"), [float(x.min()), float(x.max())], "x/c from 0 (leading edge) to 1 (trailing edge)")
+    nose = int(np.argmin(x))
+    if not 0 < nose < x.size - 1:
+        raise fail(node.where("x"), "a contour that starts at the leading edge", "a start at the trailing edge")
+    steps = np.diff(x) * np.where(np.arange(x.size - 1) < nose, -1.0, 1.0)
+    if steps.min() < -_BACKWARDS:
+        i = int(np.argmin(steps)) + 1
+        allowed = "points in order, from the trailing edge around the leading edge and back"
+        raise fail(f"{node.where('x')}[{i}]", float(x[i]), allowed)
+    contour = np.column_stack(((x - x.min()) / (x.max() - x.min()), y))
+    # Shoelace formula: counter-clockwise (suction side first) has a positive area.
+    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    return contour if area > 0.0 else contour[::-1].copy()
+
+
+def _polar(table: Node, center: float) -> Polar:
+    """Return one polar on the union of the three angle grids, its moment moved from ``center`` to the quarter chord.
+
+    With the normal force c_n = c_l cos(alpha) + c_d sin(alpha) acting at x/c = ``center``,
+    c_m(1/4) = c_m(center) - c_n (center - 1/4).
+    """
+    curves = {}
+    for key in ("cl", "cd", "cm"):
+        curve = table.at(key, "a mapping with grid and values")
+        angle = curve.array("grid")
+        check_ascending(curve.where("grid"), angle)
+        if angle[0] > -180.0 + 1e-6 or angle[-1] < 180.0 - 1e-6:
+            allowed = "angles of attack from -180 to 180 deg"
+            raise fail(curve.where("grid"), [float(angle[0]), float(angle[-1])], allowed)
+        values = curve.array("values", angle.size)
+        if key == "cd" and (i := driving_drag(np.radians(angle), values)) is not None:
+            raise fail(f"{curve.where('values')}[{i}]", float(values[i]), DRAG_ALLOWED)
+        curves[key] = (angle, values)
+    degrees = np.unique(np.concatenate([curve[0] for curve in curves.values()]))
+    cl, cd, cm = (np.interp(degrees, *curves[key]) for key in ("cl", "cd", "cm"))
+    alpha = np.radians(degrees)
+    normal = cl * np.cos(alpha) + cd * np.sin(alpha)
+    with within(table.path):
+        return Polar(alpha, cl, cd, cm - normal * (center - 0.25))

@@ -4,10 +4,11 @@ windIO has no keys for some numbers of a turbine and its controller. They go int
 beside ``NAME.yaml``, under the names of `ControlData`, and of the turbine (`OWN_FIELDS`).
 """
 
+from __future__ import annotations
+
 import dataclasses
 import io
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,43 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.files import whole_file
 from wt_gym.turbines.airfoil import Airfoil
-from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
-from wt_gym.turbines.blade import Blade
+from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, Tower, Turbine
-from wt_gym.turbines.windio_control import OWN_FIELDS
-from wt_gym.turbines.windio_nacelle import rpm
+from wt_gym.turbines.windio import CONTROL_NUMBERS, OWN_FIELDS, control_file_of
+from wt_gym.turbines.windio_machine import rpm
 
-__all__ = ["control_file_of", "require_same", "windio_content", "write_windio"]
+__all__ = ["require_same", "windio_content", "write_windio"]
 
 _DEGREE = np.pi / 180.0
 _VERSION = "2.1"
 _ROUNDING = 1e-9
 """Relative difference that angles in degrees and speeds in rpm leave."""
-_LARGEST_PITCH, _LARGEST_YAW_RATE = 0.5 * np.pi, 10.0 * _DEGREE
-_HELD: dict[str, Callable[[Any], bool]] = {
-    "air_density": lambda value: value == AIR_DENSITY,
-    "design_air_density": lambda value: value is None,
-    "rotation": lambda value: value == "clockwise",
-    "servo_frequency": lambda value: value is None,
-    "servo_damping": lambda value: value == 1.0,
-    "max_pitch": lambda value: value <= _LARGEST_PITCH,
-    "gearbox_reverses": lambda value: not value,
-    "torque_lag": lambda value: value == 0.0,
-    "min_rotor_speed": lambda value: value > 0.0,  # 0 means unknown in windIO files
-    "max_yaw_rate": lambda value: value <= _LARGEST_YAW_RATE,
-}
-"""True where a windIO file holds a field of a turbine, by its name."""
 _NO_MU = [0.0] * 6
 """windIO's mu, which the schema requires; the ratio beside it is what is read."""
-
-
-def control_file_of(path: Path) -> Path:
-    """Return the path of the controller's numbers beside a windIO file."""
-    return path.with_name(f"{path.stem}.control.json")
 
 
 def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[Path]:
@@ -59,7 +39,6 @@ def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[P
 
     Parameters
     ----------
-    turbine : Turbine
     path : str or Path
         Of the YAML file; the controller's numbers go to ``NAME.control.json`` in the same folder.
     source : str
@@ -179,24 +158,21 @@ def _control(turbine: Turbine) -> dict[str, Any]:
         "max_gen_torque": train.max_generator_torque,
         "max_torque_rate": train.max_torque_rate,
         "min_pitch_limit": pitch.min_pitch / _DEGREE,
-        "max_pitch_limit": min(pitch.max_pitch, _LARGEST_PITCH) / _DEGREE,
+        "max_pitch_limit": min(pitch.max_pitch, 0.5 * np.pi) / _DEGREE,
         "max_pitch_rate": pitch.max_rate / _DEGREE,
-        "yaw_rate": min(turbine.nacelle.max_yaw_rate, _LARGEST_YAW_RATE) / _DEGREE,
+        "yaw_rate": min(turbine.nacelle.max_yaw_rate, 10.0 * _DEGREE) / _DEGREE,
     }
     data = turbine.control
     if data is None:
         return section
     turn = rpm * train.gear_ratio
+    scaled = [(key, getattr(data, name), turn**power) for key, (name, power) in CONTROL_NUMBERS.items()]
     for key, value, scale in (
         ("fine_pitch", data.fine_pitch, 1.0 / _DEGREE),
-        ("optimal_tsr", data.optimal_tip_speed_ratio, 1.0),
-        ("region2_k", data.region_2_gain, turn**2),
+        *scaled[:2],
         ("gen_torque_kp", data.torque_proportional_gain, -turn),
         ("gen_torque_ki", data.torque_integral_gain, -turn),
-        ("lpf_frequency", data.speed_filter_frequency, 1.0),
-        ("lpf_damping", data.speed_filter_damping, 1.0),
-        ("pitch_actuator_frequency", data.pitch_actuator_frequency, 1.0),
-        ("pitch_actuator_damping", data.pitch_actuator_damping, 1.0),
+        *scaled[2:],
     ):
         if value is not None:
             section[key] = scale * value
@@ -223,11 +199,11 @@ def _control_json(turbine: Turbine, source: str) -> dict[str, Any]:
         if value is not None:
             values[item.name] = value.tolist() if isinstance(value, np.ndarray) else value
     own = {}
-    for part, names in OWN_FIELDS.items():
-        for name in names:
-            value = getattr(getattr(turbine, part) if part else turbine, name)
-            if not _HELD[name](value):
-                own[f"{part}.{name}" if part else name] = value
+    for key, holds in OWN_FIELDS.items():
+        part, _, name = key.rpartition(".")
+        value = getattr(getattr(turbine, part) if part else turbine, name)
+        if not holds(value):
+            own[key] = value
     values |= {"turbine": own} if own else {}
     return ({"source": source} if source and values else {}) | values
 

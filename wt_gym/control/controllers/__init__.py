@@ -44,7 +44,6 @@ from wt_gym.control.controllers.supervisor import STATES, Supervisor, Supervisor
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
 from wt_gym.control.rotor import RotorTable, rotor_table
 from wt_gym.control.sensors import from_harmonic, to_harmonic
-from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, fault_supervisor_of
@@ -93,11 +92,10 @@ def __dir__() -> list[str]:
 
 
 if not TYPE_CHECKING:  # which would take every name for one of this module
-    _renamed = renamed_names(__name__)
 
     def __getattr__(name: str) -> Any:
-        """Names of `_ON_DEMAND`, and former ones."""
+        """Names of `_ON_DEMAND`."""
         if name not in _HOME:
-            return _renamed(name)
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
         return found

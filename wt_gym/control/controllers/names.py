@@ -325,7 +325,7 @@ def _of_catalogue(choice: str, turbine: Turbine, parameters: Mapping[str, Any]) 
         controller = guards[0]
     elif additions:
         controller = Combined(controller, *additions)
-    return controller  # type: ignore[no-any-return]  # every base is one
+    return controller
 
 
 def compiled_files(choice: str, parameters: Mapping[str, Any]) -> tuple[Path, ...]:

@@ -47,7 +47,6 @@ from wt_gym.control.design import rated_mechanical_power, slower_than_reference,
 from wt_gym.control.operating_point import least_pitch, rotor_inertia
 from wt_gym.control.rotor import RotorTable, blade_element_table, fine_pitch, rotor_table
 from wt_gym.control.sensors import LowPass, Notch
-from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -644,7 +643,3 @@ class TsrTrackingController:
 
 def _times(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
-
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)

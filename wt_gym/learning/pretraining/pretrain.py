@@ -22,12 +22,11 @@ import torch
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
 from wt_gym.base.constants import DAY
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
-from wt_gym.deployment.export.network import network_of
+from wt_gym.deployment.export.policy import network_of
 from wt_gym.envs.dial import scaled
 from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_files import wind_files_of
-from wt_gym.experiment.dial_front import TURNED
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning.linear_design.identification import explained_share, identify
 from wt_gym.learning.linear_design.recording import Excitation, RecordingStore
@@ -57,13 +56,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from stable_baselines3.common.base_class import BaseAlgorithm
 
-    from wt_gym.deployment.export.network import Network
+    from wt_gym.deployment.export.policy import Network
     from wt_gym.envs.dial import DialDraws
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.learning.pretraining.options import PretrainingOptions
     from wt_gym.runs.executors import Executor
 
-__all__ = ["Round", "forecast_front", "pretrain"]
+__all__ = ["FRONT_SETTINGS", "Round", "forecast_front", "pretrain"]
+
+FRONT_SETTINGS: dict[str, dict[str, float]] = {
+    "equal": {}, "fatigue": {"fatigue": 4.0}, "power": {"power": 4.0}, "travel": {"travel": 4.0},
+    "little travel": {"travel": 0.25}, "little fatigue": {"fatigue": 0.25}, "little power": {"power": 0.25},
+}  # fmt: skip
+"""Settings of a dial of which a forecast is recorded: each factor at a quarter, one and four times the others."""
 
 _T = TypeVar("_T")
 _MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
@@ -313,7 +318,7 @@ def pretrain(
     }
     if dials is not None and rounds:
         drawn = isinstance(plain.options.dial.weights, str)
-        record["front"] = forecast_front(actor, made[: options.held_out], TURNED if drawn else None)
+        record["front"] = forecast_front(actor, made[: options.held_out], FRONT_SETTINGS if drawn else None)
     return record
 
 
