@@ -22,8 +22,8 @@ import numpy as np
 from wt_gym.base.errors import ActionError, ControllerError
 from wt_gym.bridges.rosco import FIRST_CALL, MOST_BLADES, READINGS, SET_POINTS, Message, SetPoints
 from wt_gym.control import AgentSetpoint, Demand
-from wt_gym.control.actions import ResidualPitch
-from wt_gym.control.controllers.own_class import load_class
+from wt_gym.control.controllers.additions import ResidualPitch
+from wt_gym.control.controllers.names import load_class
 from wt_gym.control.sensors import harmonic_of_blades, to_blades
 from wt_gym.envs.observations import RESIDUAL_GROUPS, Observer
 from wt_gym.envs.options.environment import flat_arguments, registered_arguments

@@ -13,9 +13,8 @@ from gymnasium.error import ResetNeeded
 
 from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.control import ActionMap, Lidar
-from wt_gym.control.actions import ResidualPitch
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller, starting_part
-from wt_gym.control.controllers.additions import yaw_drive_of
+from wt_gym.control.controllers.additions import ResidualPitch, yaw_drive_of
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
