@@ -14,7 +14,7 @@ from wt_gym.deployment.export.policy import (
     check_onnx,
     export_onnx,
     network_of,
-    training_layout,
+    training_environment,
     write_onnx,
 )
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -34,7 +34,9 @@ def test_a_shipped_agent_acts_alike_in_an_episode(tmp_path):
         "nrel_5mw", inflow="steady", wind_speed=15.0, action_mode="residual", pitch="fixed-frame",
         action_components=["pitch"],
     )  # fmt: skip
-    layout = training_layout(agent, {})
+    env = training_environment(agent, {})
+    layout = env.layout
+    env.close()
     assert env.layout.observation.names == layout.observation.names
     observation, _ = env.reset(seed=1)
     for _ in range(20):
