@@ -1,7 +1,4 @@
-"""OpenFAST behind the contract of `wt_gym.simulation.Simulator`.
-
-How the pitch gets from command to command within a step: the pitch drives of the simulator, for OpenFAST's steps.
-"""
+"""OpenFAST behind the contract of `wt_gym.simulation.Simulator`."""
 
 from __future__ import annotations
 
