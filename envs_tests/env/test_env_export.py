@@ -19,7 +19,6 @@ from wt_gym.deployment.export.policy import (
 )
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, TrainedAgent
-from wt_gym.experiment.trained_environment import trained_arguments
 
 onnxruntime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed: the extra export brings it")
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"

@@ -29,11 +29,10 @@ from wt_gym.simulation.drivetrain.drives import pitch_delay
 if TYPE_CHECKING:
     from wt_gym.control import Lidar
     from wt_gym.control.controllers import AboveRated, Controller
-    from wt_gym.control.controllers.discon import BaselineParameters
-    from wt_gym.control.controllers.pitch_law import PitchLaw
-    from wt_gym.control.controllers.wind_estimator import WindEstimator
-    from wt_gym.control.optimal.design_file import LinearDesign
-    from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.control.controllers.discon import BaselineParameters, PitchLaw
+    from wt_gym.control.controllers.linear_optimal import LinearDesign
+    from wt_gym.control.controllers.tsr_tracking import WindEstimator
+    from wt_gym.control.rotor import RotorTable
     from wt_gym.turbines import Turbine
 
 __all__ = [
