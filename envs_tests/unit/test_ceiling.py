@@ -31,7 +31,6 @@ from wt_gym.benchmark import (
     task_names,
     to_markdown,
 )
-from wt_gym.benchmark.ceiling import ceiling_table, ladder_table
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.control import Demand
 from wt_gym.control.controllers.linear_optimal import PitchOffsets

@@ -11,11 +11,8 @@ from task_scores import RANDOM, STUDIES, Part, Study, measure, score_table
 
 from wt_gym.analysis.results import Wind
 from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
-from wt_gym.envs.rewards.compose import Part
 from wt_gym.experiment import evaluation_run
 from wt_gym.experiment.robustness import FAULT_CONDITIONS, NOMINAL
-from wt_gym.experiment.task_scores import RANDOM, STUDIES, Study, score_table
-from wt_gym.simulation.step.measurement_kernels import measure
 from wt_gym.tasks import TASKS
 
 ROOT = Path(__file__).resolve().parents[2]

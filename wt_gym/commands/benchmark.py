@@ -6,8 +6,6 @@
     wt-gym benchmark archive runs/benchmark --models runs/ppo --out entry.tar.xz
     wt-gym benchmark verify entry.tar.xz --jobs 2       # repeats six of its runs
     wt-gym benchmark reference --task all --jobs 2      # after a change of the physics
-    wt-gym benchmark ceiling --task load-reduction      # what a score can be where the wind is known
-    wt-gym benchmark front runs/ppo --jobs 2            # docs/data/load_travel_front.csv and .svg
 
 An agent is zero, random, a controller with parameters behind a colon (constrained_ipc:level=0.1), a class of your own
 (file.py:Class), planner, the path of a trained model, or baselines, which stands for twelve of them (with rosco, where
@@ -68,25 +66,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     )
     add_engine_options(verify, "runs")
     reference = commands.add_parser("reference", description="Renew the reference numbers in the files of tasks.")
-    ceiling = commands.add_parser(
-        "ceiling",
-        description="Ceilings of tasks: offsets of the pitch learned for winds that are known, and what linear laws "
-        "with more and more information are forecast to reach. Written beside the tasks.",
-    )
-    ceiling.add_argument("--winds", type=int, default=3, metavar="N", help="of each speed (default: %(default)s)")
-    ceiling.add_argument("--duration", type=float, metavar="S", help="of a run (default: the task's)")
-    ceiling.add_argument("--passes", type=int, default=3, metavar="N", help="runs with offsets (default: %(default)s)")
-    ceiling.add_argument("--no-ladder", dest="ladder", action="store_false", help="without the ladder of information")
-    ceiling.add_argument(
-        "--page", type=file_ending_in(".md"), metavar="FILE", help="put the tables of all ceilings into this page"
-    )
-    ceiling.add_argument("--data", type=Path, metavar="DIR", help="folder of the files (default: in the package)")
-    front = commands.add_parser(
-        "front",
-        description="Flap DEL against pitch travel of individual pitch: gains, bands that constrain it, and a lidar.",
-    )
-    front.add_argument("agents", nargs="*", metavar="AGENT", help="to compare with the front")
-    for command, tasks in ((run, "all"), (reference, "all"), (front, "load-reduction"), (ceiling, "load-reduction")):
+    for command in (run, reference):
         command.add_argument(
             "--task", nargs="+", default=["all"], metavar="NAME", help="tasks, or the beginning of their names, or all"
         )
@@ -264,66 +244,6 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
         best[task.name] = made.improvements
         print(f"{task.id}: 100 is {made.best_agent}, an improvement of {100 * made.best_improvement:.2f} % ({path})")
     return best
-
-
-def ceiling(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Make ceilings."""
-    from dataclasses import asdict
-
-    from wt_gym.base.errors import BenchmarkError
-    from wt_gym.base.files import write_text_whole
-    from wt_gym.benchmark import ceiling_file, ceiling_of, into_page, write_ceiling
-    from wt_gym.benchmark.ceiling import ceiling_table, ladder_table
-    from wt_gym.learning.linear_design.ceiling import CeilingOptions, make_ceiling
-    from wt_gym.learning.linear_design.oracle import OracleOptions
-
-    if arguments.data is None and not IN_CLONE:
-        raise BenchmarkError(
-            f"ceilings stand in the package: a clone of the project makes them, not {CLONE}; elsewhere name --data"
-        )
-    options = CeilingOptions(
-        winds=arguments.winds, duration=arguments.duration, oracle=OracleOptions(passes=arguments.passes),
-        ladder=arguments.ladder,
-    )  # fmt: skip
-    found = {}
-    with executor_of(arguments) as executor:
-        for task in chosen(arguments.task):
-            made = make_ceiling(
-                task, arguments.out, options, executor, lambda line: print(line, file=sys.stderr, flush=True)
-            )
-            file = ceiling_file(task)
-            path = write_ceiling(made, file if arguments.data is None else arguments.data / file.name)
-            print(f"{task.id}: with the wind known an improvement of {100 * made.improvement:.2f} % ({path})")
-            found[task.name] = asdict(made)
-    if arguments.page is not None:
-        known = {task.id: ceiling_of(task) for task in chosen(["all"])}
-        there = {name: one for name, one in known.items() if one is not None}
-        page = arguments.page.read_text(encoding="utf-8")
-        for part, text in (("ceilings", ceiling_table(there)), ("ladder", ladder_table(there))):
-            page = into_page(text, page, part)
-        write_text_whole(arguments.page, page)
-    return found
-
-
-def front(arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """Make the front of load against travel."""
-    from wt_gym.experiment.benchmark_runs import entries_of
-    from wt_gym.experiment.names import with_model_options
-
-    entries, rows, distances = fronts.front_entries(), [], []
-    agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
-    others = [entry for entry in entries_of(agents) if entry not in entries]
-    if taken := {entry.name for entry in entries} & {entry.name for entry in others}:
-        raise ValueError(f"{', '.join(sorted(taken))} belongs to the front itself: give the agent another name")
-    asked = [(task, [*entries, *others]) for task in chosen(arguments.task)]
-    for (task, _), found in zip(asked, results(arguments, asked), strict=True):
-        rows += fronts.front_rows(task, found)
-        compared = [*(name for names in fronts.WITH_LIDAR.values() for name in names), *(e.name for e in others)]
-        distances += [fronts.front_distance(task, found, name) for name in compared]
-    table = fronts.write_csv(rows, arguments.data / "load_travel_front.csv")
-    print(f"table: {table}\nfigure: {fronts.draw_front(rows, arguments.data / 'load_travel_front.svg')}")
-    print("\n".join(fronts.distance_table(distances)))
-    return rows
 
 
 def main(words: list[str] | None = None) -> None:
