@@ -105,7 +105,6 @@ def parked_modes(fidelity, gravity=True):
 
     Parameters
     ----------
-    fidelity : str or Fidelity
     gravity : bool
         Without it the structure is weightless.
 
