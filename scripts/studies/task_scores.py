@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from validation.record import source_commit
 
 import wt_gym
 from wt_gym.analysis.change import relative_change
@@ -39,6 +38,9 @@ from wt_gym.experiment.comparison import half_width
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the tests are no part of the installed package
+from envs_tests.physics.validation import source_commit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -75,7 +75,6 @@ def exact_rod(
 
     Parameters
     ----------
-    sections : BeamSections
     distributed : callable, optional
         Dead load per arc length p(s) (3,) [N/m].
     tip_force, tip_moment : array (3,)

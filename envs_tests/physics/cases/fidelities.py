@@ -75,7 +75,6 @@ class Experiment:
 
     Attributes
     ----------
-    name : str
     wind : float
         Mean at hub height [m/s].
     seed : int or None
@@ -119,8 +118,6 @@ def conduct(experiment: Experiment, choice: str | Fidelity, save_to: Path | None
 
     Parameters
     ----------
-    experiment : Experiment
-    choice : str or Fidelity
     save_to : path, optional
         File (NetCDF) for all signals.
 

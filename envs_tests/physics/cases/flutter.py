@@ -59,7 +59,6 @@ class LinearLattice:
         Chord [m] and distance from the leading edge to the axis y = 0 of twist, in chords.
     edges : ndarray, shape (n_span + 1,)
         Span edges, from 0 [m].
-    n_chord : int
     wake_chords : float
         Length of the wake.
     """

@@ -306,8 +306,6 @@ class Combination:
     ----------
     turbine : str
         As in the ids of the environments.
-    name : str
-    fidelity : Fidelity
     like : bool
         Whether the same turbine is described with the same shapes, so that power and loads have to be nearly the same.
     ending : str, optional

@@ -26,10 +26,6 @@ def boundary_layer(wind_speed, reference_height=None):
         Reference value [m/s].
     reference_height : float, optional
         Where the wind has this speed [m]; by default the gradient height.
-
-    Returns
-    -------
-    SteadyInflow
     """
     profile = gebhardt_data()["inferred"]["wind_profile"]
     return SteadyInflow(wind_speed, reference_height or profile["reference_height_m"], profile["exponent"])
@@ -133,7 +129,6 @@ def make_simulator(
         Weight of all bodies (only the embedded form can do without).
     tower : float
         Factor on the bending stiffness of the tower.
-    lattice : AeroOptions
     fidelity : str
         "gebhardt", or "gebhardt-full" with tower and nacelle as bodies that move.
     forward : float, optional

@@ -273,7 +273,6 @@ def gust_response(options: AeroOptions, wind: float, settling: float = 40.0, dur
 
     Parameters
     ----------
-    options : AeroOptions
     wind : float
         One of `STATES` [m/s].
     settling, duration : float
@@ -421,7 +420,6 @@ def ring_wake_step(rotor: DynamicRotor, wind: Ramp, speed: float, carried: float
     ----------
     rotor : DynamicRotor
         Gives the thrust before the step and its slopes with wind and induced velocity there.
-    wind : Ramp
     speed : float
         [rad/s].
     carried : float

@@ -418,7 +418,6 @@ def lattice_loop(
 
     Parameters
     ----------
-    motion : Pitching
     polar : ndarray, shape (n_alpha, 3), optional
         Of the section; a flat plate's if not given.
     n_chord : int

@@ -104,7 +104,6 @@ def parked_modes(fidelity, gravity=True):
 
     Parameters
     ----------
-    fidelity : str or Fidelity
     gravity : bool
         Without it the structure is weightless.
 
