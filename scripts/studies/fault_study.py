@@ -17,8 +17,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from task_scores import STEADY, signed
 
 from wt_gym.analysis.change import relative_change
+from wt_gym.base.files import write_text_whole
+from wt_gym.benchmark.run import benchmark_metrics
+from wt_gym.benchmark.tasks import load_task
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.experiment.evaluation_winds import winds_for
+from wt_gym.experiment.robustness import CONDITIONS, COST_TASK, FAULT_CONDITIONS, NOMINAL, chosen
+from wt_gym.tasks import DEFAULT_ENV
+from wt_gym.turbines import load_turbine
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORD = ROOT / "docs" / "data" / "fault_study.json"
@@ -39,17 +48,6 @@ def run(
     folder: Path, names: list[str], measured: list[str], speeds: list[float], seeds: list[int], duration: float
 ) -> None:
     """Measure conditions; the record keeps its figures of others."""
-    from wt_gym.base.files import write_text_whole
-    from wt_gym.benchmark.run import benchmark_metrics
-    from wt_gym.benchmark.tasks import load_task
-    from wt_gym.experiment.evaluation import evaluate
-    from wt_gym.experiment.evaluation_config import EvaluationConfig
-    from wt_gym.experiment.evaluation_winds import winds_for
-    from wt_gym.experiment.robustness import COST_TASK, chosen
-    from wt_gym.experiment.task_scores import STEADY
-    from wt_gym.tasks import DEFAULT_ENV
-    from wt_gym.turbines import load_turbine
-
     turbine, keys = load_turbine("nrel_5mw"), [term.metric for term in load_task(COST_TASK).terms]
     winds = winds_for(DEFAULT_ENV, {}, speeds, seeds, None, duration)
     config = EvaluationConfig(DEFAULT_ENV, STEADY, winds, duration=duration, skip=30.0, replay=0.0)
@@ -83,9 +81,6 @@ def run(
 
 def table(record: dict) -> str:
     """Markdown of the record."""
-    from wt_gym.benchmark.tasks import load_task
-    from wt_gym.experiment.robustness import CONDITIONS, COST_TASK, FAULT_CONDITIONS, NOMINAL
-
     improvement = load_task(COST_TASK).improvement
     by = {(row["condition"], row["agent"], row["wind"]): row for row in record["runs"]}
     winds = list(dict.fromkeys(row["wind"] for row in record["runs"]))
@@ -119,16 +114,10 @@ def table(record: dict) -> str:
             own, nominal = gain(condition, agent), gain(NOMINAL, agent)
             ended = sum(by[condition, agent, wind]["ending"] != "time" for wind in winds)
             cells.append(f"{ended} of {len(winds)} ended" if own is None else f"{signed(100.0 * own, 1)} %")
-            cells.append("–" if own is None or nominal is None else f"{signed(100.0 * own / nominal, 0, '')} %")
+            cells.append("–" if own is None or nominal is None else f"{signed(100.0 * own / nominal, 0, plus=False)} %")
             cells.append(change(condition, agent, (condition, REFERENCE)))
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
-
-
-def signed(value: float, digits: int, plus: str = "+") -> str:
-    """Number with the minus sign of text; one that rounds to zero has no sign."""
-    text = f"{value:{plus}.{digits}f}"
-    return (text.lstrip("+-") if float(text) == 0.0 else text).replace("-", "−")
 
 
 def with_table(text: str, record: dict) -> str:
@@ -158,8 +147,6 @@ def main(words: list[str] | None = None) -> int:
         )
     record = json.loads(RECORD.read_text(encoding="utf-8"))
     if arguments.command == "pages":
-        from wt_gym.base.files import write_text_whole
-
         write_text_whole(PAGE, with_table(PAGE.read_text(encoding="utf-8"), record))
     else:
         print(table(record))
