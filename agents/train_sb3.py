@@ -38,7 +38,7 @@ class Returns(VecMonitor):
         return observations, rewards, dones, infos
 
 
-def draw(episodes, path, window=40):
+def draw(episodes, path, window=24):
     """Learning curve: return of each episode and its moving mean."""
     steps, returns = np.array(episodes).T
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")

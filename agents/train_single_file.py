@@ -52,7 +52,7 @@ class Agent(nn.Module):
         return self.critic(observation).squeeze(-1)
 
 
-def draw(episodes, path, window=40):
+def draw(episodes, path, window=24):
     """Learning curve: return of each episode and its moving mean."""
     steps, returns = np.array(episodes).T
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")

@@ -51,7 +51,7 @@ def test_own_controller_is_compared(run, capsys):
 
 @pytest.mark.slow
 def test_a_model_of_stable_baselines3_is_trained_and_tested(run, capsys, tmp_path):
-    run("train_sb3.py", "--steps", "640", "--turbines", "2")
+    run("train_sb3.py", "--steps", "640", "--turbines", "1")
     assert {file.name for file in (tmp_path / "runs" / "sb3").iterdir()} == {"model.zip", "model.json", "curve.png"}
     run("evaluate_sb3.py", *SHORT)
     assert "PPO            Mean power" in capsys.readouterr().out
@@ -59,7 +59,7 @@ def test_a_model_of_stable_baselines3_is_trained_and_tested(run, capsys, tmp_pat
 
 @pytest.mark.slow
 def test_the_single_file_trains(run, tmp_path):
-    run("train_single_file.py", "--steps", "640", "--turbines", "2")
+    run("train_single_file.py", "--steps", "640", "--turbines", "1")
     policy = torch.load(tmp_path / "runs" / "single_file" / "policy.pt")
     assert all(torch.isfinite(values).all() for values in policy.values())
     assert (tmp_path / "runs" / "single_file" / "curve.png").is_file()
