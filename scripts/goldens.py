@@ -33,9 +33,9 @@ import wt_gym
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.commands import COMMANDS
 from wt_gym.control.controllers import CONTROLLERS, make_controller
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
-from wt_gym.deployment.export.openfast_folder import export_openfast, scene_of
+from wt_gym.deployment.export.openfast_flight import export_openfast, scene_of
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.fidelity import FIDELITIES

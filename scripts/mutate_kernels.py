@@ -147,7 +147,7 @@ MUTANTS = tuple(Mutant(*row) for row in (
      "u += near * fluctuation[t, j, iy, 0] + far * fluctuation[t, j, iy + 1, 0]",
      "u += (near + far) * fluctuation[t, j, iy, 0]",
      f"{UNIT}/test_wind_turbulence_box.py::test_interpolation_between_the_samples"),
-    ("Coleman angle turns back", "wt_gym/control/coleman.py", "psi = [azimuth + 2.0 * math.pi / n_blades * b",
+    ("Coleman angle turns back", "wt_gym/control/sensors.py", "psi = [azimuth + 2.0 * math.pi / n_blades * b",
      "psi = [azimuth - 2.0 * math.pi / n_blades * b",
      f"{UNIT}/test_control_controllers.py::test_coordinates_of_the_fixed_frame_and_back"),
     ("rainflow by means", "wt_gym/analysis/metrics.py", "for span, _, count, _, _ in rainflow",

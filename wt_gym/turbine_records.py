@@ -38,9 +38,9 @@ class TurbineRecord:
         Of environments with this turbine, where the defaults do not fit it.
     region_2_gain_factor : float, optional
         Multiple of the published gain below rated that made the most power in coupled runs
-        (`wt_gym.control.controllers.retuned`).
+        (`wt_gym.control.controllers.own`).
     rotor_table : dict, optional
-        Coefficients of the rotor as measured in the simulator (`wt_gym.control.rotor_table`).
+        Coefficients of the rotor as measured in the simulator (`wt_gym.control.rotor`).
     """
 
     name: str

@@ -12,8 +12,7 @@ from scripted_simulator import ScriptedSimulator, use
 from wt_gym.analysis.results import Wind
 from wt_gym.analysis.summary import results_table
 from wt_gym.base.files import shipped_folder
-from wt_gym.deployment.export.flight import fly
-from wt_gym.deployment.export.openfast_folder import Scene
+from wt_gym.deployment.export.openfast_flight import Scene, fly
 from wt_gym.envs import VectorReward, reward_store
 from wt_gym.envs.costs import Costs, violated
 from wt_gym.envs.dial import factor_of

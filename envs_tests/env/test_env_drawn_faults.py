@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, use
 
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.envs.fault_draws import SIZE_RANGES, FaultDraws
 from wt_gym.envs.options import FaultOptions
 from wt_gym.envs.options.faults import FAULT_KINDS

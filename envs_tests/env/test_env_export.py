@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 
 from wt_gym.commands.export import main
-from wt_gym.deployment.export.network import network_of
-from wt_gym.deployment.export.onnx_file import INPUT, OUTPUT, check_onnx, write_onnx
-from wt_gym.deployment.export.policy import export_onnx, training_layout
+from wt_gym.deployment.export.policy import (
+    INPUT,
+    OUTPUT,
+    check_onnx,
+    export_onnx,
+    network_of,
+    training_layout,
+    write_onnx,
+)
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 

@@ -22,8 +22,7 @@ from wt_gym.control.controllers import STATES
 from wt_gym.deployment.export.agent_parts import seen_channels
 from wt_gym.deployment.export.controller_parts import controller_parts
 from wt_gym.deployment.export.discon import export_discon
-from wt_gym.deployment.export.flight import fly
-from wt_gym.deployment.export.openfast_folder import scene_of
+from wt_gym.deployment.export.openfast_flight import fly, scene_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, TrainedAgent
 from wt_gym.experiment.trained_environment import trained_arguments
@@ -519,7 +518,7 @@ def test_a_flight_compares_yaw_without_the_noise_of_the_training(wrong, tmp_path
     told["env_kwargs"]["sensor_noise"] = 0.1
     card.write_text(json.dumps(told), encoding="utf-8")
     for name in ("find_driver", "find_library"):
-        monkeypatch.setattr(f"wt_gym.deployment.export.flight.{name}", nothing_there)
+        monkeypatch.setattr(f"wt_gym.deployment.export.openfast_flight.{name}", nothing_there)
 
     def export(*names, **options):
         made = export_discon(*names, **options)
@@ -530,7 +529,7 @@ def test_a_flight_compares_yaw_without_the_noise_of_the_training(wrong, tmp_path
         parameters.write_text(slower if wrong else text, encoding="utf-8")
         return made
 
-    monkeypatch.setattr("wt_gym.deployment.export.flight.export_discon", export)
+    monkeypatch.setattr("wt_gym.deployment.export.openfast_flight.export_discon", export)
     words = [str(path), "--out", str(tmp_path / "flight"), "--duration", "4", "--skip", "1", "--json", "--env-kwargs",
              '{"inflow": "steady", "wind_speed": 12.0}']  # fmt: skip
     if wrong:
@@ -548,7 +547,7 @@ def test_a_flight_compares_yaw_without_the_noise_of_the_training(wrong, tmp_path
 def test_a_flight_in_a_storm_begins_parked_in_both(tmp_path, monkeypatch):
     """Python's supervisor lets the turbine stand; so does the library, of which the environment knows nothing."""
     for name in ("find_driver", "find_library"):
-        monkeypatch.setattr(f"wt_gym.deployment.export.flight.{name}", nothing_there)
+        monkeypatch.setattr(f"wt_gym.deployment.export.openfast_flight.{name}", nothing_there)
     choice = "discon+supervisor"
     wind = {"inflow": "steady", "standstill_limit": -0.5, "wind_speed": 29.0}
     flight = fly(choice, tmp_path, scene_of(choice, env_kwargs=wind, duration=3.0), duration=3.0)

@@ -136,7 +136,7 @@ def test_a_storm_ends_in_a_parked_turbine_and_nothing_breaks():
 
 def test_the_mirrored_world_is_the_same():
     """A rotor that turns the other way in the mirrored path: even channels and states are those of the original."""
-    from wt_gym.turbines.mirror import mirrored
+    from wt_gym.turbines.variants import mirrored
 
     inflow = path((0.0, 10.0), (20.0, 14.0))
     seen = []

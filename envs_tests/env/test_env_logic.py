@@ -11,7 +11,7 @@ from scripted_simulator import ScriptedSimulator, use
 from wt_gym.base.errors import ControllerError
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.clearance import unloaded_clearance
+from wt_gym.turbines.variants import unloaded_clearance
 
 HOLD = np.zeros(3, dtype=np.float32)
 RATED = 12.1 * np.pi / 30

@@ -23,9 +23,9 @@ from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.recorder import Recorder
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.mirror import mirrored
+from wt_gym.turbines.variants import mirrored
 from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
-from wt_gym.wind.protocol import PointInflow
+from wt_gym.wind.inflow import PointInflow
 
 AGENTS = sorted(path.parent for path in (shipped_folder() / "trained").glob("*/model.zip"))
 ANGLES = (*(pytest.param(angle, marks=pytest.mark.slow) for angle in (30.0, 90.0, 180.0)), 237.0)

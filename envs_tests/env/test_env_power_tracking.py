@@ -11,8 +11,7 @@ from scripted_simulator import ScriptedSimulator, scripted_signals, use
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.deployment.export.flight import fly
-from wt_gym.deployment.export.openfast_folder import Scene, export_openfast
+from wt_gym.deployment.export.openfast_flight import Scene, export_openfast, fly
 from wt_gym.envs import record_store, rewards, running_start
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.turbine_env import WindTurbineEnv

@@ -16,8 +16,8 @@ from scripted_simulator import scripted_signals
 
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.base.constants import GRAVITY
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs import rewards
 from wt_gym.envs.observable import blade_static_moment
 from wt_gym.envs.rewards.term import HighPass

@@ -11,7 +11,7 @@ import pytest
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing
 from wt_gym.control import Demand
 from wt_gym.control.controllers import DisconController, make_controller
-from wt_gym.control.controllers.memory import memory_of
+from wt_gym.control.controllers.controller import memory_of
 from wt_gym.envs import record_store, running_start
 from wt_gym.envs.record_store import (
     StartFile,

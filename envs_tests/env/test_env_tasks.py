@@ -17,8 +17,8 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.benchmark.run import make_env
 from wt_gym.benchmark.tasks import load_task
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
-from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.control.controllers import make_controller
+from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.envs import rewards
 from wt_gym.envs.dial import factor_of
 from wt_gym.envs.observations import RESIDUAL_GROUPS

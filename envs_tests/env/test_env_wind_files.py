@@ -27,6 +27,7 @@ from wt_gym.learning.training.selection import SelectionEvaluation
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox
+from wt_gym.wind.files import read_bts, write_bts
 
 TURBINE = load_turbine("nrel_5mw")
 STEADY = "wt_gym/NREL5MW-Steady-v1"
@@ -38,7 +39,7 @@ def files(tmp_path):
     """Two periodic files at 12 and 9 m/s and one at 15 m/s that is not."""
     for name, speed, periodic in (("a", 12.0, True), ("b", 9.0, True), ("once", 15.0, False)):
         box = TurbulenceBox.kaimal(speed, 90.0, 126.0, seed=1, duration=DURATION, grid=(3, 3), cache=False)
-        replace(box, periodic=periodic).to_bts(tmp_path / f"{name}.bts")
+        write_bts(replace(box, periodic=periodic), tmp_path / f"{name}.bts")
     return tmp_path
 
 
@@ -62,7 +63,7 @@ def test_a_periodic_file_is_entered_anywhere(files, kind):
     assert 0.0 <= offsets.min() < 1.0
     assert DURATION - 1.0 < offsets.max() < DURATION
     assert {wind.wind_seed for wind in winds} == {-1}
-    box, hub = TurbulenceBox.from_bts(files / "a.bts"), np.array([[0.0, 0.0, 90.0]])
+    box, hub = read_bts(files / "a.bts"), np.array([[0.0, 0.0, 90.0]])
     first = winds[0]
     k = 7.0 + first.time_offset
     expected = np.interp(
@@ -154,7 +155,7 @@ def test_missing_and_damaged_files_are_refused_when_the_environment_is_made(file
 def test_a_file_that_was_replaced_is_read_again(files):
     sampler = WindSampler(TURBINE, WindOptions(files / "a.bts", None))
     sampler.sample(np.random.default_rng(0))
-    TurbulenceBox.from_bts(files / "b.bts").to_bts(files / "a.bts")
+    write_bts(read_bts(files / "b.bts"), files / "a.bts")
     os.utime(files / "a.bts", (1.0, 1.0))
     assert WindSampler(TURBINE, WindOptions(files / "a.bts", None)).speeds == (9.0, 9.0)
 

@@ -6,19 +6,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from validation.lifting_surfaces import starting_impulse
-from validation.lifting_tools import (
+from envs_tests.physics.cases.airfoils import (
     INVISCID,
     UniformStream,
     WingFlow,
+    exact_lift,
     far_field_drag,
     flat_planform,
     half_span_edges,
+    oscillating_lift,
     panels_of,
     steady_coefficients,
     steady_wing,
 )
-from validation.unsteady_airfoil import exact_lift, oscillating_lift
+from envs_tests.physics.cases.wings import starting_impulse
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.lifting_tools import panels_of
+from envs_tests.physics.cases.airfoils import panels_of
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.lattice.planform import section_lattice
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.bodies import box_body
+from envs_tests.physics.cases.bodies import box_body
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.bodies import body_kernels
 from wt_gym.aerodynamics.bodies.body_set import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body

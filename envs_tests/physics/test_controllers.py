@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from wt_gym.control import Demand
-from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers import IndividualPitch, WindEstimator, make_controller
+from wt_gym.control.sensors import from_harmonic, to_harmonic
 from wt_gym.experiment.comparison import Case, inflow_of, run_cases
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from validation.dynamic_stall import (
+from envs_tests.physics.cases.airfoils import UniformStream, WingFlow, flat_planform, half_span_edges
+from envs_tests.physics.cases.stall import (
     Pitching,
     StallingSection,
     attached_response,
@@ -15,7 +16,6 @@ from validation.dynamic_stall import (
     oye_loop,
     s809_polar,
 )
-from validation.lifting_tools import UniformStream, WingFlow, flat_planform, half_span_edges
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions
 from wt_gym.aerodynamics.lattice.section_kernels import ATTACHED, DRAG, POINT, SEPARATED
 from wt_gym.aerodynamics.lattice.separation import separation_tables

@@ -15,8 +15,7 @@ from wt_gym.simulation.drivetrain.drives import DampingTorque, Drives, LaggedTor
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, VoltageDip
 from wt_gym.simulation.fidelity import fidelity
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.electrical import LossShares, electrical_power, with_electrical
-from wt_gym.turbines.shaft_damping import shaft_damper_of
+from wt_gym.turbines.variants import LossShares, electrical_power, shaft_damper_of, with_electrical
 from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation import formulations_coupled as module
+from envs_tests.physics.cases import formulations as module
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation.gebhardt_results import RPM, make_simulator, published
+from envs_tests.physics.cases.gebhardt import RPM, make_simulator, published
 from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Simulator

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from validation.gebhardt_results import RPM, make_simulator, published, simulate
-from validation.gebhardt_wind import boundary_layer
+from envs_tests.physics.cases.gebhardt import RPM, boundary_layer, make_simulator, published, simulate
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes
-from wt_gym.turbines.gebhardt_turbine import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
+from wt_gym.turbines.catalogue import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
 
 STAND_IN = gebhardt_data()["stand_in"]
 PITCH = np.radians(12.7)

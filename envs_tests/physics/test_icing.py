@@ -9,8 +9,8 @@ from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.model.blade_lattice import blade_planform
 from wt_gym.turbines import BladeIce, load_turbine
-from wt_gym.turbines.icing import LIFT_LOSS, MORE_DRAG, ice_mass, iced_structure, spread
-from wt_gym.turbines.mirror import mirrored
+from wt_gym.turbines.blade import LIFT_LOSS, MORE_DRAG, ice_mass, iced_structure, spread
+from wt_gym.turbines.variants import mirrored
 from wt_gym.turbines.windio_writer import write_windio
 from wt_gym.wind import SteadyInflow
 

@@ -3,13 +3,22 @@
 import numpy as np
 import pytest
 
-from validation.case import load_cases, run_case
-from validation.goland_wing import Resolution, dominant_mode, growth, linear_flutter
-from validation.gusts import KUSSNER, SEARS, gust_waves, kussner, sears, sharp_edged_gust
-from validation.lifting_surfaces import RECTANGULAR, rectangular_wing, starting_impulse, sudden_acceleration
-from validation.lifting_tools import flat_planform, steady_coefficients, steady_wing
-from validation.linear_lattice import LinearLattice
-from validation.unsteady_airfoil import exact_lift, oscillating_lift
+from envs_tests.physics.cases.airfoils import (
+    KUSSNER,
+    SEARS,
+    exact_lift,
+    flat_planform,
+    gust_waves,
+    kussner,
+    oscillating_lift,
+    sears,
+    sharp_edged_gust,
+    steady_coefficients,
+    steady_wing,
+)
+from envs_tests.physics.cases.flutter import LinearLattice, Resolution, dominant_mode, growth, linear_flutter
+from envs_tests.physics.cases.wings import RECTANGULAR, rectangular_wing, starting_impulse, sudden_acceleration
+from envs_tests.physics.validation import load_cases, run_case
 
 
 @pytest.mark.parametrize("name", ["wagner", "elliptic-wings", "vortex-conservation", "goland-strip-theory"])

@@ -13,7 +13,7 @@ from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.channels import channel_table, parities
 from wt_gym.simulation.model.turbine_structure import averaged_over_yaw, rotor_axial_inertia
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.mirror import mirrored
+from wt_gym.turbines.variants import mirrored
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
 
 GLOBAL = ("wind_x", "wind_y", "yaw", "tower_top_x", "tower_top_y", "tower_base_moment_x", "tower_base_moment_y")

@@ -8,7 +8,7 @@ import pytest
 
 from wt_gym.analysis.scene import cut_at_sea_level
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
-from wt_gym.control.controllers.rotor_rules import tower_top
+from wt_gym.control.design import tower_top
 from wt_gym.simulation import Fidelity, Simulator
 from wt_gym.simulation.model.turbine_structure import tower_beam
 from wt_gym.structure.beam import Beam, BeamSections

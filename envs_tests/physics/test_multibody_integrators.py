@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from validation.integrators import (
+from envs_tests.physics.cases.mechanisms import (
     HAMMING_TABLE,
     amplification,
     oscillator,
@@ -20,7 +20,6 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import (
     INTEGRATORS,
-    GeneralizedAlphaIntegrator,
     ImplicitIntegrator,
     IntegratorEntry,
     coupled_integrator,
@@ -326,15 +325,6 @@ def test_singular_mass_is_named():
 
 
 # ---- registry --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["generalised_alpha", "generalized-alpha"])
-def test_earlier_spellings_are_known_for_one_version(name):
-    with pytest.warns(DeprecationWarning, match=f"{name}' is named 'generalized_alpha'"):
-        assert type(make_integrator(name, pendulum(), 0.1)) is GeneralizedAlphaIntegrator
-    with pytest.warns(DeprecationWarning, match=f"{name}' is named 'generalized_alpha'"):
-        fidelity = Fidelity(integrator=name)
-    assert fidelity == Fidelity(integrator="generalized_alpha")
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)

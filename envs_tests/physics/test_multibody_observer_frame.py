@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from validation import observer_frame as example
-from validation import observer_frame_follower as follower
-from validation import observer_frame_updates as updates
-from validation import observer_second_order, three_formulations
-from validation.exact_rod import exact_rod
+from envs_tests.physics.cases import observer_beams, rotating_beams
+from envs_tests.physics.cases import observer_frame as example
+from envs_tests.physics.cases.beams import exact_rod
 from wt_gym.base.constants import GRAVITY
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
 from wt_gym.multibody.observer_frame.frame import (
@@ -218,12 +216,10 @@ def test_consistent_load_is_the_beam_column():
 
 def test_couple_of_eq_4_has_a_largest_load():
     """At rest M = F u θ is quadratic in the couple; the time stepping finds its smaller root, and none beyond."""
-    limit = follower.largest_printed_load()
+    limit = example.largest_printed_load()
     assert limit == pytest.approx(60.6e3, rel=1e-3)
-    assert follower.static_tip(0.9 * limit, "deformed") == pytest.approx(
-        follower.printed_balance(0.9 * limit), rel=1e-3
-    )
-    assert np.isnan(follower.static_tip(1.03 * limit, "deformed"))
+    assert example.static_tip(0.9 * limit, "deformed") == pytest.approx(example.printed_balance(0.9 * limit), rel=1e-3)
+    assert np.isnan(example.static_tip(1.03 * limit, "deformed"))
 
 
 def test_exact_follower_force_by_quadrature_and_by_shooting():
@@ -232,7 +228,7 @@ def test_exact_follower_force_by_quadrature_and_by_shooting():
     for _ in range(4):
         _, position, frame = exact_rod(example.blade_sections(), tip_force=force * direction, n=100, load_steps=1)
         direction = frame[-1, :, 0]
-    assert follower.exact_follower(force) == pytest.approx(position[-1, 0], rel=2e-3)
+    assert example.exact_follower(force) == pytest.approx(position[-1, 0], rel=2e-3)
 
 
 def test_rigid_pendulum_period():
@@ -379,8 +375,8 @@ def test_spinning_beam_has_no_geometric_stiffness():
 @pytest.mark.parametrize(("plane", "eta"), [("flap", 4.0), ("lag", 4.0), ("flap", 8.0)])
 def test_second_order_displacements_give_the_rotating_beam(plane, eta):
     """Geometric stiffness of the centrifugal force, against the table of exact frequencies."""
-    known = observer_second_order.TABLE[eta][plane == "lag"]
-    assert observer_second_order.rotating_frequency(eta, plane) == pytest.approx(known, rel=2e-3)
+    known = observer_beams.TABLE[eta][plane == "lag"]
+    assert observer_beams.rotating_frequency(eta, plane) == pytest.approx(known, rel=2e-3)
 
 
 def test_weight_softens_a_column_with_second_order_displacements():
@@ -430,17 +426,17 @@ def test_shaft_about_its_own_axis_is_updated_on_demand():
 
 def test_frame_updates_as_printed():
     """16 modes at 1.6 rad/s and finite elements at 0.2 rad/s keep the momentum; the latter diverge at 1.6 rad/s."""
-    assert updates.follow(example.SPEED, 16, "printed")[0] < 1e-4
-    assert updates.follow(updates.SLOW, None, "printed")[0] < 1e-3
-    assert updates.follow(example.SPEED, None, "printed")[0] == np.inf
+    assert example.follow(example.SPEED, 16, "printed")[0] < 1e-4
+    assert example.follow(example.SLOW, None, "printed")[0] < 1e-3
+    assert example.follow(example.SPEED, None, "printed")[0] == np.inf
 
 
 def test_published_follower_load_example():
     """At u/L ≈ 0.15 three and five modes fall short, ten do not; the reference is converged in its step."""
-    tip = {n: follower.tip_after_loading(follower.LOAD, "consistent", n_modes=n)[0] for n in (None, 3, 5, 10)}
+    tip = {n: example.tip_after_loading(example.LOAD, "consistent", n_modes=n)[0] for n in (None, 3, 5, 10)}
     assert tip[None] == pytest.approx(0.15, rel=0.01)
     assert tip[3] < tip[5] < 0.95 * tip[None] < tip[10] < 1.05 * tip[None]
-    assert follower.halved(follower.LOAD, "consistent").passed
+    assert example.halved(example.LOAD, "consistent").passed
 
 
 @pytest.mark.slow
@@ -448,12 +444,12 @@ def test_published_follower_load_example():
     "case",
     [
         example.spin_up,
-        follower.follower,
-        follower.printed,
-        follower.references,
-        updates.printed_updates,
-        updates.thresholds,
-        three_formulations.one_rotor,
+        example.follower,
+        example.printed,
+        example.references,
+        example.printed_updates,
+        example.thresholds,
+        rotating_beams.one_rotor,
     ],
 )
 def test_published_example(case):
@@ -472,13 +468,13 @@ class TestFromSystem:
 
     @pytest.mark.parametrize("form", ["embedded", "constrained"])
     def test_frequencies_of_the_rotor_at_rest(self, form):
-        embedded = three_formulations.build(push=0.0)
-        known = three_formulations.frequencies(embedded, embedded.initial_state())
-        system = three_formulations.build(form, push=0.0)
+        embedded = rotating_beams.build(push=0.0)
+        known = rotating_beams.frequencies(embedded, embedded.initial_state())
+        system = rotating_beams.build(form, push=0.0)
         y = system.initial_state()
         system.place_free_bodies(y)
-        observed = observer_frame_from_system(system, three_formulations.rotor_beams(), y)
-        np.testing.assert_allclose(three_formulations.observed_frequencies(observed)[1:], known[1:], rtol=1e-8)
+        observed = observer_frame_from_system(system, rotating_beams.rotor_beams(), y)
+        np.testing.assert_allclose(rotating_beams.observed_frequencies(observed)[1:], known[1:], rtol=1e-8)
 
     def test_spherical_pendulum_on_a_turned_joint_keeps_energy_and_swings_like_the_tree(self):
         tree = MultibodySystem()
@@ -495,7 +491,7 @@ class TestFromSystem:
         known.start(y)
         run.advance(2000)
         known.advance(1000)
-        position, rotation = three_formulations.body_pose(tree, known.state, 1)
+        position, rotation = rotating_beams.body_pose(tree, known.state, 1)
         np.testing.assert_allclose(run.position("other", "end"), position + rotation @ (0.0, 0.0, -1.0), atol=2e-5)
 
     def test_refusals(self):

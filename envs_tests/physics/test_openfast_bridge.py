@@ -13,16 +13,16 @@ from openfast_library import openfast_library
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import SimulationError
 from wt_gym.bridges.openfast import VARIABLE, OpenFASTSimulator
-from wt_gym.bridges.openfast.sections import tower_sections
+from wt_gym.bridges.openfast.model import tower_sections
 from wt_gym.commands.crosscheck import main as crosscheck
 from wt_gym.control import Demand
-from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.control.controllers import make_controller
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
+from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import parities
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.mirror import mirrored
+from wt_gym.turbines.variants import mirrored
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 LIBRARY = openfast_library()

@@ -13,8 +13,7 @@ from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE, find_driver, read
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.commands.fly import main as fly_command
 from wt_gym.commands.loads import main as loads_command
-from wt_gym.deployment.export.flight import LOADS, fly
-from wt_gym.deployment.export.openfast_folder import export_openfast, scene_of
+from wt_gym.deployment.export.openfast_flight import LOADS, export_openfast, fly, scene_of
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning.train import TrainingConfig, train
 

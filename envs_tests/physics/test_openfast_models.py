@@ -16,7 +16,7 @@ from wt_gym.simulation.linear.campbell import campbell
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.beam import rotation_about_z
+from wt_gym.turbines.blade import rotation_about_z
 from wt_gym.turbines.openfast import read_openfast
 from wt_gym.turbines.openfast_text import TextFile
 from wt_gym.wind import SteadyInflow

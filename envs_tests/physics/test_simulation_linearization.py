@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from validation.linearization import (
+from envs_tests.physics.cases.tools import mass_matrix, rate_jacobian
+from envs_tests.physics.cases.turbine_modes import (
     TOLERANCES,
     free_vibration,
     rigid_support,
@@ -15,7 +16,6 @@ from validation.linearization import (
     weightless_simulator,
     whirl_frequencies,
 )
-from validation.tree_tools import mass_matrix, rate_jacobian
 from wt_gym.base.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.linear.campbell import campbell

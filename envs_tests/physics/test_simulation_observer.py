@@ -11,9 +11,9 @@ from gymnasium.utils.env_checker import check_env
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from validation import observer_substructures, observer_turbine_reduction
-from validation.observer_turbine_reduction import centrifugal_stiffness
-from validation.three_formulations import body_pose, observed_frequencies
+from envs_tests.physics.cases import observer_beams
+from envs_tests.physics.cases.observer_beams import centrifugal_stiffness
+from envs_tests.physics.cases.rotating_beams import body_pose, observed_frequencies
 from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.observer_frame.frame import ObserverFrameError, ObserverFrameIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import Translation, observer_frame_from_system
@@ -326,9 +326,9 @@ def test_fidelity_refuses_what_makes_no_sense():
 
 @pytest.mark.slow
 def test_several_frames_a_beam_bring_the_geometric_stiffness_back():
-    assert [check.quantity for check in observer_substructures.substructures().checks if not check.passed] == []
+    assert [check.quantity for check in observer_beams.substructures().checks if not check.passed] == []
 
 
 @pytest.mark.slow
 def test_reduction_on_the_turbine():
-    assert [check.quantity for check in observer_turbine_reduction.reduction().checks if not check.passed] == []
+    assert [check.quantity for check in observer_beams.reduction().checks if not check.passed] == []

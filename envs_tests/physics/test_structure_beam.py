@@ -19,7 +19,7 @@ from wt_gym.structure.flexible_body import (
 )
 from wt_gym.structure.modes import clamped_modes, lowest_modes, select_modes, spin_stiffness
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.beam import inertia_matrix
+from wt_gym.turbines.blade import inertia_matrix
 
 LENGTH = 12.0
 

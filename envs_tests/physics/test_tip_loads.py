@@ -5,26 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation.lifting_tools import flat_planform, half_span_edges, steady_wing
-from validation.rigid_rotor import RigidRotor
-from validation.tip_loads import (
+from envs_tests.physics.cases.airfoils import flat_planform, half_span_edges, steady_wing
+from envs_tests.physics.cases.rotor import RigidRotor
+from envs_tests.physics.cases.wings import (
     NARROW,
     PITCH,
     ROOT,
     RUNGS,
     blade_strips,
+    helix_induction,
+    lifting_line_blade,
+    lifting_surface,
     middles,
+    optimum_circulation,
+    outermost_strips,
     rung_edges,
     through_strips,
     turbine_strips,
     wing_strips,
-)
-from validation.tip_theory import (
-    helix_induction,
-    lifting_line_blade,
-    lifting_surface,
-    optimum_circulation,
-    outermost_strips,
 )
 from wt_gym.aerodynamics import AerodynamicsError, build_planform
 from wt_gym.aerodynamics.options import TRAINING

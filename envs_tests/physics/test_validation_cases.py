@@ -3,12 +3,16 @@
 import numpy as np
 import pytest
 
-from validation.case import load_cases, run_case
-from validation.exact_rod import BarChain, exact_rod
-from validation.large_deflection import bathe_displacement
-from validation.mixed_coordinates import Disc, simulate, small_turbine
-from validation.rotating_beams import spinning_beam, spinning_frequencies, tapered_sections, uniform_sections
-from validation.tree_tools import NoBalance, frequencies, read_table, static_balance
+from envs_tests.physics.cases.beams import BarChain, bathe_displacement, exact_rod
+from envs_tests.physics.cases.rotating_beams import (
+    spinning_beam,
+    spinning_frequencies,
+    tapered_sections,
+    uniform_sections,
+)
+from envs_tests.physics.cases.small_turbine import Disc, simulate, small_turbine
+from envs_tests.physics.cases.tools import NoBalance, frequencies, static_balance
+from envs_tests.physics.validation import load_cases, read_table, run_case
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody

@@ -10,9 +10,20 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from validation import case as module
-from validation.case import Case, CaseResult, Check, Curve, Figure, absolute, case, load_cases, run_case, worst
-from validation.record import read_record
+from envs_tests.physics import validation as module
+from envs_tests.physics.validation import (
+    Case,
+    CaseResult,
+    Check,
+    Curve,
+    Figure,
+    absolute,
+    case,
+    load_cases,
+    read_record,
+    run_case,
+    worst,
+)
 from wt_gym.structure.beam import Beam
 from wt_gym.structure.coordinates import body_from_beam, circular_sections
 
@@ -107,7 +118,6 @@ def two_cases(monkeypatch):
     cases = {"bad": Case("bad", "Bad", "source", bad, slow=True), "good": Case("good", "Good", "source", good)}
     monkeypatch.setattr(module, "_CASES", cases)
     monkeypatch.setattr(validate, "load_cases", lambda: cases)
-    monkeypatch.setattr(validate, "all_cases", lambda: tuple(cases.values()))
 
 
 @pytest.mark.usefixtures("two_cases")
@@ -125,7 +135,6 @@ class TestCommand:
 
         known = {"bad": Case("bad", "Bad", "source", broken), "good": module.load_cases()["good"]}
         monkeypatch.setattr(validate, "load_cases", lambda: known)
-        monkeypatch.setattr(validate, "all_cases", lambda: tuple(known.values()))
         assert validate.main(["run", "all"]) == 1
         shown = capsys.readouterr().out
         assert "Traceback" in shown

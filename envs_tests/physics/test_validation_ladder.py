@@ -5,9 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation import reference_runs
-from validation.pitch_ramp import ANGLE, HOLD, RATE, SETTLE, ramps
-from validation.reference_runs import EXPERIMENTS, QUANTITIES, StaleRecordError, constant_gain, recorded, stamp
+from envs_tests.physics.cases import fidelities as reference_runs
+from envs_tests.physics.cases.fidelities import (
+    EXPERIMENTS,
+    QUANTITIES,
+    StaleRecordError,
+    constant_gain,
+    recorded,
+    stamp,
+)
+from envs_tests.physics.cases.rotor_convergence import ANGLE, HOLD, RATE, SETTLE, ramps
 from wt_gym.control.controllers.discon import BaselineController, nrel_5mw_parameters
 from wt_gym.simulation.fidelity import fidelity
 

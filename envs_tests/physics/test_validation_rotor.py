@@ -5,21 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation.carried_gust import carried_part, five_megawatt_elements, mean_in_windows, ring_wake_step
-from validation.dynamic_inflow import DynamicRotor, loewy, oye_filter, oye_times
-from validation.lattice_convergence import HELIX, rigid_helix
-from validation.nrel5mw_rotor import WIND, tilted_element, wake_options
-from validation.operating_curve import GENERATOR_EFFICIENCY, steady_point
-from validation.phase_vi import MEASURED, OPTIONS, run_blade, stalled_rotor
-from validation.rigid_rotor import RigidRotor
-from validation.rotor_gust import measured, theory
-from validation.rotor_transients import Response
-from validation.tjaereborg import STEPS, pitch_steps
-from validation.tower_shadow import measured_harmonics, strip_theory
-from validation.tree_tools import read_table
-from validation.unsteady_airfoil import theodorsen
-from validation.wind_step import ROTOR_SPEED
-from validation.wind_step import WIND as STEP
+from envs_tests.physics.cases.airfoils import theodorsen
+from envs_tests.physics.cases.dynamic_inflow import DynamicRotor, Response, loewy, oye_filter, oye_times
+from envs_tests.physics.cases.operation import GENERATOR_EFFICIENCY, steady_point
+from envs_tests.physics.cases.rotor import WIND, RigidRotor, tilted_element, wake_options
+from envs_tests.physics.cases.rotor_convergence import HELIX, rigid_helix
+from envs_tests.physics.cases.rotor_steps import (
+    ROTOR_SPEED,
+    STEPS,
+    carried_part,
+    five_megawatt_elements,
+    mean_in_windows,
+    measured_harmonics,
+    pitch_steps,
+    ring_wake_step,
+    strip_theory,
+)
+from envs_tests.physics.cases.rotor_steps import WIND as STEP
+from envs_tests.physics.cases.rotor_steps import gust_response as measured
+from envs_tests.physics.cases.rotor_steps import gust_theory as theory
+from envs_tests.physics.cases.stall import MEASURED, OPTIONS, run_blade, stalled_rotor
+from envs_tests.physics.validation import read_table
 from wt_gym.aerodynamics import TRAINING
 from wt_gym.base.constants import GRAVITY
 from wt_gym.simulation import FIDELITIES

@@ -9,7 +9,7 @@ import pytest
 
 from wt_gym.control import Lidar
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
-from wt_gym.wind.evolution import coherence_along, evolved_boxes
+from wt_gym.wind.turbulent import coherence_along, evolved_boxes
 
 SPEED, HUB, DIAMETER = 15.0, 90.0, 126.0
 DISTANCES = (63.0, 189.0)

@@ -9,7 +9,7 @@ from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import TurbulenceBox, TurbulentInflow
-from wt_gym.wind.interpolation import sample_gain, variance_read
+from wt_gym.wind.kaimal import sample_gain, variance_read
 from wt_gym.wind.mann import MannParameters, one_point_spectra
 
 TURBINE = load_turbine("nrel_5mw")
@@ -92,7 +92,7 @@ def test_mann_boxes_make_up_for_it_too(scaling):
         "duration": 600.0, "time_step": 0.25, "grid": None, "width": None, "turbulence": "NTM", "turbine_class": "I",
         "scaling": scaling,
     }  # fmt: skip
-    parameters = MannParameters.resolve(None, 3.9, **options)
+    parameters = MannParameters(**options)
     n = parameters.n_times
     read = parameters.harmonic_variance * (np.sinc(np.arange(1, n // 2) / n) ** 4)[:, None]
     wave = parameters.wave_number

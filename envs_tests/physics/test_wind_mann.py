@@ -7,15 +7,15 @@ import pytest
 import scipy.integrate
 
 from wt_gym.base.errors import InflowError
-from wt_gym.wind import TurbulenceBox, box_cache
+from wt_gym.wind import TurbulenceBox
 from wt_gym.wind.mann import (
     MannParameters,
     distortion,
     life_time,
     one_point_spectra,
     spectral_tensor,
-    synthesize_mann,
 )
+from wt_gym.wind.turbulence_box import load
 
 SITE = {"mean_speed": 10.0, "hub_height": 90.0, "rotor_diameter": 126.0, "turbulence_class": "B"}
 LENGTH, N_SEEDS = 33.6, 16
@@ -26,13 +26,13 @@ def parameters(seed=1, shear=3.9, **changes):
         **SITE, "seed": seed, "duration": 100.0, "time_step": 0.5, "grid": (5, 5), "width": 80.0, "turbulence": "NTM",
         "turbine_class": "I", "scaling": "none", "spectrum_of": "samples",
     }  # fmt: skip
-    return MannParameters.resolve(None, shear, **{**arguments, **changes})
+    return MannParameters(shear=shear, **{**arguments, **changes})
 
 
 @pytest.fixture(scope="module")
 def waves():
     """Fourier coefficients, (n_seeds, n_frequencies, n_z, n_y, 3), whose squares are the variances of the harmonics."""
-    boxes = np.array([synthesize_mann(parameters(seed)) for seed in range(N_SEEDS)], dtype=np.float64)
+    boxes = np.array([parameters(seed).synthesize() for seed in range(N_SEEDS)], dtype=np.float64)
     return np.fft.rfft(boxes, axis=1)[:, 1:-1] * math.sqrt(2.0) / boxes.shape[1]
 
 
@@ -137,10 +137,7 @@ def test_boxes_are_made_once_and_repeat(tmp_path, monkeypatch):
     (file,) = (tmp_path / "turbulence").iterdir()
     assert file.name.startswith("mann-")
     np.testing.assert_array_equal(TurbulenceBox.mann(**small, cache=False).fluctuation, box.fluctuation)
-    kept = box_cache.load(MannParameters.resolve(
-        None, 3.9, **small, time_step=0.25, width=None, turbulence="NTM", turbine_class="I", scaling="low_frequency"
-    ))  # fmt: skip
-    np.testing.assert_array_equal(kept, box.fluctuation)
+    np.testing.assert_array_equal(load(MannParameters(**small)), box.fluctuation)
     assert not np.array_equal(TurbulenceBox.mann(**small, shear=0.0, cache=False).fluctuation, box.fluctuation)
     assert np.abs(box.fluctuation.mean(axis=0)).max() < 1e-5
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wt_gym.turbines.airfoil import Polar
-from wt_gym.turbines.beam import rotation_about_z
+from wt_gym.turbines.blade import rotation_about_z
 
 DEGREE, RPM = np.pi / 180, np.pi / 30
 RULE = "---------------------- SECTION -------------------------------------------"

@@ -28,16 +28,14 @@ from wt_gym.bridges.openfast import (
     write_driver_run,
     write_model,
 )
+from wt_gym.bridges.openfast.driver import read_turbine, write_turbine
 from wt_gym.bridges.openfast.input_text import InputFile
-from wt_gym.bridges.openfast.library import VARIABLE
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, Measurement, elastodyn_outputs
-from wt_gym.bridges.openfast.mode_shapes import TopBody, bending_shapes
-from wt_gym.bridges.openfast.pitch_path import PitchPath
-from wt_gym.bridges.openfast.relay import relay_library
-from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
-from wt_gym.bridges.openfast.start import BentTurbine
-from wt_gym.bridges.openfast.turbine_file import read_turbine, write_turbine
-from wt_gym.bridges.openfast.wind_file import sampled, write_wind
+from wt_gym.bridges.openfast.model import TopBody, bending_shapes, blade_sections, tower_sections
+from wt_gym.bridges.openfast.process import VARIABLE, relay_library
+from wt_gym.bridges.openfast.run_folder import BentTurbine
+from wt_gym.bridges.openfast.simulator import PitchPath
+from wt_gym.bridges.openfast.wind import sampled, write_wind
 from wt_gym.commands import loadcases
 from wt_gym.commands.loads import main as loads_command
 from wt_gym.control import Lidar
@@ -49,11 +47,11 @@ from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import PitchSystem, catalogue, load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
-from wt_gym.turbines.clearance import unloaded_clearance
-from wt_gym.turbines.mirror import mirrored
 from wt_gym.turbines.openfast import read_openfast
-from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, bts
-from wt_gym.wind.turning import TurningInflow
+from wt_gym.turbines.variants import mirrored, unloaded_clearance
+from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind.files import BtsContent
+from wt_gym.wind.inflow import TurningInflow
 
 
 def has_compiler():
@@ -278,8 +276,8 @@ class TestWind:
 
     def test_written_and_read_are_the_same(self, turbine, tmp_path):
         content = sampled(SteadyInflow(12.0, 90.0, veer=-0.002), turbine, 600.0)
-        bts.write(tmp_path / "a.bts", content)
-        np.testing.assert_allclose(bts.read(tmp_path / "a.bts").grid, content.grid, atol=1e-3)
+        content.write(tmp_path / "a.bts")
+        np.testing.assert_allclose(BtsContent.read(tmp_path / "a.bts").grid, content.grid, atol=1e-3)
 
 
 class TestPitchPath:

@@ -33,7 +33,7 @@ from wt_gym.benchmark import (
 )
 from wt_gym.benchmark.tasks import earlier_ids, task_file
 from wt_gym.control import Demand
-from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.controllers.linear_optimal import PitchOffsets
 from wt_gym.control.sensors import Lidar
 from wt_gym.learning.linear_design.feedback import FeedbackOptions, Plant, forecast
 from wt_gym.learning.linear_design.identification import respond

@@ -15,7 +15,6 @@ from scipy.linalg import eigh
 from wt_gym.base.angles import wrapped
 from wt_gym.base.errors import ControllerError
 from wt_gym.control import Demand, LowPass, Notch
-from wt_gym.control.coleman import harmonic_of_blades, to_blades, to_fixed_frame
 from wt_gym.control.controllers import (
     BASES,
     COMPILED,
@@ -44,13 +43,11 @@ from wt_gym.control.controllers import (
     rotor_table,
     to_harmonic,
 )
-from wt_gym.control.controllers.drive_mode import drive_mode
-from wt_gym.control.controllers.filters import BandLimitedIntegrator
-from wt_gym.control.controllers.retuned import found_factor, gain_of_table
-from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
+from wt_gym.control.controllers.own import TUNED, found_factor, gain_of_table, tuned_parameters
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, pitch_schedule
-from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
+from wt_gym.control.design import drive_mode, flap_moment_sensitivity, tower_top
 from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.sensors import BandLimitedIntegrator, harmonic_of_blades, to_blades, to_fixed_frame
 from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
 from wt_gym.experiment.tuning import Cost, TuningTask, _defaults
 from wt_gym.simulation.model.turbine_structure import tower_beam

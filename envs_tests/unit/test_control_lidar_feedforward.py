@@ -24,7 +24,7 @@ from wt_gym.experiment.controller_agent import ControllerAgent
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.damper import with_damper
+from wt_gym.turbines.variants import with_damper
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 MEAN, STEP, RATED = 16.0, 0.05, nrel_5mw_parameters().reference_speed / 97

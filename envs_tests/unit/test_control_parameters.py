@@ -25,8 +25,8 @@ from wt_gym.control.controllers import (
     declared_parameters,
     make_controller,
 )
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.control.operating_point import operating_point
-from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.turbines import load_turbine
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

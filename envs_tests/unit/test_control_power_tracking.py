@@ -13,7 +13,7 @@ from wt_gym.control.controllers import LidarFeedforward, WithDemandedPower, make
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.power_tracking import WAYS, pitch_over_share
 from wt_gym.control.operating_point import operating_point, rotor_inertia
-from wt_gym.control.rotor_table import rotor_table
+from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.power_reference import PowerReference
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table

@@ -18,7 +18,7 @@ from wt_gym.control.controllers import (
     supervisor_of,
 )
 from wt_gym.control.controllers.controller import AtSetPoint, WithDemandedPower
-from wt_gym.control.controllers.speed_exclusion import SpeedExclusion, resonant_speed
+from wt_gym.control.controllers.tsr_tracking import SpeedExclusion, resonant_speed
 from wt_gym.turbines import load_turbine
 
 DT = 0.1

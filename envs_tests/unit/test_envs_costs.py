@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.clearance import unloaded_clearance
+from wt_gym.turbines.variants import unloaded_clearance
 
 # tilt, cone [deg], radius of the hub, length of the blade, prebend [m] as published (NREL/TP-500-38060, -5000-75698)
 PUBLISHED = {"nrel_5mw": (5.0, 2.5, 1.5, 61.5, 0.0), "iea_15mw": (6.0, 4.0, 3.97, 117.0, 4.0)}

@@ -20,10 +20,10 @@ from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import Combined, make_controller
 from wt_gym.control.controllers.controller import lidar_of
-from wt_gym.control.optimal.design_file import LinearDesign, save_design
+from wt_gym.control.controllers.linear_optimal import LinearDesign, save_design
 from wt_gym.deployment.export.controller_parts import controller_parts
 from wt_gym.deployment.export.discon import export_discon
-from wt_gym.deployment.export.parameters import PARAMETERS
+from wt_gym.deployment.export.source import PARAMETERS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.catalogue import turbine_file
 

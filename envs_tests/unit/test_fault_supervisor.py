@@ -9,7 +9,7 @@ import pytest
 from wt_gym.control import Demand
 from wt_gym.control.controllers import fault_supervisor_of, make_controller, parts_of, supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.turbines import load_turbine
 
 TURBINE = load_turbine("nrel_5mw")

@@ -85,7 +85,7 @@ def environment(folder, *installed):
 
 def test_the_sources_have_no_symbolic_links():
     """Git writes them as text files where the system has none or does not allow them."""
-    folders = [ROOT / name for name in ("agents", "docs", "envs_tests", "scripts", "validation", "wt_gym")]
+    folders = [ROOT / name for name in ("agents", "docs", "envs_tests", "scripts", "wt_gym")]
     assert not [path for folder in folders for path in folder.rglob("*") if path.is_symlink()]
 
 

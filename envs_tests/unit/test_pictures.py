@@ -9,9 +9,8 @@ import validation_pictures as pictures
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from validation.case import CaseResult, Check, Curve, absolute
-from validation.case import Figure as CaseFigure
-from validation.record import read_record
+from envs_tests.physics.validation import CaseResult, Check, Curve, absolute, read_record
+from envs_tests.physics.validation import Figure as CaseFigure
 from wt_gym.analysis.replay import kept_filaments
 from wt_gym.analysis.replay_section import opening_agent, shown_agents
 from wt_gym.analysis.scene import Camera, Scene, filament_weights, line_look, smooth_curves

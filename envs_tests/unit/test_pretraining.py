@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from wt_gym.analysis import metrics
-from wt_gym.control.coleman import to_blades
+from wt_gym.control.sensors import to_blades
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.learning.linear_design.identification import respond
 from wt_gym.learning.pretraining import pretrain as pretraining

@@ -9,7 +9,7 @@ import pytest
 
 from wt_gym.commands import record
 from wt_gym.control.controllers import make_controller
-from wt_gym.control.controllers.memory import memory_of
+from wt_gym.control.controllers.controller import memory_of
 from wt_gym.envs import recording
 from wt_gym.envs.record_store import StartFile, digest_of_code, digest_of_turbine, recorded_speeds
 from wt_gym.envs.running_record import PLAN, Instants, RowLayout

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.control.controllers.retuned import FOUND
-from wt_gym.control.rotor_table import RotorTable, _stored
+from wt_gym.control.controllers.own import FOUND
+from wt_gym.control.rotor import RotorTable, _stored
 from wt_gym.turbine_records import FOLDER, RECORDS, read_records
 from wt_gym.turbines import catalogue, load_turbine
 from wt_gym.turbines.catalogue import turbine_file

@@ -6,7 +6,7 @@ import pytest
 from wt_gym.simulation.model.turbine_structure import rotation_x, rotation_y
 from wt_gym.simulation.step.coupling_kernels import signed_clearance, view_from_tower
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.clearance import unloaded_clearance
+from wt_gym.turbines.variants import unloaded_clearance
 
 
 def test_of_a_straight_blade_by_hand():

@@ -10,7 +10,9 @@ import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.simulation.state import fingerprint
-from wt_gym.turbines import file_cache, load_turbine, source
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines import windio_file as file_cache
+from wt_gym.turbines import windio_file as source
 from wt_gym.turbines.catalogue import turbine_file
 
 CONTENT = b"name: a turbine"

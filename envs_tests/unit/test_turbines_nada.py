@@ -6,7 +6,7 @@ import pytest
 from wt_gym.simulation.model.turbine_structure import tower_beam
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import catalogue, load_turbine
-from wt_gym.turbines.nada_turbine import nada_data, nada_speed, plate_polar
+from wt_gym.turbines.catalogue import nada_data, nada_speed, plate_polar
 
 TURBINE, DATA = load_turbine("nada_small"), nada_data()
 STAND_IN = DATA["stand_in"]

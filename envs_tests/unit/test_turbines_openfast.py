@@ -22,10 +22,9 @@ from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import ControlData, load_turbine
 from wt_gym.turbines.airfoil import Polar
-from wt_gym.turbines.openfast import read_openfast
-from wt_gym.turbines.openfast_check import compare_with_openfast_io
+from wt_gym.turbines.openfast import compare_with_openfast_io, read_openfast
+from wt_gym.turbines.openfast_control import find_steady_table, read_steady_table
 from wt_gym.turbines.openfast_text import TextFile
-from wt_gym.turbines.steady_table import find_steady_table, read_steady_table
 from wt_gym.turbines.windio_writer import require_same, windio_content, write_windio
 
 

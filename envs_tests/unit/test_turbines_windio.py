@@ -11,10 +11,10 @@ import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.beam import BeamStations, inertia_matrix
+from wt_gym.turbines.blade import BeamStations, inertia_matrix
 from wt_gym.turbines.catalogue import turbine_file
-from wt_gym.turbines.source import Node, read_windio
-from wt_gym.turbines.windio_tower import shell_sections
+from wt_gym.turbines.windio import shell_sections
+from wt_gym.turbines.windio_file import Node, read_windio
 
 LENGTH = 40.0
 

@@ -10,7 +10,7 @@ from test_turbines_windio import at, save, small_turbine, table
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.windio_estimates import Machine, shaft_stiffness
+from wt_gym.turbines.windio_machine import Machine, shaft_stiffness
 
 DEGREE = np.pi / 180.0
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from wt_gym.base.errors import InflowError
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, TurningInflow, wind_from
-from wt_gym.wind.mann_files import read_hawc2, read_hipersim, write_hawc2
+from wt_gym.wind.files import read_hawc2, read_hipersim, write_bts, write_hawc2
 
 SHAPE, SPACING, SPEED, HUB = (6, 4, 5), (3.0, 50.0, 40.0), 12.0, 90.0
 SAMPLES = np.random.default_rng(4).normal(size=(3, *SHAPE)).astype(np.float32)
@@ -51,7 +51,7 @@ def test_position_and_factors_of_a_hawc2_box(files):
     np.testing.assert_allclose(at(box, 0.0, y, z, 0.0), expected, rtol=1e-5, atol=1e-5)
     assert (box.y[0], box.z[0]) == (7.0 - 75.0, 15.0)
     with pytest.raises(InflowError, match="y_center must be 0"):
-        box.to_bts(files[0].with_suffix(".bts"))
+        write_bts(box, files[0].with_suffix(".bts"))
 
 
 def test_a_box_goes_out_and_in(files, tmp_path):
@@ -188,7 +188,7 @@ def test_below_the_grid_the_wind_is_that_of_the_tower_points(towered):
 
 def test_tower_points_of_a_file_are_used(towered, tmp_path):
     grid = replace(towered, z_bottom=50.0)
-    grid.to_bts(tmp_path / "towered.bts")
+    write_bts(grid, tmp_path / "towered.bts")
     wind = wind_from(tmp_path / "towered.bts")
     expected = TurbulentInflow(grid).velocity([[0.0, 0.0, 10.0], [0.0, 30.0, 40.0]], 0.7)
     np.testing.assert_allclose(wind.velocity([[0.0, 0.0, 10.0], [0.0, 30.0, 40.0]], 0.7), expected, atol=2e-3)
@@ -196,7 +196,7 @@ def test_tower_points_of_a_file_are_used(towered, tmp_path):
 
 def test_files_say_what_profile_they_hold(tmp_path):
     box = TurbulenceBox.kaimal(12.0, HUB, 126.0, seed=2, duration=60.0, grid=(5, 5), cache=False)
-    box.to_bts(tmp_path / "a.bts", SteadyInflow(12.0, HUB, shear_exponent=0.14))
+    write_bts(box, tmp_path / "a.bts", SteadyInflow(12.0, HUB, shear_exponent=0.14))
     told = wind_from(tmp_path / "a.bts")
     low, high = (12.0 * (z / HUB) ** 0.14 for z in (box.z[0], box.z[-1]))
     expected = f"profile of the file: {low:.3g} m/s at 17.55 m to {high:.3g} m/s at 162.4 m"

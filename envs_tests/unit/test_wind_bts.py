@@ -7,6 +7,7 @@ import pytest
 
 from wt_gym.base.errors import InflowError
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind.files import read_bts, write_bts
 
 NZ, NY, NTWR, NT = 3, 2, 2, 4
 SLOPE, OFFSET = (7642.3628, 11408.5352, 15189.7031), (-89586.6094, -528.6875, -351.332)
@@ -42,7 +43,7 @@ def decoded(it, point):
 
 
 def test_reads_the_handmade_file(handmade):
-    box = TurbulenceBox.from_bts(handmade)
+    box = read_bts(handmade)
     assert box.fluctuation.shape == (NT, NZ, NY, 3)
     np.testing.assert_allclose(box.y, [-12.5, 12.5])
     np.testing.assert_allclose(box.z, [50.0, 70.0, 90.0])
@@ -65,10 +66,10 @@ def test_reads_a_description_of_any_length(handmade):
     data, text = handmade.read_bytes(), b"Gr\xf6\xdfe " + 300 * b"x"
     start = 66 + 4 + len(DESCRIPTION)
     handmade.write_bytes(data[:66] + struct.pack("<i", len(text)) + text + data[start:])
-    box = TurbulenceBox.from_bts(handmade)
+    box = read_bts(handmade)
     assert box.description.endswith(300 * "x")
     handmade.write_bytes(data)
-    np.testing.assert_array_equal(box.fluctuation, TurbulenceBox.from_bts(handmade).fluctuation)
+    np.testing.assert_array_equal(box.fluctuation, read_bts(handmade).fluctuation)
 
 
 def test_writes_the_same_layout(tmp_path):
@@ -78,7 +79,7 @@ def test_writes_the_same_layout(tmp_path):
     tower = rng.normal(size=(NT, NTWR, 3)).astype(np.float32)
     box = TurbulenceBox(grid, 0.5, 25.0, 20.0, 50.0, 12.0, 90.0, tower=tower, description="A box")
     path = tmp_path / "box.bts"
-    box.to_bts(path)
+    write_bts(box, path)
     data = path.read_bytes()
     assert struct.unpack_from("<h4i", data) == (8, NZ, NY, NTWR, NT)
     assert struct.unpack_from("<6f", data, 18) == (20.0, 25.0, 0.5, 12.0, 90.0, 50.0)
@@ -98,8 +99,8 @@ def test_writes_the_same_layout(tmp_path):
 def test_round_trip_is_as_fine_as_the_integers(tmp_path):
     box = TurbulenceBox.kaimal(8.0, 90.0, 126.0, seed=5, duration=60.0, grid=(5, 7), cache=False)
     path = tmp_path / "box.bts"
-    box.to_bts(path)
-    back = TurbulenceBox.from_bts(path)
+    write_bts(box, path)
+    back = read_bts(path)
     for name in ("time_step", "spacing_y", "spacing_z", "z_bottom", "mean_speed", "hub_height", "duration"):
         assert getattr(back, name) == pytest.approx(getattr(box, name), rel=1e-6)
     assert back.periodic
@@ -112,24 +113,24 @@ def test_profile_is_written_and_can_be_removed(tmp_path):
     box = TurbulenceBox.kaimal(8.0, 90.0, 126.0, seed=6, duration=60.0, grid=(5, 5), cache=False)
     steady = SteadyInflow(8.0, 90.0, shear_exponent=0.2, veer=0.001)
     path = tmp_path / "sheared.bts"
-    box.to_bts(path, steady)
+    write_bts(box, path, steady)
     points = np.random.default_rng(0).uniform([0, -60, 30], [0, 60, 150], size=(20, 3))
     at_grid = np.array([[0.0, box.y[1], box.z[0]], [0.0, box.y[4], box.z[3]]])
     original = TurbulentInflow(box, steady)
-    kept = TurbulentInflow(TurbulenceBox.from_bts(path))
+    kept = TurbulentInflow(read_bts(path))
     np.testing.assert_allclose(kept.velocity(at_grid, 7.5), original.velocity(at_grid, 7.5), atol=2e-4)
-    removed = TurbulentInflow(TurbulenceBox.from_bts(path, remove_profile=True), steady)
+    removed = TurbulentInflow(read_bts(path, remove_profile=True), steady)
     np.testing.assert_allclose(removed.velocity(points, 7.6), original.velocity(points, 7.6), atol=3e-4)
     with pytest.raises(InflowError, match="profile"):
-        TurbulentInflow(TurbulenceBox.from_bts(path), steady)
+        TurbulentInflow(read_bts(path), steady)
 
 
 def test_component_without_fluctuation_survives(tmp_path):
     grid = np.zeros((4, 2, 2, 3), dtype=np.float32)
     grid[..., 1] = 1e-5 * np.arange(4)[:, None, None]
     path = tmp_path / "calm.bts"
-    TurbulenceBox(grid, 1.0, 10.0, 10.0, 80.0, 25.0, 85.0).to_bts(path)
-    back = TurbulenceBox.from_bts(path)
+    write_bts(TurbulenceBox(grid, 1.0, 10.0, 10.0, 80.0, 25.0, 85.0), path)
+    back = read_bts(path)
     np.testing.assert_allclose(back.fluctuation[..., 0], 0.0, atol=4e-6)
     np.testing.assert_allclose(back.fluctuation[..., 1], grid[..., 1], atol=1e-9)
     np.testing.assert_array_equal(back.fluctuation[..., 2], 0.0)
@@ -153,12 +154,12 @@ def test_component_without_fluctuation_survives(tmp_path):
 def test_wrong_files_are_refused(handmade, damage, message):
     handmade.write_bytes(damage(handmade.read_bytes()))
     with pytest.raises(InflowError, match=message):
-        TurbulenceBox.from_bts(handmade)
+        read_bts(handmade)
 
 
 def test_missing_file_and_misaligned_wind_are_refused(tmp_path, handmade):
     with pytest.raises(InflowError, match="cannot read"):
-        TurbulenceBox.from_bts(tmp_path / "absent.bts")
-    box = TurbulenceBox.from_bts(handmade)
+        read_bts(tmp_path / "absent.bts")
+    box = read_bts(handmade)
     with pytest.raises(InflowError, match="aligned"):
-        box.to_bts(tmp_path / "x.bts", SteadyInflow(12.177, 90.0, yaw_misalignment=0.1))
+        write_bts(box, tmp_path / "x.bts", SteadyInflow(12.177, 90.0, yaw_misalignment=0.1))

@@ -7,7 +7,7 @@ import pytest
 
 from wt_gym.base.errors import InflowError
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
-from wt_gym.wind.protocol import fill_velocity, read_only
+from wt_gym.wind.inflow import fill_velocity, read_only
 
 POINTS = read_only(np.random.default_rng(0).uniform(5.0, 150.0, (40, 3)))
 

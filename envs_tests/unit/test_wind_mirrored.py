@@ -7,7 +7,7 @@ import pytest
 
 from wt_gym.base.errors import InflowError
 from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow
-from wt_gym.wind.protocol import fill_velocity, read_only, velocity_ahead
+from wt_gym.wind.inflow import fill_velocity, read_only, velocity_ahead
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 STEADY = SteadyInflow(11.0, 90.0, shear_exponent=0.2, veer=0.002, yaw_misalignment=0.3, inclination=0.1)

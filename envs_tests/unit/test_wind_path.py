@@ -8,7 +8,7 @@ import pytest
 
 from wt_gym.base.errors import InflowError
 from wt_gym.wind import MirroredInflow, PathInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
-from wt_gym.wind.path import speed_path
+from wt_gym.wind.turbulent import speed_path
 
 HUB = np.array([[0.0, 0.0, 90.0]])
 PROFILE = SteadyInflow(1.0, 90.0, shear_exponent=0.2)

@@ -10,8 +10,7 @@ import pytest
 
 from wt_gym.base.errors import InflowError
 from wt_gym.wind import SeriesInflow, wind_from
-from wt_gym.wind.series import COLUMNS
-from wt_gym.wind.series_files import read_csv, read_uniform
+from wt_gym.wind.series import COLUMNS, read_csv, read_uniform
 
 HUB = [0.0, 0.0, 90.0]
 POINTS = np.array([HUB, [3.0, -40.0, 120.0], [-5.0, 60.0, 40.0], [0.0, 10.0, 1.0]])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wt_gym.base.errors import InflowError
-from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, box_cache, turbulence_box
+from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, turbulence_box
 from wt_gym.wind.kaimal import KaimalParameters
 
 SITE = {"mean_speed": 8.0, "hub_height": 90.0, "rotor_diameter": 126.0}
@@ -40,7 +40,7 @@ def parameters_of(seed, **changes):
         "scaling": "low_frequency",
         "lateral_coherence": True,
     }
-    return KaimalParameters.resolve(**{**arguments, **changes})
+    return KaimalParameters(**{**arguments, **changes})
 
 
 def forget():
@@ -113,13 +113,13 @@ def test_a_field_carried_along_at_another_speed_is_the_box_that_was_asked_for():
 
 def test_second_build_reads_the_file(cache_folder, monkeypatch):
     box = TurbulenceBox.kaimal(**SMALL, seed=3)
-    path = box_cache.cache_file(parameters_of(3))
+    path = turbulence_box.cache_file(parameters_of(3))
     assert list(cache_folder.iterdir()) == [path]
     with path.open("rb") as file:
         *_, samples = (np.load(file) for _ in range(3))
     np.testing.assert_array_equal(samples, box.fluctuation)
     forget()
-    monkeypatch.setattr(turbulence_box, "synthesize", lambda _: pytest.fail("made again"))
+    monkeypatch.setattr(KaimalParameters, "synthesize", lambda _: pytest.fail("made again"))
     assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
 
 
@@ -140,13 +140,15 @@ def test_second_build_reads_the_file(cache_folder, monkeypatch):
     ],
 )
 def test_every_parameter_counts_in_the_cache(change):
-    assert box_cache.cache_file(parameters_of(**{"seed": 3, **change})) != box_cache.cache_file(parameters_of(3))
+    assert turbulence_box.cache_file(parameters_of(**{"seed": 3, **change})) != turbulence_box.cache_file(
+        parameters_of(3)
+    )
 
 
 @pytest.mark.parametrize("length", [0, 10, 500, -100])
 def test_damaged_file_is_made_again(cache_folder, length):
     box = TurbulenceBox.kaimal(**SMALL, seed=3)
-    path = box_cache.cache_file(parameters_of(3))
+    path = turbulence_box.cache_file(parameters_of(3))
     sound = path.read_bytes()
     path.write_bytes(sound[:length])
     forget()
@@ -156,14 +158,14 @@ def test_damaged_file_is_made_again(cache_folder, length):
 
 def test_flipped_bits_and_foreign_files_are_noticed(cache_folder, caplog):
     box = TurbulenceBox.kaimal(**SMALL, seed=3)
-    path = box_cache.cache_file(parameters_of(3))
+    path = turbulence_box.cache_file(parameters_of(3))
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 0xFF
     path.write_bytes(data)
     forget()
     assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
     TurbulenceBox.kaimal(**SMALL, seed=4)
-    box_cache.cache_file(parameters_of(4)).replace(path)
+    turbulence_box.cache_file(parameters_of(4)).replace(path)
     forget()
     assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
     assert "unreadable" in caplog.text
@@ -196,13 +198,13 @@ def test_unwritable_cache_only_warns(tmp_path, monkeypatch, caplog):
 
 def test_cache_folder_is_bounded(cache_folder, monkeypatch):
     TurbulenceBox.kaimal(**SMALL, seed=0)
-    size = box_cache.cache_file(parameters_of(0)).stat().st_size
-    monkeypatch.setattr(box_cache, "MAX_BYTES", 3 * size + 100)
+    size = turbulence_box.cache_file(parameters_of(0)).stat().st_size
+    monkeypatch.setattr(turbulence_box, "MAX_BYTES", 3 * size + 100)
     for age, seed in enumerate((1, 2)):
         TurbulenceBox.kaimal(**SMALL, seed=seed)
-        os.utime(box_cache.cache_file(parameters_of(seed)), (1000 + age, 1000 + age))
+        os.utime(turbulence_box.cache_file(parameters_of(seed)), (1000 + age, 1000 + age))
     TurbulenceBox.kaimal(**SMALL, seed=3)
-    kept = [seed for seed in range(4) if box_cache.cache_file(parameters_of(seed)).exists()]
+    kept = [seed for seed in range(4) if turbulence_box.cache_file(parameters_of(seed)).exists()]
     assert kept == [0, 2, 3]
 
 

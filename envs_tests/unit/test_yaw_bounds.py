@@ -15,7 +15,7 @@ from power_bounds import (
 )
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers.yaw import YawByDeadBand
+from wt_gym.control.controllers.additions import YawByDeadBand
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 

@@ -34,8 +34,7 @@ from wt_gym.commands.benchmark import KEPT, chosen
 from wt_gym.commands.engine_options import add_engine_options, executor_of
 from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.control.controllers import Combined
-from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, PitchOffsets
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.benchmark_runs import Job, definition_of, entry_of

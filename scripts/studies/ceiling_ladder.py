@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from ceiling_oracle import LoadQuadratic, limited, optimal_change
 
-from wt_gym.control.optimal.past import bin_means, delay_bins, without_lasting
+from wt_gym.control.controllers.linear_optimal import bin_means, delay_bins, without_lasting
 from wt_gym.control.sensors import Lidar
 from wt_gym.learning.linear_design.feedback import forecast, forecast_change, minimize_quadratic
-from wt_gym.wind.protocol import velocity_ahead
+from wt_gym.wind.inflow import velocity_ahead
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,7 +19,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.sparse.linalg import LinearOperator, cg
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
-from wt_gym.control.optimal.measured import OUTPUTS
+from wt_gym.control.controllers.linear_optimal import OUTPUTS
 from wt_gym.learning.linear_design.feedback import FeedbackOptions, forecast, forecast_change
 from wt_gym.learning.linear_design.identification import respond
 from wt_gym.learning.linear_design.recording import LOADS

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from wt_gym.analysis.change import relative_change
 from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
 from wt_gym.benchmark import load_task
-from wt_gym.control.optimal.design_file import save_design
+from wt_gym.control.controllers.linear_optimal import save_design
 from wt_gym.experiment.comparison import Case, run_cases
 from wt_gym.learning.linear_design.design import LinearDesignTask, default_speeds, design
 from wt_gym.learning.linear_design.recording import Recording, RecordingStore

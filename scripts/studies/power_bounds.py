@@ -51,7 +51,7 @@ from scipy.sparse import block_array, csr_array, diags_array, eye_array
 from task_scores import STUDIES
 
 from wt_gym.control.design import rotor_inertia
-from wt_gym.control.rotor_table import rotor_table
+from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.rewards.power import efficiency
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.evaluation_config import EvaluationConfig
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.control.rotor import RotorTable
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import wt_gym
-from validation.record import source_commit
+from envs_tests.physics.validation import source_commit
 from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS

@@ -21,9 +21,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from validation.case import Figure as CaseFigure
-from validation.case import bounds_of, load_cases, run_case
-from validation.record import read_record
+from envs_tests.physics.validation import Figure as CaseFigure
+from envs_tests.physics.validation import bounds_of, load_cases, read_record, run_case
 from wt_gym.base.picture_style import BLUE, COLORS, GRAY, GREEN, INK, LINE_STYLES, ORANGE, SVG, plain
 
 ROOT = Path(__file__).resolve().parents[2]

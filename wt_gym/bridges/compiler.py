@@ -12,7 +12,7 @@ from pathlib import Path
 
 from wt_gym.base.errors import WtGymError
 
-__all__ = ["TARGETS", "CompilerError", "compile_library", "find_compiler", "library_name"]
+__all__ = ["CompilerError", "compile_library", "find_compiler", "library_name"]
 
 TARGETS = {
     "linux": "x86_64-linux-gnu.2.17",
@@ -70,7 +70,6 @@ def compile_library(source: Path, library: Path, target: str | None = None, flag
 
     Parameters
     ----------
-    source, library : pathlib.Path
     target : str, optional
         See `find_compiler`.
     flags : tuple of str

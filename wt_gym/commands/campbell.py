@@ -113,7 +113,7 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
     from wt_gym.simulation import Simulator
     from wt_gym.simulation.linear.campbell import campbell
     from wt_gym.turbines import load_turbine
-    from wt_gym.turbines.site import with_site
+    from wt_gym.turbines.model import with_site
     from wt_gym.wind import SteadyInflow
 
     def progress(done: int, count: int) -> None:

@@ -111,7 +111,7 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.experiment.names import COMPARED, available, named_choices, read_name, with_model_options
         from wt_gym.simulation.tip_twist import suited_fidelity
         from wt_gym.turbines import load_turbine
-        from wt_gym.turbines.site import with_site
+        from wt_gym.turbines.model import with_site
 
         chosen = arguments.controllers or available(COMPARED)
         given = named_choices(with_model_options(chosen, arguments.algo, arguments.trust))

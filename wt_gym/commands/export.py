@@ -94,7 +94,7 @@ def _discon(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def _openfast(arguments: argparse.Namespace) -> dict[str, Any]:
     from wt_gym.control.controllers import parse_name
-    from wt_gym.deployment.export.openfast_folder import export_openfast
+    from wt_gym.deployment.export.openfast_flight import export_openfast
 
     if arguments.interval is not None or arguments.target is not None or arguments.drive:
         raise ValueError("--interval, --target and --drive must be left out with --to openfast, which sets them")

@@ -23,7 +23,7 @@ from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, user_err
 from wt_gym.commands.scene_options import add_scene_options, chosen_scene
 
 if TYPE_CHECKING:
-    from wt_gym.deployment.export.flight import Flight
+    from wt_gym.deployment.export.openfast_flight import Flight
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -51,7 +51,7 @@ def main(words: list[str] | None = None) -> None:
     with user_errors():
         if not 0.0 <= arguments.skip < arguments.duration:
             raise ValueError(f"--skip must be from 0 to below --duration, got {arguments.skip:g}")
-        from wt_gym.deployment.export.flight import fly
+        from wt_gym.deployment.export.openfast_flight import fly
 
         flight = fly(
             arguments.agent, arguments.out, chosen_scene(arguments), duration=arguments.duration, skip=arguments.skip,
@@ -71,7 +71,7 @@ def main(words: list[str] | None = None) -> None:
 def _told(flight: Flight) -> str:
     """Lines of what came of it."""
     from wt_gym.commands.loads import table
-    from wt_gym.deployment.export.flight import LARGEST_DIFFERENCE
+    from wt_gym.deployment.export.openfast_flight import LARGEST_DIFFERENCE
 
     lines = [
         f"wt_gym, library against Python: pitch within {flight.pitch:.1e} rad, torque within {flight.torque:.1e} of "

@@ -160,7 +160,7 @@ def check_steady(turbine: Turbine, model: Path) -> list[dict[str, Any]]:
     """Run the turbine in nine steady winds and print a row for each; return the rows."""
     from wt_gym.runs.progress import ProgressLine, clock
     from wt_gym.runs.steady_check import DURATION, steady_check, steady_winds, verdict
-    from wt_gym.turbines.steady_table import find_steady_table
+    from wt_gym.turbines.openfast_control import find_steady_table
 
     table, winds, line = find_steady_table(model, turbine.drivetrain.rated_power), steady_winds(turbine), ProgressLine()
 
@@ -212,7 +212,7 @@ def main(words: list[str] | None = None) -> None:
         )
         show(turbine)
         if arguments.check:
-            from wt_gym.turbines.openfast_check import compare_with_openfast_io
+            from wt_gym.turbines.openfast import compare_with_openfast_io
 
             for line in compare_with_openfast_io(arguments.model):
                 print(line)

@@ -59,7 +59,7 @@ def main(words: list[str] | None = None) -> None:
 
 def _turbine_of(path: str, named: str | None) -> Turbine:
     """Turbine that outputs are of: the one that is named, or that of the file beside them."""
-    from wt_gym.bridges.openfast.turbine_file import TURBINE_FILE, read_turbine
+    from wt_gym.bridges.openfast.driver import TURBINE_FILE, read_turbine
     from wt_gym.turbines import load_turbine
 
     if named is not None:

@@ -46,9 +46,9 @@ FIDELITIES_HELP = (
 """What options called ``--fidelity`` take."""
 
 CLONE = Path(wt_gym.__file__).resolve().parents[1]
-"""Folder that holds the package; of a clone, the one with ``docs`` and ``validation``."""
+"""Folder that holds the package; of a clone, the one with ``docs`` and ``scripts``."""
 
-IN_CLONE = (CLONE / "validation").is_dir()
+IN_CLONE = (CLONE / "envs_tests").is_dir()
 
 _OF_BROKEN_PIPE = 128 + 13
 _EXTRAS = {

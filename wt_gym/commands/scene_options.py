@@ -9,7 +9,7 @@ from wt_gym.commands.program import json_value
 if TYPE_CHECKING:
     import argparse
 
-    from wt_gym.deployment.export.openfast_folder import Scene
+    from wt_gym.deployment.export.openfast_flight import Scene
 
 __all__ = ["add_scene_options", "chosen_scene"]
 
@@ -31,9 +31,9 @@ def chosen_scene(arguments: argparse.Namespace) -> Scene:
     Raises
     ------
     ValueError
-        As of `wt_gym.deployment.export.openfast_folder.scene_of`.
+        As of `wt_gym.deployment.export.openfast_flight.scene_of`.
     """
-    from wt_gym.deployment.export.openfast_folder import scene_of
+    from wt_gym.deployment.export.openfast_flight import scene_of
 
     if not arguments.duration > 0.0:
         raise ValueError(f"--duration must be above 0 s, got {arguments.duration:g}")

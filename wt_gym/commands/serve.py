@@ -58,7 +58,7 @@ def main(words: list[str] | None = None) -> None:
         import zmq  # noqa: F401 - refused before anything is loaded
 
         from wt_gym.bridges.rosco import RoscoServer
-        from wt_gym.deployment.serving.choice import answers_of
+        from wt_gym.deployment.serving import answers_of
         from wt_gym.experiment.names import with_model_options
 
         handlers: list[logging.Handler] = [logging.StreamHandler()]

@@ -162,7 +162,7 @@ def steady_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> 
 def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Inflow:
     """Wind of the options: of a speed [m/s], or of a description."""
     from wt_gym.wind import TurbulenceBox, TurbulentInflow, wind_from
-    from wt_gym.wind.protocol import require_cover
+    from wt_gym.wind.inflow import require_cover
 
     if not isinstance(speed, float):
         inflow = wind_from(speed, turbine.hub_height, turbine.rotor_diameter)
@@ -236,7 +236,7 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.analysis.metrics import idle_sentence, idle_time
         from wt_gym.simulation.tip_twist import suited_fidelity
         from wt_gym.turbines import load_turbine
-        from wt_gym.turbines.site import with_site
+        from wt_gym.turbines.model import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)

@@ -95,7 +95,7 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(kept):
         from wt_gym.experiment.tuning import Cost, Range, TuningTask, tune
         from wt_gym.turbines import load_turbine
-        from wt_gym.turbines.site import with_site
+        from wt_gym.turbines.model import with_site
 
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         task = TuningTask(

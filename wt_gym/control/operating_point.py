@@ -5,13 +5,15 @@ torque below cut-in speed, a linear start-up ramp (region 1 1/2), torque proport
 tip-speed ratio (region 2), an induction-machine slope (region 2 1/2) and constant power (region 3). Its constants
 are those published with a turbine (`wt_gym.turbines.ControlData`), or follow from it by simple rules, which reproduce
 the published constants of the NREL 5-MW.
+
+Where a turbine starts in a wind, operation or not: below cut-in, in still air, in a wind that changes.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -28,24 +30,17 @@ from wt_gym.control.design import (
     rotor_inertia,
     trim_pitch,
 )
-from wt_gym.control.rotor import rotor_of
-from wt_gym.control.rotor_table import rotor_table
+from wt_gym.control.rotor import rotor_of, rotor_table
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
 
 __all__ = [
-    "DesignPoint",
-    "OperatingPoint",
-    "TorqueCurve",
-    "design_point",
-    "least_pitch",
-    "operating_point",
-    "rated_mechanical_power",
-    "rotor_inertia",
-    "torque_curve",
-    "tracks_tip_speed_ratio",
-]
+    "DesignPoint", "OperatingPoint", "TorqueCurve", "design_point", "least_pitch", "operating_point",
+    "rated_mechanical_power", "rotor_inertia", "starting_point", "torque_curve", "tracks_tip_speed_ratio",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -290,3 +285,30 @@ def _damped_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
         if enough:
             return OperatingPoint(speed, max(enough), 0.0)
     return OperatingPoint(speeds[-1], float(pitches[-1]), 0.0)
+
+
+def starting_point(turbine: Turbine, inflow: Inflow) -> OperatingPoint:
+    """State of a turbine at the start of a simulation: the operating point of the wind's speed at time zero.
+
+    Below cut-in the rotor turns as at cut-in, without torque. Above cut-out, where a schedule may end, the pitch is at
+    least what the slope of the schedule below cut-out gives.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    inflow : Inflow
+    """
+    speed = start_speed(inflow)
+    if speed > turbine.cut_out:
+        return _beyond_cut_out(turbine, speed)
+    if speed >= turbine.cut_in:
+        return operating_point(turbine, speed)
+    return replace(operating_point(turbine, max(turbine.cut_in, 0.1)), generator_torque=0.0)
+
+
+def _beyond_cut_out(turbine: Turbine, speed: float) -> OperatingPoint:
+    """Operating point with the pitch of a schedule that is extrapolated linearly."""
+    point, before = operating_point(turbine, speed), 0.95 * turbine.cut_out
+    last, earlier = operating_point(turbine, turbine.cut_out).pitch, operating_point(turbine, before).pitch
+    pitch = last + (last - earlier) * (speed - turbine.cut_out) / (turbine.cut_out - before)
+    return replace(point, pitch=min(max(point.pitch, pitch), turbine.pitch.max_pitch))

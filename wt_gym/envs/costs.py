@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.base.constants import DAY
 from wt_gym.envs.options.limits import PITCH_TRAVEL
-from wt_gym.turbines.clearance import unloaded_clearance
+from wt_gym.turbines.variants import unloaded_clearance
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

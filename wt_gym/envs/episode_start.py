@@ -10,12 +10,12 @@ import numpy as np
 
 from wt_gym.base.errors import did_you_mean
 from wt_gym.control import OperatingPoint
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.start import Start, steady_start
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
-from wt_gym.wind.protocol import start_speed
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from collections.abc import Callable

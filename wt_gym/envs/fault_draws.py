@@ -7,7 +7,7 @@ blades are drawn evenly. Kinds:
 - ``slow_drive``: the drive of one blade has a share of its greatest rate;
 - ``misaligned_blade``: one blade slips on its bearing by an angle that its encoder does not see: an aerodynamic
   imbalance;
-- ``iced_blade``: mass, lift and drag of one blade with a level of ice (`wt_gym.turbines.icing`). Masses cannot change
+- ``iced_blade``: mass, lift and drag of one blade with a level of ice (`wt_gym.turbines.blade`). Masses cannot change
   in a run, so the ice is there from the start, and its levels are few: each blade and level is a model of its own;
 - ``biased_rotor_speed``, ``biased_generator_speed``: one of the two speed sensors reads a factor of the truth;
 - ``biased_moment``: the gauge of the flapwise root moment of one blade reads an offset, over the reference moment;
@@ -30,11 +30,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.options.faults import FAULT_KINDS, GRID_KINDS, NO_FAULT
 from wt_gym.simulation.drivetrain.faults import PitchMisalignment, SensorBias, SlowPitch, StuckPitch, VoltageDip
-from wt_gym.turbines.icing import BladeIce
+from wt_gym.turbines.blade import BladeIce
 
 if TYPE_CHECKING:
     from wt_gym.envs.options.faults import FaultOptions

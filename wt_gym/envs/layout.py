@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs.observation_kernels import normalize
 
 if TYPE_CHECKING:
@@ -85,8 +84,6 @@ class ObservationLayout:
         """
         i = self.index(name)
         return observation[..., i] * self._scale[i] + self._offset[i]
-
-    normalise = renamed_attribute("normalise", "normalize")  # rename: keep
 
     def normalize(self, values: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
         """Observation from physical values.

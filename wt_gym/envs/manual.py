@@ -29,7 +29,7 @@ the simulator: the zero action is the controller. Numbers for the NREL 5-MW:
 | torque (HSS)   | -15, 15 kN m/s     | 0, 47.4 kN m                | 2.2 kN m/s, 4.4 kN m                |
 
 ``pitch``: ``"collective"`` one component for all blades; ``"individual"`` one a blade, blade 1 first;
-``"fixed-frame"`` mean, tilt and yaw in the non-rotating frame (`wt_gym.control.coleman`), distributed to the blades
+``"fixed-frame"`` mean, tilt and yaw in the non-rotating frame (`wt_gym.control.sensors`), distributed to the blades
 at every step of the simulator; ``"cyclic"``, residual only, tilt and yaw without the mean,
 which stays with the controller. ``action_components`` leaves components out: pitch and torque
 are then the controller's, yaw rests unless the controller yaws. ``action_spans`` changes rates and limits. Residual

@@ -12,11 +12,11 @@ import numpy as np
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import did_you_mean
 from wt_gym.control import Channel, torque_curve
-from wt_gym.control.coleman import FIXED_FRAME
+from wt_gym.control.controllers.linear_optimal import OUTPUTS
 from wt_gym.control.controllers.supervisor import STATES
+from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
+from wt_gym.control.sensors import FIXED_FRAME
 from wt_gym.envs import readers
 from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.power_reference import AHEAD
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from wt_gym.control import ActionMap, Lidar
+    from wt_gym.control.actions import ResidualPitch
+    from wt_gym.control.controllers.additions import YawByDeadBand
     from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
     from wt_gym.control.controllers.supervisor import Supervisor
-    from wt_gym.control.controllers.yaw import YawByDeadBand
-    from wt_gym.control.residual import ResidualPitch
     from wt_gym.turbines import Turbine
 
 __all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observable", "blade_static_moment"]

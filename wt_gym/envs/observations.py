@@ -13,7 +13,7 @@ import numpy as np
 
 from wt_gym.base.angles import wrapped
 from wt_gym.control import Lidar
-from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.controllers.tsr_tracking import WindEstimator
 from wt_gym.envs.arguments import shown
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.envs.observable import DEFAULT_GROUPS, OBSERVATION_GROUPS, RESIDUAL_GROUPS, Observable
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from wt_gym.control import ActionMap
+    from wt_gym.control.actions import ResidualPitch
+    from wt_gym.control.controllers.additions import YawByDeadBand
     from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
     from wt_gym.control.controllers.supervisor import Supervisor
-    from wt_gym.control.controllers.yaw import YawByDeadBand
-    from wt_gym.control.residual import ResidualPitch
     from wt_gym.envs.readers import Quantity
     from wt_gym.envs.start import Trail
     from wt_gym.turbines import Turbine

@@ -144,7 +144,7 @@ class PowerReferenceDraws:
         if isinstance(checked, str):
             checked = _rows_of_file(checked)
         if isinstance(checked[0], str):
-            return checked  # type: ignore[no-any-return]  # names
+            return checked
         return PowerReference.of_rows(checked)
 
     def mean_share(self, wind_speed: float) -> float:

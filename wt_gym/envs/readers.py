@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from wt_gym.control import NacelleAnemometer
-from wt_gym.control.coleman import to_fixed_frame
+from wt_gym.control.sensors import to_fixed_frame
 
 if TYPE_CHECKING:
     from wt_gym.control import AgentSetpoint, Channel, Demand, Lidar
+    from wt_gym.control.actions import ResidualPitch
+    from wt_gym.control.controllers.additions import YawByDeadBand
     from wt_gym.control.controllers.supervisor import Supervisor
-    from wt_gym.control.controllers.wind_estimator import WindEstimator
-    from wt_gym.control.controllers.yaw import YawByDeadBand
-    from wt_gym.control.residual import ResidualPitch
+    from wt_gym.control.controllers.tsr_tracking import WindEstimator
     from wt_gym.simulation import Signals
 
 __all__ = [
@@ -159,7 +159,7 @@ class InFixedFrame:
     signal : str
         Without the number of the blade.
     part : int
-        Place in `wt_gym.control.coleman.FIXED_FRAME`.
+        Place in `wt_gym.control.sensors.FIXED_FRAME`.
     """
 
     signal: str

@@ -21,16 +21,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from wt_gym.control import Demand
-from wt_gym.control.coleman import to_blades, to_fixed_frame
 from wt_gym.control.controllers import WithDemandedPower, checked_demand, readings_of
-from wt_gym.control.controllers.memory import Memory, changing_parts, memory_of
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of
+from wt_gym.control.operating_point import starting_point
+from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.envs.rewards import AVERAGED
 from wt_gym.envs.start import ControllerMemory, Start, Trail, kind_of
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.wind.protocol import fill_velocity, read_only
+from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

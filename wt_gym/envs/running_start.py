@@ -23,7 +23,7 @@ from wt_gym.envs.record_store import find_record
 from wt_gym.envs.running_record import WINDOWS, rotor_wind, time_scale
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind import MirroredInflow
-from wt_gym.wind.protocol import PointInflow
+from wt_gym.wind.inflow import PointInflow
 
 if TYPE_CHECKING:
     from wt_gym.envs.start import Start

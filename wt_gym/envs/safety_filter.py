@@ -18,7 +18,7 @@ import numpy as np
 from wt_gym.envs.arguments import check_number
 from wt_gym.envs.options.limits import PITCH_TRAVEL
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.turbines.clearance import unloaded_clearance
+from wt_gym.turbines.variants import unloaded_clearance
 
 if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.control.controllers.memory import Memory, memory_of, remember
+from wt_gym.control.controllers.controller import Memory, memory_of, remember
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, parities
 

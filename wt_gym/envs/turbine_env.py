@@ -13,14 +13,13 @@ from gymnasium.error import ResetNeeded
 
 from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.control import ActionMap, Lidar
+from wt_gym.control.actions import ResidualPitch
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller, starting_part
+from wt_gym.control.controllers.additions import yaw_drive_of
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
 from wt_gym.control.controllers.supervisor import supervisor_of
-from wt_gym.control.controllers.yaw import yaw_drive_of
-from wt_gym.control.residual import ResidualPitch
-from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs import rewards
 from wt_gym.envs.arguments import check_whole_steps, shown
 from wt_gym.envs.costs import Costs
@@ -58,9 +57,8 @@ from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
-from wt_gym.turbines.damper import with_generator
-from wt_gym.turbines.electrical import LossShares, with_electrical
-from wt_gym.turbines.site import with_site
+from wt_gym.turbines.model import with_site
+from wt_gym.turbines.variants import LossShares, with_electrical, with_generator
 
 if TYPE_CHECKING:
     from typing import Self
@@ -85,8 +83,6 @@ _KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_ru
 class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
     __doc__ = manual()
     __signature__ = signature()
-    aim = renamed_attribute("aim", "setpoint")  # rename: keep
-
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 5}  # noqa: RUF012 - as its base
     make_simulator: SimulatorMaker = staticmethod(make_simulator)
     """Makes the simulator of an episode's turbine, at the first reset; another one may take its place."""
@@ -296,8 +292,6 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
     def __format__(self, spec: str) -> str:
         """Name and id in one line: wrappers of Gymnasium put what they enclose into an f-string."""
         return format(super().__str__(), spec)
-
-    aim = renamed_attribute("aim", "setpoint")  # rename: keep
 
     @property
     def spec(self) -> EnvSpec | None:

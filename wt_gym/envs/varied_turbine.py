@@ -6,12 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from wt_gym.turbines.checks import check_number
-from wt_gym.turbines.site import with_site
+from wt_gym.turbines.model import with_site
 
 if TYPE_CHECKING:
-    from wt_gym.turbines.beam import BeamStations
-    from wt_gym.turbines.model import PitchSystem, Tower, Turbine
-    from wt_gym.turbines.support import Support
+    from wt_gym.turbines.blade import BeamStations
+    from wt_gym.turbines.model import PitchSystem, Support, Tower, Turbine
 
 __all__ = ["varied_turbine"]
 
@@ -40,7 +39,7 @@ def varied_turbine(
         Factor on the stiffness of all sections of the blades [-]. The stiffness that the rotation adds stays.
     air_density : float
         Factor on the density of the air [-]. Density for which controllers are designed stays, and the rated wind speed
-        follows (`wt_gym.turbines.site.with_site`).
+        follows (`wt_gym.turbines.model.with_site`).
     drive_lag : float
         Lag of the pitch drives behind a moving demand [s]: they become critically damped servos of frequency 2 / lag,
         or of 2 ζ / (lag + the lag that the turbine's servos have already). Zero: the drives of the turbine.

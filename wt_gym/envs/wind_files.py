@@ -15,8 +15,8 @@ from wt_gym.base.errors import InflowError
 from wt_gym.envs.options.environment import flat_arguments
 from wt_gym.envs.options.wind import is_wind_file
 from wt_gym.wind import SeriesInflow, TurbulentInflow, wind_from
-from wt_gym.wind.described import SUFFIXES, files_of, is_wind_path, whole_description
-from wt_gym.wind.protocol import require_cover
+from wt_gym.wind.files import SUFFIXES, files_of, is_wind_path, whole_description
+from wt_gym.wind.inflow import require_cover
 
 __all__ = ["SUFFIXES", "WindFile", "is_wind_file", "wind_files_of", "with_whole_paths"]
 

@@ -42,8 +42,8 @@ from wt_gym.wind.iec import (
     extreme_wind_speed,
     turbulence_sigma,
 )
-from wt_gym.wind.path import speed_path
-from wt_gym.wind.protocol import require_cover
+from wt_gym.wind.inflow import require_cover
+from wt_gym.wind.turbulent import speed_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -108,7 +108,7 @@ class WindSampler:
     box of unit intensity synthesized at one speed serves another speed V when it is carried along at V and scaled to
     the standard deviation of V. Boxes are made at the next multiple of 6 m/s, or of 6 m/s halved until
     less than twice the speed, for 600 s at that speed. Their samples make up for the straight lines between them
-    (`wt_gym.wind.interpolation`), so that the spectrum at the hub is the standard's up to 1 Hz at every speed.
+    (`wt_gym.wind.kaimal`), so that the spectrum at the hub is the standard's up to 1 Hz at every speed.
 
     Parameters
     ----------

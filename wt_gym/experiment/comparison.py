@@ -14,7 +14,6 @@ from wt_gym.analysis.metrics import idle_time
 from wt_gym.base.errors import SimulationError
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
-from wt_gym.deprecated import renamed_names
 from wt_gym.envs.arguments import check_duration
 from wt_gym.envs.simulators import OWN, simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -56,9 +55,6 @@ __all__ = [
     "run_cases",
     "table",
 ]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 COLUMNS = (
     ("mean_power", "power"),

@@ -20,7 +20,6 @@ from wt_gym.control.controllers.names import (
     parse_name,
 )
 from wt_gym.control.controllers.own_class import load_class, source_digest
-from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -49,9 +48,6 @@ __all__ = [
     "split_name",
     "with_model_options",
 ]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 _log = logging.getLogger(__name__)
 WORDS = ("zero", "random", "planner")

@@ -15,7 +15,6 @@ from wt_gym.benchmark.fingerprint import differing
 from wt_gym.control.controllers import make_controller, supervisor_of
 from wt_gym.control.controllers.names import ALIASES, Name
 from wt_gym.control.controllers.own_class import call_maker, load_class
-from wt_gym.deprecated import renamed_names
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
@@ -330,7 +329,3 @@ def _get_ready(play: Callable[[AgentPool, Any], Any], *given: Any) -> None:
 def _play_here(job: Any) -> Any:
     """Do a job in a worker process."""
     return cast("Callable[[Any], Any]", _play)(job)
-
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)

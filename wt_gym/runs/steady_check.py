@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from wt_gym.turbines import Turbine
-    from wt_gym.turbines.steady_table import SteadyTable
+    from wt_gym.turbines.openfast_control import SteadyTable
 
 __all__ = ["DURATION", "SteadyPoint", "steady_check", "steady_winds", "verdict"]
 

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, cast
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.base.errors import SimulationError, did_you_mean
 from wt_gym.base.fields import later_field
-from wt_gym.deprecated import renamed_arguments, renamed_attribute
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
 from wt_gym.multibody.integrators.hamming import STARTERS
-from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, IntegratorEntry, SchemeSettings, integrator_name
+from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, IntegratorEntry, SchemeSettings
 from wt_gym.multibody.integrators.stability import GROWTH, predicted_growth
 from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
 
@@ -40,7 +39,6 @@ STEP_BASE = 0.2
 """Interval that the automatic time step divides [s]; control intervals are multiples of it."""
 
 
-@renamed_arguments(stabilisation="stabilization")  # rename: keep
 @dataclass(frozen=True)
 class Fidelity:
     """Resolution of a simulation.
@@ -171,11 +169,8 @@ class Fidelity:
     frame_update: str | float = later_field("step")
     frame_displacement: str = later_field("second_order")
 
-    stabilisation = renamed_attribute("stabilisation", "stabilization")  # rename: keep
-
     def __post_init__(self) -> None:
-        """Refuse values without meaning; an earlier spelling of the integrator becomes the present one."""
-        object.__setattr__(self, "integrator", integrator_name(self.integrator))
+        """Refuse values without meaning."""
         if self.time_step is not None and not 0.0 < self.time_step < 10.0:
             raise SimulationError(f"Fidelity.time_step is {self.time_step}; must be None or 0 … 10 s")
         for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
@@ -412,7 +407,7 @@ FIDELITIES = {
     ),
     "gebhardt": GEBHARDT,
     # the same with all that the paper names: wakes from trailing edges and tips, tower and nacelle as closed bodies,
-    # the ground, in a flow without viscosity; the loads are Joukowski's, see validation/gebhardt_full.py
+    # the ground, in a flow without viscosity; the loads are Joukowski's, see the case gebhardt-2012-full
     "gebhardt-full": replace(
         GEBHARDT,
         name="gebhardt-full",

@@ -2,7 +2,7 @@
 
 The equations of motion and of the air know no left and right: the mirror image, y → −y, of a motion in a wind is the
 motion of the mirror image in the mirrored wind. So a turbine with ``rotation="counter-clockwise"`` is simulated as its
-clockwise image (`wt_gym.turbines.mirror`) in the mirrored wind (`wt_gym.wind.MirroredInflow`), with yaw angle and yaw
+clockwise image (`wt_gym.turbines.variants`) in the mirrored wind (`wt_gym.wind.MirroredInflow`), with yaw angle and yaw
 rate of the other sign, and what comes out is reflected back: signals by their parity (`Channel.parity`), points and
 forces by S = diag(1, −1, 1), moments by −S. OpenFAST's ``MirrorRotor`` (drafted for its release 5.1) does the same with
 the rotor alone. Snapshots hold the state of the image.
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.simulation.channels import EVEN, ODD
-from wt_gym.turbines.mirror import REFLECTION, REFLECTION_6
+from wt_gym.turbines.variants import REFLECTION, REFLECTION_6
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -11,7 +11,6 @@ import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.base.errors import ActionError, InflowError, SimulationError
-from wt_gym.deprecated import renamed_arguments
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
@@ -28,11 +27,10 @@ from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.measurement import Measurement
 from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
-from wt_gym.turbines.damper import with_generator
-from wt_gym.turbines.mirror import clockwise_image
+from wt_gym.turbines.variants import clockwise_image, with_generator
 from wt_gym.wind import MirroredInflow
-from wt_gym.wind.described import is_described, wind_from
-from wt_gym.wind.protocol import require_cover
+from wt_gym.wind.files import is_described, wind_from
+from wt_gym.wind.inflow import require_cover
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -63,7 +61,7 @@ class Simulator:
     turbine : str, path or Turbine
         Name in the catalogue, path of a windIO file or OpenFAST model (.fst), or a turbine.
     inflow : Inflow, path or mapping
-        Undisturbed wind, or what describes it (`wt_gym.wind.described`). A turbulence box must reach around the rotor.
+        Undisturbed wind, or what describes it (`wt_gym.wind.files`). A turbulence box must reach around the rotor.
     fidelity : str or Fidelity, optional
         "training", "engineering", "reference" or another of `FIDELITIES`, or one of your own; by default
         "training-torsion" where the blades twist, else "training" (`wt_gym.simulation.tip_twist`).
@@ -71,7 +69,7 @@ class Simulator:
         Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
     generator : "torque", "damper" or GeneratorLaw, optional
         What loads the rotor: a torque that is demanded, which is what most turbines have; the damper of the turbine,
-        see `wt_gym.turbines.damper.with_damper`; or a law, see `wt_gym.simulation.drivetrain.drives`.
+        see `wt_gym.turbines.variants.with_damper`; or a law, see `wt_gym.simulation.drivetrain.drives`.
 
     Attributes
     ----------
@@ -188,7 +186,6 @@ class Simulator:
         values, n_blades = self._measurement.values, self.turbine.n_blades
         return Signals(values * parities(n_blades) if self.mirrored else values.copy(), n_blades)
 
-    @renamed_arguments(thrust_before="wake_thrust")  # rename: keep
     def reset(
         self,
         rotor_speed: float,
@@ -268,7 +265,6 @@ class Simulator:
         self._measure()
         return self.signals
 
-    @renamed_arguments(go_on="accumulate")  # rename: keep
     def advance(
         self,
         duration: float,

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from wt_gym.turbines.beam import BeamStations, inertia_matrix, interpolate
+from wt_gym.turbines.blade import BeamStations, inertia_matrix, interpolate
 from wt_gym.turbines.checks import check_array
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class BeamSections(BeamStations):
     Raises
     ------
     TurbineDefinitionError
-        For tables that do not make a beam, see :class:`wt_gym.turbines.beam.BeamStations`.
+        For tables that do not make a beam, see :class:`wt_gym.turbines.blade.BeamStations`.
     """
 
     axis: NDArray[np.float64]

@@ -4,8 +4,9 @@
 :class:`Turbine`; ``catalogue()`` lists the names.
 """
 
+from wt_gym.turbines.airfoil import RotationalAugmentation
+from wt_gym.turbines.blade import BladeIce
 from wt_gym.turbines.catalogue import catalogue, load_turbine
-from wt_gym.turbines.icing import BladeIce
 from wt_gym.turbines.model import (
     Airfoil,
     BeamStations,
@@ -20,7 +21,6 @@ from wt_gym.turbines.model import (
     Tower,
     Turbine,
 )
-from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
 
 __all__ = [
     "Airfoil",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.turbines.airfoil import Polar
 
-__all__ = ["BladeElementResult", "BladeElementRotor", "BladeElements", "blade_element"]
+__all__ = ["BladeElementRotor", "BladeElements", "blade_element"]
 
 _SMALL = 1e-6
 _BISECTIONS = 46
@@ -33,7 +33,6 @@ class BladeElementRotor:
 
     Attributes
     ----------
-    n_blades : int
     root_radius, length : float
         Distance of the blade root from the axis, and length of the blade [m].
     radius : float
@@ -111,7 +110,6 @@ class BladeElements:
 
     Parameters
     ----------
-    rotor : BladeElementRotor
     n_span : int
         Sections, of equal length.
     """
@@ -301,7 +299,6 @@ def blade_element(
 
     Parameters
     ----------
-    rotor : BladeElementRotor
     wind : float
         [m/s].
     rotor_speed : float
@@ -310,10 +307,6 @@ def blade_element(
         [rad].
     n_span : int
         Sections, of equal length.
-
-    Returns
-    -------
-    BladeElementResult
     """
     elements = BladeElements(rotor, n_span)
     solved = elements.solve(wind, rotor_speed, pitch)

@@ -1,5 +1,7 @@
 """Checks shared by the turbine dataclasses: each failure names the field, what was given and what is allowed."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -11,15 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from wt_gym.base.errors import TurbineDefinitionError
 
 __all__ = [
-    "ArrayRecord",
-    "check_array",
-    "check_ascending",
-    "check_number",
-    "check_span",
-    "check_symmetric",
-    "fail",
-    "short",
-]
+    "ArrayRecord", "check_array", "check_ascending", "check_number", "check_span", "check_symmetric", "fail", "short",
+]  # fmt: skip
 
 
 def short(value: Any, limit: int = 80) -> str:
@@ -63,8 +58,6 @@ def check_array(
 
     Parameters
     ----------
-    field : str
-        Name used in the message.
     value : array_like
         The data; always copied, so that nobody else can write to it.
     shape : sequence of int or None
@@ -160,11 +153,11 @@ class ArrayRecord:
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]  # of the subclasses
 
-    def __copy__(self) -> "ArrayRecord":
+    def __copy__(self) -> ArrayRecord:
         """Return the record itself: nothing in it changes."""
         return self
 
-    def __deepcopy__(self, memo: dict[int, object]) -> "ArrayRecord":
+    def __deepcopy__(self, memo: dict[int, object]) -> ArrayRecord:
         """Return the record itself: nothing in it changes."""
         return self
 

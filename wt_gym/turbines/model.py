@@ -1,4 +1,14 @@
-"""What a turbine is: frozen, validated dataclasses in SI units and radians. No physics beyond interpolation.
+"""What stands under a tower at sea: a monopile in the water on its foundation.
+
+What is published with a turbine about its controller: gains, filters and schedules, in SI units and radians.
+
+What the losses of a generator with its converter consist of, and how slow its torque may be.
+
+See `wt_gym.turbines.variants`.
+
+Damper of the shaft's torsion, as a record; `wt_gym.turbines.variants` makes one for a turbine.
+
+What a turbine is: frozen, validated dataclasses in SI units and radians. No physics beyond interpolation.
 
 Frames
 ------
@@ -6,21 +16,24 @@ Global: x downwind, z up, y left looking downwind. Blade: z from root to tip, x 
 trailing edge, origin in the middle of the blade root, pitch not included. A section frame is the blade frame turned by
 minus the twist about z: x_s normal to the chord to the suction side, y_s from leading to trailing edge. Positive twist
 and pitch feather, that is, they turn the leading edge upwind (to -x). OpenFAST's names are given where they exist.
+
+Numbers of the site at which a turbine stands, and of its operation there, in place of those of its file.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.base.fields import later_field
-from wt_gym.turbines.airfoil import Airfoil, Polar
-from wt_gym.turbines.beam import BeamStations
-from wt_gym.turbines.blade import Blade
+from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation
+from wt_gym.turbines.blade import BeamStations, Blade, BladeIce
 from wt_gym.turbines.checks import (
     ArrayRecord,
     check_array,
@@ -30,39 +43,328 @@ from wt_gym.turbines.checks import (
     check_symmetric,
     fail,
 )
-from wt_gym.turbines.control_data import ControlData
-from wt_gym.turbines.icing import BladeIce
-from wt_gym.turbines.loss_shares import LONGEST_LAG, LossShares
-from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
-from wt_gym.turbines.shaft_damper import ShaftDamper
-from wt_gym.turbines.site import with_site
-from wt_gym.turbines.support import Support
-
-if TYPE_CHECKING:
-    from typing import Any
 
 __all__ = [
-    "ROTATIONS",
-    "Airfoil",
-    "BeamStations",
-    "Blade",
-    "BladeIce",
-    "ControlData",
-    "Drivetrain",
-    "Hub",
-    "Nacelle",
-    "PitchSystem",
-    "Polar",
-    "Support",
-    "Tower",
-    "Turbine",
-]
+    "SITE", "STRONGEST", "Airfoil", "BeamStations", "Blade", "ControlData", "Drivetrain", "Hub", "Nacelle",
+    "PitchSystem", "Polar", "Support", "Tower", "Turbine", "at_controller_density", "with_site", "without_site",
+]  # fmt: skip
+
+SEA_WATER = 1025.0
+"""Density of sea water [kg/m^3]."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Support(ArrayRecord):
+    """Monopile between the sea bed and the base of a tower: one beam with it, in its frame.
+
+    The sea has no waves and no current: what is in it moves the water around it, and that is all. A cylinder that
+    moves across its axis carries added mass, rho pi D^2/4 per length (potential flow, J. N. Newman, Marine
+    Hydrodynamics, 1977, section 4.13), which has inertia and no weight.
+
+    Attributes
+    ----------
+    base_height : float
+        Elevation of the sea bed, where the foundation begins, above mean sea level [m]: minus the depth of the water.
+    diameter_station : ndarray (n,)
+        Distance from the base along the monopile [m].
+    diameter : ndarray (n,)
+        Outer diameter [m].
+    structure : BeamStations
+        From the base (station 0) to the base of the tower.
+    foundation : ndarray (6, 6) or None
+        Stiffness that the ground has against the displacement and rotation of the base (axes of a tower: x downwind,
+        y left, z up) [N/m, N, N m]; None: the base is clamped. See `wt_gym.structure.foundation.pile_head_stiffness`.
+    top_mass : float
+        Of a transition piece at the base of the tower [kg].
+    water_density : float
+        [kg/m^3]; 0 leaves the water out.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If a table does not fit the others, or the foundation is not a stiffness matrix.
+    """
+
+    base_height: float
+    diameter_station: NDArray[np.float64]
+    diameter: NDArray[np.float64]
+    structure: BeamStations
+    foundation: NDArray[np.float64] | None = None
+    top_mass: float = 0.0
+    water_density: float = SEA_WATER
+
+    def __post_init__(self) -> None:
+        """Check the fields and make the arrays read-only."""
+        if not isinstance(self.structure, BeamStations):
+            raise fail("Support.structure", self.structure, "BeamStations")
+        station = check_array("Support.diameter_station", self.diameter_station, (None,), low=0.0)
+        check_ascending("Support.diameter_station", station)
+        check_span("Support.diameter_station", station, self.structure.length)
+        self._set(
+            base_height=check_number("Support.base_height", self.base_height, -500.0, 500.0),
+            diameter_station=station,
+            diameter=check_array("Support.diameter", self.diameter, (station.size,), low=0.01, high=50.0),
+            top_mass=check_number("Support.top_mass", self.top_mass, 0.0, 1e9),
+            water_density=check_number("Support.water_density", self.water_density, 0.0, 2000.0),
+        )
+        if self.foundation is not None:
+            self._set(foundation=_checked_stiffness(self.foundation))
+
+    @property
+    def length(self) -> float:
+        """Length from the sea bed to the base of the tower [m]."""
+        return self.structure.length
+
+    def diameter_at(self, station: ArrayLike) -> NDArray[np.float64]:
+        """Return the outer diameter [m] at a distance from the base [m], linear between stations."""
+        return np.interp(np.asarray(station, dtype=np.float64), self.diameter_station, self.diameter)
+
+    def added_mass_at(self, station: ArrayLike) -> NDArray[np.float64]:
+        """Return the mass per length [kg/m] of the water that moves along across the axis, none above sea level."""
+        s = np.asarray(station, dtype=np.float64)
+        wet = self.base_height + s <= 0.0
+        return np.where(wet, 0.25 * np.pi * self.water_density * self.diameter_at(s) ** 2, 0.0)
+
+
+def _checked_stiffness(value: ArrayLike) -> NDArray[np.float64]:
+    """Return a symmetric positive definite (6, 6) stiffness."""
+    stiffness = check_array("Support.foundation", value, (6, 6))
+    check_symmetric("Support.foundation", stiffness[None])
+    scale = np.sqrt(np.abs(np.diag(stiffness)))
+    if not np.all(scale > 0.0) or np.linalg.eigvalsh(stiffness / np.outer(scale, scale))[0] <= 0.0:
+        raise fail("Support.foundation", stiffness.diagonal().tolist(), "a positive definite stiffness (its diagonal)")
+    return stiffness
+
+
+_ANGLE = np.pi
+_BIG_GAIN = 1e12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ControlData(ArrayRecord):
+    """Numbers of a turbine's own controller, as far as they are known; None stands for what is not published.
+
+    Speeds are those of the generator and torques those on the high-speed shaft, as in a Bladed-style controller: a file
+    with gains for the rotor speed is converted with the gear ratio by its reader. All gains are those of the sign
+    convention in which more pitch and more torque slow the rotor down, so all are positive.
+
+    Attributes
+    ----------
+    fine_pitch : float or None
+        Pitch of optimal power below rated [rad].
+    optimal_tip_speed_ratio : float or None
+        [-].
+    peak_power_coefficient : float or None
+        Aerodynamic power coefficient at fine pitch and optimal tip-speed ratio [-].
+    region_2_gain : float or None
+        Generator torque over the square of the generator speed below rated [N m/(rad/s)^2].
+    air_density : float or None
+        For which the region-2 gain is made [kg/m^3]; None for the standard atmosphere at sea level.
+    cut_in_generator_speed, region_2_speed, region_3_speed : float or None
+        Generator speeds at which torque begins, at which region 2 begins, and from which on region 3 holds [rad/s]
+        (VS_CtInSp, VS_Rgn2Sp, VS_RtGnSp).
+    slip : float or None
+        Slip of region 2 1/2 as a fraction (VS_SlPc / 100).
+    rated_mechanical_power : float or None
+        Power on the high-speed shaft that region 3 holds [W] (VS_RtPwr).
+    torque_proportional_gain, torque_integral_gain : float or None
+        From generator speed error to generator torque [N m s/rad], [N m/rad].
+    constant_power : bool or None
+        Whether region 3 holds power (True) or torque (False). A held torque makes more than rated power while the rotor
+        is faster than rated, as in ROSCO.
+    speed_shift_per_pitch : float or None
+        Fall of the speed that the torque law tracks, over rated speed, per pitch above the least pitch [1/rad]: the
+        set-point smoother (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.4).
+    speed_shift_per_power : float or None
+        Rise of the speed that the pitch law holds, over rated speed, per power missing to rated, over rated power [-].
+    speed_shift_frequency : float or None
+        Corner frequency of the low-pass filter on both shifts [rad/s].
+    gain_pitch : ndarray (n,) or None
+        Pitch of the gain schedule, ascending [rad].
+    pitch_proportional_gain, pitch_integral_gain : ndarray (n,) or None
+        From generator speed error [rad/s] to pitch [rad] at ``gain_pitch`` [s], [-]. Both come with ``gain_pitch``. The
+        proportional gain may turn negative at a large pitch, where the air damps more than is required.
+    gain_doubling_pitch : float or None
+        Pitch at which the gains are half of those at zero pitch [rad] (PC_KK); ``gain_pitch`` is then the one value 0.
+    power_per_pitch : float or None
+        Change of the aerodynamic power with the pitch at rated and fine pitch [W/rad], negative.
+    reference_generator_speed : float or None
+        Generator speed that the pitch controller holds [rad/s] (PC_RefSpd).
+    speed_filter_frequency : float or None
+        Corner frequency of the low-pass filter on the generator speed [rad/s].
+    speed_filter_damping : float or None
+        Its damping ratio where the filter is of second order [-]; None for first order.
+    min_pitch_wind, min_pitch : ndarray (m,) or None
+        Wind speed at hub height, ascending [m/s], and the least pitch there [rad]: peak shaving and power below rated.
+        Both or neither.
+    pitch_actuator_frequency, pitch_actuator_damping : float or None
+        Natural frequency [rad/s] and damping ratio [-] of the pitch actuator as a second-order system.
+    natural_frequency, damping_ratio : float or None
+        Of the speed loop for which the pitch gains were made [rad/s], [-].
+    region_3_min_pitch : float or None
+        Pitch from which on the torque controller is in region 3 [rad] (VS_Rgn3MP).
+    max_pitch, max_pitch_rate : float or None
+        Limits of the pitch controller where they are not those of the drives [rad], [rad/s] (PC_MaxPit, PC_MaxRat).
+    trim_wind, trim_pitch : ndarray (k,) or None
+        Wind speed at hub height from rated on, ascending [m/s], and the steady pitch there [rad]. Both or neither.
+
+    Raises
+    ------
+    wt_gym.base.errors.TurbineDefinitionError
+        For a number out of range, or a table with a part missing.
+    """
+
+    fine_pitch: float | None = None
+    optimal_tip_speed_ratio: float | None = None
+    peak_power_coefficient: float | None = None
+    region_2_gain: float | None = None
+    air_density: float | None = None
+    cut_in_generator_speed: float | None = None
+    region_2_speed: float | None = None
+    region_3_speed: float | None = None
+    slip: float | None = None
+    rated_mechanical_power: float | None = None
+    torque_proportional_gain: float | None = None
+    torque_integral_gain: float | None = None
+    constant_power: bool | None = None
+    gain_pitch: NDArray[np.float64] | None = None
+    pitch_proportional_gain: NDArray[np.float64] | None = None
+    pitch_integral_gain: NDArray[np.float64] | None = None
+    reference_generator_speed: float | None = None
+    speed_filter_frequency: float | None = None
+    speed_filter_damping: float | None = None
+    gain_doubling_pitch: float | None = None
+    power_per_pitch: float | None = None
+    min_pitch_wind: NDArray[np.float64] | None = None
+    min_pitch: NDArray[np.float64] | None = None
+    pitch_actuator_frequency: float | None = None
+    pitch_actuator_damping: float | None = None
+    natural_frequency: float | None = None
+    damping_ratio: float | None = None
+    region_3_min_pitch: float | None = None
+    max_pitch: float | None = None
+    max_pitch_rate: float | None = None
+    trim_wind: NDArray[np.float64] | None = None
+    trim_pitch: NDArray[np.float64] | None = None
+    speed_shift_per_pitch: float | None = later_field(None)
+    speed_shift_per_power: float | None = later_field(None)
+    speed_shift_frequency: float | None = later_field(None)
+
+    def __post_init__(self) -> None:
+        """Check the fields and make the arrays read-only."""
+        ranges = {
+            "fine_pitch": (-_ANGLE, _ANGLE),
+            "optimal_tip_speed_ratio": (0.1, 50.0),
+            "peak_power_coefficient": (0.01, 0.7),
+            "region_2_gain": (0.0, _BIG_GAIN),
+            "air_density": (0.1, 10.0),
+            "cut_in_generator_speed": (0.0, 1e4),
+            "region_2_speed": (0.0, 1e4),
+            "region_3_speed": (0.0, 1e4),
+            "slip": (0.0, 1.0),
+            "rated_mechanical_power": (0.0, 1e9),
+            "torque_proportional_gain": (0.0, _BIG_GAIN),
+            "torque_integral_gain": (0.0, _BIG_GAIN),
+            "speed_shift_per_pitch": (0.0, 1e3),
+            "speed_shift_per_power": (0.0, 1e3),
+            "speed_shift_frequency": (1e-4, 1e3),
+            "reference_generator_speed": (0.0, 1e4),
+            "speed_filter_frequency": (1e-3, 1e3),
+            "speed_filter_damping": (0.0, 10.0),
+            "pitch_actuator_frequency": (1e-2, 1e3),
+            "pitch_actuator_damping": (0.0, 10.0),
+            "natural_frequency": (1e-3, 100.0),
+            "damping_ratio": (0.0, 10.0),
+            "region_3_min_pitch": (-_ANGLE, _ANGLE),
+            "gain_doubling_pitch": (1e-4, 10.0),
+            "power_per_pitch": (-_BIG_GAIN, 0.0),
+            "max_pitch": (-_ANGLE, _ANGLE),
+            "max_pitch_rate": (1e-6, 10.0),
+        }
+        for name, (low, high) in ranges.items():
+            value = getattr(self, name)
+            if value is not None:
+                self._set(**{name: check_number(f"ControlData.{name}", value, low, high)})
+        if self.constant_power is not None and not isinstance(self.constant_power, bool):
+            raise fail("ControlData.constant_power", self.constant_power, "True, False or None")
+        self._check_table("gain_pitch", _ANGLE, {"pitch_proportional_gain": -_BIG_GAIN, "pitch_integral_gain": 0.0})
+        self._check_table("trim_wind", 200.0, {"trim_pitch": -_ANGLE})
+        self._check_table("min_pitch_wind", 200.0, {"min_pitch": -_ANGLE})
+        if self.gain_doubling_pitch is not None and (self.gain_pitch is None or self.gain_pitch.tolist() != [0.0]):
+            raise fail("ControlData.gain_doubling_pitch", self.gain_doubling_pitch, "None unless gain_pitch is [0]")
+
+    def _check_table(self, grid_name: str, high: float, columns: dict[str, float]) -> None:
+        """Check a grid and its columns (name: least value), which stand together or not at all."""
+        grid = getattr(self, grid_name)
+        given = [name for name in columns if getattr(self, name) is not None]
+        if grid is None:
+            if given:
+                raise fail(f"ControlData.{given[0]}", getattr(self, given[0]), f"None without {grid_name}")
+            return
+        grid = check_array(f"ControlData.{grid_name}", grid, (None,), low=-high, high=high)
+        if grid.size > 1:
+            check_ascending(f"ControlData.{grid_name}", grid)
+        self._set(**{grid_name: grid})
+        for name, low in columns.items():
+            values = getattr(self, name)
+            if values is None:
+                raise fail(f"ControlData.{name}", values, f"as many numbers as {grid_name}")
+            self._set(**{name: check_array(f"ControlData.{name}", values, (grid.size,), low=low)})
+
+
+LONGEST_LAG = 2.0
+"""Of a generator torque [s]."""
+
+
+@dataclass(frozen=True)
+class LossShares:
+    """What the losses of generator and converter consist of at rated operation.
+
+    Attributes
+    ----------
+    copper, iron, converter : float
+        c, i and k; their sum is 1 [-].
+    """
+
+    copper: float = 0.45
+    iron: float = 0.15
+    converter: float = 0.4
+
+    def __post_init__(self) -> None:
+        for name in ("copper", "iron", "converter"):
+            check_number(f"LossShares.{name}", getattr(self, name), 0.0, 1.0)
+        if abs(self.copper + self.iron + self.converter - 1.0) > 1e-9:
+            raise fail("LossShares", self, "shares whose sum is 1")
+
+
+STRONGEST = 0.2
+"""Damping ratio that a converter may add [-]."""
+_BIG = 1e15
+
+
+@dataclass(frozen=True)
+class ShaftDamper:
+    """What the converter does against the torsion of the shaft.
+
+    Attributes
+    ----------
+    coefficient : float
+        c, torque over speed on the low-speed shaft [N m s/rad].
+    frequency : float
+        omega, of rotor and generator against each other [rad/s].
+    """
+
+    coefficient: float
+    frequency: float
+
+    def __post_init__(self) -> None:
+        for name in ("coefficient", "frequency"):
+            check_number(f"ShaftDamper.{name}", getattr(self, name), 0.0, _BIG, open_low=True)
+
 
 ROTATIONS = ("clockwise", "counter-clockwise")
 """Directions in which a rotor turns, seen looking downwind."""
 
-_BIG = 1e15
-"""Bound of masses, inertias, stiffnesses: far above any machine, far below overflow."""
 _LEAST_EFFICIENCY = 0.3
 """Of gearbox and generator; what is below is a slip of the pen."""
 
@@ -266,7 +568,7 @@ class Drivetrain(ArrayRecord):
     gearbox_reverses : bool
         Whether the high-speed shaft turns against the low-speed shaft (GBRevers).
     torque_lag : float
-        Time constant with which the torque follows its demand [s]; 0: at once (`wt_gym.turbines.electrical`).
+        Time constant with which the torque follows its demand [s]; 0: at once (`wt_gym.turbines.variants`).
     losses : LossShares or None
         Losses over speed and torque; None: ``generator_efficiency`` holds everywhere.
     shaft_damper : ShaftDamper or None
@@ -382,8 +684,6 @@ class Turbine(ArrayRecord):
 
     Attributes
     ----------
-    name : str
-    n_blades : int
     rotor_orientation : str
         ``"upwind"``.
     rotor_diameter : float
@@ -394,12 +694,6 @@ class Turbine(ArrayRecord):
         [m/s].
     air_density : float
         [kg/m^3].
-    blade : Blade
-    tower : Tower
-    hub : Hub
-    nacelle : Nacelle
-    drivetrain : Drivetrain
-    pitch : PitchSystem
     iec_class : str
         ``"I"`` to ``"IV"``.
     turbulence_class : str
@@ -413,7 +707,7 @@ class Turbine(ArrayRecord):
     rotation : str
         Direction in which the rotor turns, seen looking downwind: ``"clockwise"`` or ``"counter-clockwise"``. Blade
         data are in the frame of the blade, z to the tip, x to the suction side, y to the trailing edge, which is
-        left-handed where the rotor turns counter-clockwise (`wt_gym.turbines.mirror`).
+        left-handed where the rotor turns counter-clockwise (`wt_gym.turbines.variants`).
     ice : BladeIce or None
         On one of the blades.
     """
@@ -522,7 +816,7 @@ class Turbine(ArrayRecord):
         Parameters
         ----------
         **site
-            See `wt_gym.turbines.site.with_site`.
+            See `wt_gym.turbines.model.with_site`.
 
         Raises
         ------
@@ -549,3 +843,91 @@ class Turbine(ArrayRecord):
     def _geometric_hub_height(self) -> float:
         nacelle = self.nacelle
         return self.tower.height + nacelle.tower_top_to_shaft + nacelle.overhang * float(np.sin(nacelle.tilt))
+
+
+SITE = {
+    "air_density": "kg/m^3",
+    "controller_air_density": "kg/m^3",
+    "cut_in": "m/s",
+    "cut_out": "m/s",
+    "iec_class": "",
+    "turbulence_class": "",
+    "rotation": "",
+}
+"""Numbers and names of a site, with their units."""
+
+_NOTE = "site: "
+
+
+def with_site(turbine: Turbine, site: Mapping[str, Any] | None) -> Turbine:
+    """Return a turbine at a site.
+
+    =========================== ====================================================================================
+    ``air_density``             [kg/m^3], 0.1 to 10: density in aerodynamics, tower drag, operating points, available
+                                power and reference loads. The rated wind speed scales with ρ^(-1/3), which keeps the
+                                power of the wind at rated
+    ``controller_air_density``  density that the controller is designed for [kg/m^3]; by default that of the turbine's
+                                file, so that the region-2 gain does not change
+    ``cut_in``, ``cut_out``     [m/s]: range of wind speeds in which the turbine operates
+    ``iec_class``               "I" to "IV": reference wind speed and wind climate
+    ``turbulence_class``        "A+", "A", "B" or "C"
+    ``rotation``                "clockwise" or "counter-clockwise": direction in which the rotor turns, seen looking
+                                downwind
+    =========================== ====================================================================================
+
+    Parameters
+    ----------
+    site : mapping or None
+        Any of the above; None or empty: the turbine as it is.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If a name is unknown or a value out of range.
+
+    Examples
+    --------
+    >>> from wt_gym.turbines import load_turbine
+    >>> high = with_site(load_turbine("nrel_5mw"), {"air_density": 1.0})
+    >>> round(high.rated_wind_speed, 2)
+    12.2
+    """
+    if site is None:
+        return turbine
+    if not isinstance(site, Mapping):
+        raise TurbineDefinitionError(f"site must map names to values, got {site!r:.100}; names: {', '.join(SITE)}")
+    for name in site:
+        if name not in SITE:
+            near = did_you_mean(name, SITE, ".")
+            raise TurbineDefinitionError(f"site has no {name!r:.60}{near} Allowed: {', '.join(SITE)}")
+    changes: dict[str, Any] = {name: site[name] for name in site if name != "controller_air_density"}
+    if "air_density" in site:
+        density = check_number("site['air_density']", site["air_density"], 0.1, 10.0)
+        changes["rated_wind_speed"] = turbine.rated_wind_speed * (turbine.air_density / density) ** (1.0 / 3.0)
+    designed = turbine.controller_air_density
+    if "controller_air_density" in site:
+        designed = check_number("site['controller_air_density']", site["controller_air_density"], 0.1, 10.0)
+    if designed != changes.get("air_density", turbine.air_density) or "controller_air_density" in site:
+        changes["design_air_density"] = designed
+    told = [f"{name} {site[name]} {unit}".strip() for name, unit in SITE.items() if name in site]
+    return replace(turbine, **changes, notes=(*turbine.notes, _NOTE + ", ".join(told))) if site else turbine
+
+
+def at_controller_density(turbine: Turbine) -> Turbine:
+    """The turbine in the air for which its controller is designed: of it the controller's rules take their numbers."""
+    density = turbine.controller_air_density
+    if density == turbine.air_density:
+        return turbine
+    return replace(
+        turbine,
+        air_density=density,
+        # as many digits as tell the rounding of the way there and back from a turbine's number
+        rated_wind_speed=round(turbine.rated_wind_speed * (turbine.air_density / density) ** (1.0 / 3.0), 9),
+        design_air_density=None,
+        notes=without_site(turbine.notes),
+    )
+
+
+def without_site(notes: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the notes of a turbine without those of its site."""
+    return tuple(note for note in notes if not note.startswith(_NOTE))

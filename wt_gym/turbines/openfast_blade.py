@@ -3,8 +3,15 @@
 AeroDyn's and BeamDyn's blade frames are the one used here: z from root to tip, x to the suction side (downwind), y to
 the trailing edge; their twist is positive to feather. AeroDyn gives the place of each section's reference point
 (BlCrvAC, BlSwpAC), which lies on the chord line; the file of the airfoil's coordinates says how far behind its nose.
+
+Airfoils of an OpenFAST model: AirfoilInfo files with their tables and coordinates.
+
+The tower of an OpenFAST model: ElastoDyn's bending stiffness and mass, AeroDyn's diameter and drag.
 """
 
+from __future__ import annotations
+
+import re
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -14,16 +21,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.turbines.airfoil import Airfoil
-from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
-from wt_gym.turbines.blade import Blade
-from wt_gym.turbines.checks import check_ascending
-from wt_gym.turbines.openfast_airfoils import AirfoilFile, read_airfoil_file
-from wt_gym.turbines.openfast_text import TextFile, existing_file
-from wt_gym.turbines.windio_airfoils import KINEMATIC_VISCOSITY
-from wt_gym.turbines.windio_blade import DEFAULT_BLADE_DAMPING
+from wt_gym.turbines.airfoil import Airfoil, Polar, blend_polars, camber_line, cosine_grid
+from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z
+from wt_gym.turbines.checks import check_ascending, fail
+from wt_gym.turbines.model import Tower
+from wt_gym.turbines.openfast_text import TextFile, as_number, existing_file
+from wt_gym.turbines.windio import POISSON_RATIO
+from wt_gym.turbines.windio_blade import DEFAULT_BLADE_DAMPING, KINEMATIC_VISCOSITY
+from wt_gym.turbines.windio_file import within
 
-__all__ = ["BladeFiles", "read_openfast_blade"]
+__all__ = ["BladeFiles", "read_openfast_blade", "read_openfast_tower"]
 
 _PERCENT = 0.01
 _SAME_LENGTH = 0.01
@@ -46,7 +53,6 @@ class BladeFiles:
         ElastoDyn's file of the blade, or BeamDyn's primary file and its sections.
     aerodyn : TextFile
         Primary file.
-    aerodyn_blade : TextFile
     viscosity : float
         Kinematic, of the air [m^2/s] (KinVisc).
     """
@@ -88,24 +94,12 @@ def read_openfast_blade(
 
     Parameters
     ----------
-    files : BladeFiles
     length : float
         TipRad - HubRad [m].
     hub_radius : float
         [m].
     rated_rotor_speed : float
         [rad/s]; picks among tables of several Reynolds numbers.
-    notes : list of str
-        Receives a sentence for every assumption.
-
-    Returns
-    -------
-    Blade
-
-    Raises
-    ------
-    TurbineDefinitionError
-        Naming file and keyword of what is missing, inconsistent or out of range.
     """
     plan = _read_planform(files, length, hub_radius, rated_rotor_speed, notes)
     if files.beamdyn is not None and files.beamdyn_sections is not None:
@@ -394,3 +388,350 @@ def _beamdyn_damping(files: BladeFiles, notes: list[str]) -> float:
 def _symmetric(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return matrices (n, 6, 6) without the differences that rounding leaves between both halves."""
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+QUARTER_CHORD = 0.25
+THICKNESS_GUESS = 0.18
+"""Relative thickness of a lifting section whose coordinates and thickness are unknown."""
+
+THICK = 0.5
+"""Relative thickness from which on a section is rather a cylinder, with its reference point in the middle."""
+
+_REFERENCES = (0.1, 0.6)
+"""Reference points [chords] of lifting sections and cylinders; files made by interpolation may have others."""
+
+_ROTATING = re.compile(r"rotational\s+(stall\s+delay|augmentation)|stall\s+delay|3-?d\s+correct", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class AirfoilFile:
+    """What one AirfoilInfo file gives.
+
+    Attributes
+    ----------
+    airfoil : Airfoil
+        With the moment about the quarter chord.
+    reference : float
+        Point of the chord that AeroDyn puts at BlCrvAC and BlSwpAC [chords from the leading edge].
+    rotating : bool
+        Whether a comment says that the polars hold the delay of stall by rotation.
+    """
+
+    airfoil: Airfoil
+    reference: float
+    rotating: bool
+
+
+def read_airfoil_file(
+    path: Path, columns: tuple[int, int, int, int], mode: int, reynolds: float, thickness: float, notes: list[str]
+) -> AirfoilFile:
+    """Read an AirfoilInfo file.
+
+    Parameters
+    ----------
+    columns : tuple of int
+        Of angle, lift, drag and moment, counted from 1 (InCol_Alfa, InCol_Cl, InCol_Cd, InCol_Cm); 0: not there.
+    mode : int
+        Use of several tables (AFTabMod): 1 the first, 2 interpolation over the Reynolds number, 3 over UserProp.
+    reynolds : float
+        In rated operation.
+    thickness : float
+        Relative thickness that the blade file gives (t_c); 0 where it gives none.
+    """
+    file = TextFile(path, free=True, titles=0)
+    tables = _tables(file)
+    lower, upper, weight = _selection(file, tables, mode, reynolds, notes)
+    contour, reference, known = _airfoil_shape(file, lower.line, columns, thickness, notes)
+    polar = _polar(file, lower, columns, reference, notes)
+    if weight > 0.0:
+        polar = blend_polars(polar, _polar(file, upper, columns, reference, notes), weight)
+    with within(path.name):
+        x, camber, measured = camber_line(contour)
+        airfoil = Airfoil(path.stem, min(known or measured, 1.0), contour, x, camber, polar)
+    return AirfoilFile(airfoil, reference, _ROTATING.search(file.comments) is not None)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Place of a table of coefficients: its number from 1, its line with NumAlf, Reynolds number and property."""
+
+    number: int
+    line: int
+    reynolds: float
+    property: float
+
+
+def _tables(file: TextFile) -> list[_Table]:
+    """Return the tables of a file, as many as NumTabs."""
+    out: list[_Table] = []
+    reynolds = setting = 0.0
+    for i, key, word in file.entries("Re", "Ctrl", "UserProp", "NumAlf"):
+        if key == "Re":
+            reynolds = 1e6 * _value(file, key, word)
+        elif key == "NumAlf":
+            out.append(_Table(len(out) + 1, i, reynolds, setting))
+        else:
+            setting = _value(file, key, word)
+    if not out:
+        raise TurbineDefinitionError(f"{file.path.name}: NumAlf: missing, no table of coefficients")
+    count = file.integer("NumTabs", len(out))
+    if not 1 <= count <= len(out):
+        raise file.fail("NumTabs", count, f"a number from 1 to that of the tables, {len(out)}")
+    return out[:count]
+
+
+def _selection(
+    file: TextFile, tables: list[_Table], mode: int, reynolds: float, notes: list[str]
+) -> tuple[_Table, _Table, float]:
+    """Return two tables and the weight of the second, as AirfoilInfo uses them (AFI_ComputeAirfoilCoefs).
+
+    Coefficients are linear over the logarithm of the Reynolds number or over UserProp, and constant outside of the
+    tables. UserProp is an input of AeroDyn that is 0 without control of the flow over the airfoils.
+    """
+    name = file.path.name
+    if len(tables) == 1:
+        return tables[0], tables[0], 0.0
+    if mode == 1:
+        notes.append(f"{name}: {len(tables)} tables, the first is used (AFTabMod 1)")
+        return tables[0], tables[0], 0.0
+    if mode == 2:
+        what, at = "Re", float(np.log(max(reynolds, 1.0)))
+        values = [float(np.log(max(table.reynolds, 1.0))) for table in tables]
+        if len({table.property for table in tables}) > 1:
+            raise file.fail("UserProp", [table.property for table in tables], "the same in all tables (AFTabMod 2)")
+        words = f"at the Reynolds number of rated operation, {reynolds:.3g}, is used for all speeds"
+    else:
+        what, at, values = "UserProp", 0.0, [table.property for table in tables]
+        words = "at UserProp 0 is used"
+    if any(after <= before for before, after in pairwise(values)):
+        given = [table.reynolds if mode == 2 else table.property for table in tables]
+        raise file.fail(what, given, f"values that ascend from table to table (AFTabMod {mode})")
+    upper = int(np.clip(np.searchsorted(values, at), 1, len(values) - 1))
+    weight = float(np.clip((at - values[upper - 1]) / (values[upper] - values[upper - 1]), 0.0, 1.0))
+    notes.append(f"{name}: {len(tables)} tables, the coefficients {words} (AFTabMod {mode})")
+    return tables[upper - 1], tables[upper], weight
+
+
+def _polar(
+    file: TextFile, table: _Table, columns: tuple[int, int, int, int], reference: float, notes: list[str]
+) -> Polar:
+    """Return a table of coefficients, its moment about the quarter chord."""
+    where = f"{file.path.name}: table {table.number}"
+    angle, cl, cd, cm = _coefficients(file, table.line, columns, notes)
+    if angle[0] > -180.0 + 1e-6 or angle[-1] < 180.0 - 1e-6:
+        if np.any(np.ptp([cl, cd, cm], axis=1)):
+            raise fail(f"{where}: Alpha", [float(angle[0]), float(angle[-1])], "angles from -180 to 180 deg")
+        # constant coefficients hold at all angles, also in OpenFAST
+        angle, cl, cd, cm = np.array([-180.0, 180.0]), *(np.repeat(column[:1], 2) for column in (cl, cd, cm))
+    alpha = np.radians(angle)
+    normal = cl * np.cos(alpha) + cd * np.sin(alpha)
+    if cd.min() < 0.0:
+        k = int(np.argmin(cd))
+        notes.append(f"{where}: the drag coefficient is {cd[k]:g} at {angle[k]:g} deg, used as it is, as in OpenFAST")
+    with within(where):
+        return Polar(alpha, cl, cd, cm - normal * (reference - QUARTER_CHORD))
+
+
+def _value(file: TextFile, key: str, word: str) -> float:
+    value = as_number(word)
+    if value is None:
+        raise file.fail(key, word, "a number")
+    return value
+
+
+def _count(file: TextFile, key: str, word: str) -> int:
+    """Return a whole number of lines."""
+    value = _value(file, key, word)
+    if not (0.0 <= value < 1e6 and value == int(value)):
+        raise file.fail(key, word, "a whole number from 0")
+    return int(value)
+
+
+def _coefficients(
+    file: TextFile, line: int, columns: tuple[int, int, int, int], notes: list[str]
+) -> tuple[NDArray[np.float64], ...]:
+    """Return angle [deg], lift, drag and moment about the reference point."""
+    count = _count(file, "NumAlf", next(word for i, _, word in file.entries("NumAlf") if i == line))
+    if min(columns[:3]) < 1:
+        raise fail("InCol_Alfa, InCol_Cl, InCol_Cd", columns[:3], "columns from 1")
+    block = file.numbers(line + 1, count, max(columns), "table of coefficients")
+    values = [block[:, k - 1] if k else np.zeros(count) for k in columns]
+    if not columns[3]:
+        note = "InCol_Cm: 0, sections without a pitching moment"
+        if note not in notes:
+            notes.append(note)
+    return tuple(values)
+
+
+def _airfoil_shape(
+    file: TextFile, table: int, columns: tuple[int, int, int, int], thickness: float, notes: list[str]
+) -> tuple[NDArray[np.float64], float, float]:
+    """Return contour (n, 2), reference point [chords] and relative thickness (0: that of the contour)."""
+    name = file.path.name
+    known = file.number("RelThickness", 0.0) if not file.is_default("RelThickness") else 0.0
+    known = known if 0.0 < known <= 1.0 else (thickness if 0.0 < thickness <= 1.0 else 0.0)
+    count = _count(file, "NumCoords", file.text("NumCoords")) if "NumCoords" in file else 0
+    if count > 5:
+        points = file.numbers(file.line_of("NumCoords") + 1, count, 2, "coordinates of the airfoil")
+        contour, reference = _closed_contour(name, points[1:]), float(points[0, 0])
+        if not _REFERENCES[0] <= reference <= _REFERENCES[1]:
+            taken = 0.5 if (known or np.ptp(contour[:, 1])) > THICK else QUARTER_CHORD
+            notes.append(f"{name}: the reference point at {reference:g} chords is implausible, {taken:g} is taken")
+            reference = taken
+        return contour, reference, known
+    return _assumed_contour(file, table, columns, known, notes), QUARTER_CHORD, known
+
+
+def _closed_contour(where: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a contour from the trailing edge over the suction side, x/c from 0 to 1."""
+    x, y = points.T
+    if np.ptp(x) < 0.9 or np.ptp(x) > 1.1:
+        raise fail(f"{where}: x/c", [float(x.min()), float(x.max())], "coordinates from 0 to 1")
+    nose = int(np.argmin(x))
+    if nose in (0, x.size - 1):  # starts at the leading edge: go round from the trailing edge
+        ring = points[:-1] if np.allclose(points[0], points[-1]) else points
+        points = np.roll(ring, -int(np.argmax(ring[:, 0])), axis=0)
+        points = np.vstack((points, points[:1]))
+        x, y = points.T
+    contour = np.column_stack(((x - x.min()) / np.ptp(x), y))
+    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    return contour if area > 0.0 else contour[::-1].copy()
+
+
+def _assumed_contour(
+    file: TextFile, table: int, columns: tuple[int, int, int, int], known: float, notes: list[str]
+) -> NDArray[np.float64]:
+    """Return a NACA four-digit section with the zero-lift angle of the polar; a circle where there is no lift.
+
+    A parabolic camber line of height h has the zero-lift angle -2 h (thin-airfoil theory). Thickness distribution of
+    the four-digit series: E. N. Jacobs, K. E. Ward, R. M. Pinkerton, NACA report 460, 1933.
+    """
+    angle, cl = _coefficients(file, table, columns, [])[:2]
+    x = cosine_grid(61)
+    if not np.any(cl):
+        half = np.sqrt(np.maximum(x * (1.0 - x), 0.0)) * (known or 1.0)
+        camber = np.zeros(x.size)
+        notes.append(f"{file.path.name}: no coordinates, a circle assumed (its polar has no lift)")
+    else:
+        inner = np.abs(angle) <= 15.0
+        lift, a = cl[inner], angle[inner]
+        cross = np.flatnonzero((lift[:-1] <= 0.0) & (lift[1:] > 0.0))
+        zero = 0.0
+        if cross.size:
+            k = cross[0]
+            zero = float(np.radians(a[k] - lift[k] * (a[k + 1] - a[k]) / (lift[k + 1] - lift[k])))
+        thick = known or THICKNESS_GUESS
+        root = np.sqrt(x)
+        half = 5.0 * thick * (0.2969 * root - 0.1260 * x - 0.3516 * x**2 + 0.2843 * x**3 - 0.1036 * x**4)
+        camber = -2.0 * zero * x * (1.0 - x)
+        notes.append(
+            f"{file.path.name}: no coordinates, a section of {100 * thick:.0f} % thickness with a parabolic camber of "
+            f"the polar's zero-lift angle {np.degrees(zero):.2f} deg assumed"
+        )
+    return np.vstack((np.column_stack((x, camber + half))[::-1], np.column_stack((x, camber - half))[1:]))
+
+
+STEEL_WAVE_SPEED_SQUARED = 210e9 / 8500.0
+"""E/rho of a steel tower with its flanges and paint (NREL/TP-500-38060, section 6) [m^2/s^2]."""
+
+
+def read_openfast_tower(elastodyn: TextFile, file: TextFile, aerodyn: TextFile, notes: list[str]) -> Tower:
+    """Build the tower, clamped at TowerBsHt.
+
+    Parameters
+    ----------
+    elastodyn, file, aerodyn : TextFile
+        Primary file of ElastoDyn, its tower file, primary file of AeroDyn.
+    """
+    base, top = elastodyn.number("TowerBsHt"), elastodyn.number("TowerHt")
+    length = top - base
+    if length <= 0.0:
+        raise elastodyn.fail("TowerHt", top, f"a height above TowerBsHt = {base:g} m")
+    table, fraction = file.sections("NTwInpSt", "HtFract", ("tmassden", "twfastif", "twssstif"), "tower")
+    _check_order(file, table, ("htfract", "tmassden", "twfastif", "twssstif"))
+    station = fraction * length
+    mass = table["tmassden"] * file.number("AdjTwMa", 1.0)
+    fore_aft = table["twfastif"] * file.number("AdjFASt", 1.0) * _tuner(file, "FAStTunr", notes)
+    side_side = table["twssstif"] * file.number("AdjSSSt", 1.0) * _tuner(file, "SSStTunr", notes)
+    bending = 0.5 * (fore_aft + side_side)
+    if np.any(mass <= 0.0) or np.any(bending <= 0.0):
+        raise file.fail("TMassDen, TwFAStif, TwSSStif", float(min(mass.min(), bending.min())), "numbers above 0")
+    wall, diameter, drag = _tower_shape(aerodyn, base, length, (station, bending / mass), notes)
+    outer = np.interp(station, wall, diameter)
+    stiffness = np.zeros((station.size, 6, 6))
+    # A thin tube of diameter D: I = A D^2/8, J = 2 I, so that EA = 8 EI/D^2 and GJ = EI/(1 + nu).
+    diagonal: tuple[float | NDArray[np.float64], ...] = (
+        np.inf, np.inf, 8.0 * bending / outer**2, side_side, fore_aft, bending / (1.0 + POISSON_RATIO),
+    )  # fmt: skip
+    for k, value in enumerate(diagonal):
+        stiffness[:, k, k] = value
+    ring = mass * outer**2 / 8.0
+    notes.append(
+        f"{file.path.name}: ElastoDyn's tower bends only; axial and torsional stiffness and rotary inertia are those "
+        "of a thin tube of its diameter"
+    )
+    values = [file.number(key) for key in ("TwrFADmp(1)", "TwrFADmp(2)", "TwrSSDmp(1)", "TwrSSDmp(2)") if key in file]
+    if not values:
+        raise TurbineDefinitionError(f"{file.path.name}: TwrFADmp(1): missing, no line has this keyword")
+    if max(values) != min(values):
+        given = ", ".join(f"{value:g}" for value in values)
+        notes.append(f"{file.path.name}: damping {given} % of the modes, {values[0]:g} % is taken for all")
+    sections = BeamStations(station, stiffness, inertia_matrix(mass, 0.0, 0.0, ring, ring, 0.0))
+    return Tower(base, top, wall, diameter, sections, 0.01 * values[0], drag)
+
+
+def _check_order(file: TextFile, table: dict[str, NDArray[np.float64]], columns: tuple[str, ...]) -> None:
+    """Refuse tables whose header has another order than that in which OpenFAST counts the columns."""
+    given = [name for name in table if name in columns]
+    if given != [name for name in columns if name in table] or list(table)[: len(given)] != given:
+        raise file.fail(
+            "columns of the tower", list(table), f"{', '.join(columns)} in this order, as OpenFAST counts them"
+        )
+
+
+def _tuner(file: TextFile, name: str, notes: list[str]) -> float:
+    one, two = file.number(f"{name}(1)", 1.0), file.number(f"{name}(2)", 1.0)
+    if one != two:
+        notes.append(f"{file.path.name}: {name}(1) = {one:g} is taken for all modes, {name}(2) = {two:g} is left aside")
+    return one
+
+
+def _tower_shape(
+    aerodyn: TextFile,
+    base: float,
+    length: float,
+    specific: tuple[NDArray[np.float64], NDArray[np.float64]],
+    notes: list[str],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return stations from the base [m], diameters [m] and drag coefficient.
+
+    ``specific`` holds stations [m] and EI per mass per length [m^4/s^2], from which the diameter of a thin steel tube
+    follows where AeroDyn has no tower: EI/m = (E/rho) D^2/8.
+    """
+    if "NumTwrNds" in aerodyn and aerodyn.integer("NumTwrNds") > 1:
+        table = aerodyn.table("NumTwrNds", "TwrElev")
+        if "twrdiam" not in table:
+            raise TurbineDefinitionError(f"{aerodyn.path.name}: no column twrdiam in the table of the tower")
+        _check_order(aerodyn, table, ("twrelev", "twrdiam", "twrcd"))
+        elevation = table["twrelev"]
+        if np.any(np.diff(elevation) <= 0.0):
+            raise aerodyn.fail("TwrElev", elevation.tolist(), "heights that ascend")
+        inside = (elevation > base + 1e-6) & (elevation < base + length - 1e-6)
+        height = np.concatenate(([base], elevation[inside], [base + length]))
+        diameter = np.interp(height, elevation, table["twrdiam"])
+        drag = table.get("twrcd", np.ones(elevation.size))
+        if np.ptp(drag) > 1e-9:
+            notes.append(f"{aerodyn.path.name}: TwrCd varies along the tower, its mean {drag.mean():g} is used")
+        if not aerodyn.flag("TwrAero", True):
+            notes.append(f"{aerodyn.path.name}: TwrAero is False; the tower has the drag of TwrCd here")
+        station = height - base
+        station[-1] = length
+        return station, diameter, float(drag.mean())
+    diameter = np.sqrt(8.0 * specific[1] / STEEL_WAVE_SPEED_SQUARED)
+    if np.any(diameter > 50.0):
+        raise fail("diameter of the tower", float(diameter.max()), "a table of the tower in AeroDyn (NumTwrNds)")
+    notes.append(
+        f"{aerodyn.path.name}: no tower; diameters of {diameter.max():.2f} to {diameter.min():.2f} m are those of a "
+        "thin steel tube with ElastoDyn's stiffness and mass, drag coefficient 1 assumed"
+    )
+    return specific[0], diameter, 1.0

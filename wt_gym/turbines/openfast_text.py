@@ -6,6 +6,8 @@ OpenFAST 2 to 5. A reader by line numbers, such as that of ``openfast_io``, belo
 file of another it takes the number of the line beside.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -60,7 +62,6 @@ class TextFile:
 
     Parameters
     ----------
-    path : Path
     free : bool
         Whether the file is read in the second way.
     titles : int
@@ -226,7 +227,6 @@ class TextFile:
             Index of the first line, number of lines without those that are empty or hold a comment only.
         what : str
             The lines, for messages.
-        least : int
         skip_text : bool
             Whether lines that do not begin with a number are passed over, such as names and units of columns.
         """

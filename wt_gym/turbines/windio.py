@@ -1,9 +1,25 @@
-"""windIO files turned into turbines."""
+"""windIO files turned into turbines.
+
+The tower of a windIO file, from its table of section properties or from its shell of walls.
+
+windIO's tower frame: x parallel to the ground downwind, z up, y to the left. Section matrices use the same axes, so K44
+(bending about x) is side-side and K55 fore-aft.
+
+The turbine's own controller in a windIO file: the section ``control``, and a file of published constants beside it.
+
+windIO gives gains from the speed of the rotor [rpm] to pitch [deg] and torque [N m], with the signs of ROSCO's input
+files (negative), and schedules in degrees; `ControlData` holds them on the generator side, in SI units and positive.
+
+A JSON file ``NAME.control.json`` beside ``NAME.yaml`` holds what windIO has no keys for, under the names of
+`ControlData`; an angle may be given in degrees under its name with ``_deg``. What stands there goes before the section
+of the windIO file. Numbers of the turbine without a windIO key stand in its object ``turbine`` (`OWN_FIELDS`).
+"""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
+import json
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +28,14 @@ from numpy.typing import NDArray
 
 from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.turbines.model import Turbine
-from wt_gym.turbines.source import Node, WindioFile, read_windio
-from wt_gym.turbines.windio_blade import read_blade
-from wt_gym.turbines.windio_control import own_control_file, read_control, with_own_constants, with_own_fields
-from wt_gym.turbines.windio_nacelle import read_drivetrain, read_hub, read_machine, read_nacelle, read_pitch, rpm
-from wt_gym.turbines.windio_tower import read_support, read_tower
+from wt_gym.turbines.blade import BeamStations, inertia_matrix
+from wt_gym.turbines.checks import check_number, fail
+from wt_gym.turbines.model import ControlData, Support, Tower, Turbine
+from wt_gym.turbines.windio_blade import beam_tables, damping_ratio, read_blade, require_straight
+from wt_gym.turbines.windio_file import Node, WindioFile, read_windio, within
+from wt_gym.turbines.windio_machine import read_drivetrain, read_hub, read_machine, read_nacelle, read_pitch, rpm
 
-__all__ = ["own_file", "read_turbine"]
+__all__ = ["OWN_FIELDS", "POISSON_RATIO", "own_file", "read_turbine", "shell_sections"]
 
 _BESIDE = "the .control.json beside it"
 
@@ -40,7 +56,6 @@ def read_turbine(
 
     Parameters
     ----------
-    path : Path
     water_depth, foundation
         As of `wt_gym.turbines.load_turbine`.
 
@@ -192,3 +207,424 @@ def _rated_wind_speed(root: Node, power: float, radius: float, speed: float, not
     wind = speed * radius / root.at("control").number("optimal_tsr", 0.1, 50.0)
     notes.append(f"rated wind speed: not in the file, {wind:.2f} m/s is where rated speed has control.optimal_tsr")
     return wind
+
+
+DEFAULT_TOWER_DAMPING = 0.01
+"""Modal damping of the NREL 5-MW and IEA 15-MW towers."""
+
+POISSON_RATIO = 0.3
+"""Of steel; only used where a table leaves out the torsional stiffness."""
+
+
+def read_tower(root: Node, notes: list[str]) -> Tower:
+    """Build the tower, clamped at the start of its reference axis."""
+    node = root.at("components.tower")
+    base, height = _heights(node.at("reference_axis"))
+    shape = node.at("outer_shape")
+    grid, diameter = shape.distribution("outer_diameter")
+    cd = shape.distribution("cd")[1]
+    if np.any(diameter <= 0.0):
+        raise fail(shape.where("outer_diameter.values"), float(diameter.min()), "diameters above 0 m")
+    if np.ptp(cd) > 1e-9:
+        notes.append(f"{shape.where('cd')}: varies along the tower, its mean {cd.mean():g} is used")
+    for support in ("monopile", "jacket", "floating_platform"):
+        if support in root.at("components"):
+            how = "left out (load_turbine takes a water_depth)" if support == "monopile" else "not modeled"
+            notes.append(f"components.{support}: {how}, the tower is clamped at its base, {base:g} m up")
+    length = height - base
+    structure = node.at("structure", "a mapping with elastic_properties or layers")
+    if "elastic_properties" in structure:
+        elastic = structure.at("elastic_properties")
+        with within(elastic.path):
+            sections = _from_table(elastic, length, (grid, diameter), notes)
+        damping = damping_ratio(elastic, DEFAULT_TOWER_DAMPING, notes)
+    else:
+        sections = shell_sections(root, structure, length, (grid, diameter))
+        damping = DEFAULT_TOWER_DAMPING
+        notes.append(f"{structure.path}: no structural_damping, {100 * damping:g} % of critical assumed")
+    with within(node.path):
+        return Tower(base, height, grid * length, diameter, sections, damping, float(cd.mean()))
+
+
+def read_support(
+    root: Node, tower: Tower, water_depth: float, foundation: NDArray[np.float64] | None, notes: list[str]
+) -> Support:
+    """Build the monopile under a tower, from the sea bed up.
+
+    Its sections are those of its walls where the file gives them, else of its table. What lies below the sea bed is
+    left out: the ground holds the pile there, rigidly or by a foundation's stiffness.
+
+    Parameters
+    ----------
+    water_depth : float
+        [m]; files of turbines do not say where the sea bed lies.
+    foundation : ndarray (6, 6) or None
+        See `Support`.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the file has no monopile, the tower does not stand on it, or the sea bed lies outside of it.
+    """
+    if "monopile" not in root.at("components"):
+        raise fail("water_depth", water_depth, "None for a turbine whose file has no components.monopile")
+    node = root.at("components.monopile")
+    start, top = _heights(node.at("reference_axis"))
+    if abs(top - tower.base_height) > 1e-3:
+        allowed = f"a monopile that ends at the base of the tower, {tower.base_height:g} m up"
+        raise fail(node.where("reference_axis.z"), top, allowed)
+    allowed = f"depths from 0 to the {-start:g} m where the monopile begins"
+    if not 0.0 <= check_number("water_depth", water_depth, 0.0, 500.0) <= -start:
+        raise fail("water_depth", water_depth, allowed)
+    length = top - start
+    grid, diameter = node.at("outer_shape").distribution("outer_diameter")
+    structure = node.at("structure", "a mapping with layers or elastic_properties")
+    if "layers" in structure:
+        whole = shell_sections(root, structure, length, (grid, diameter))
+    else:
+        elastic = structure.at("elastic_properties")
+        with within(elastic.path):
+            whole = _from_table(elastic, length, (grid, diameter), notes)
+    buried = -water_depth - start
+    station = np.concatenate([[0.0], whole.station[whole.station > buried + 1e-6] - buried])
+    wall = np.concatenate([[0.0], grid[grid * length > buried + 1e-6] * length - buried])
+    mass = node.number("transition_piece_mass", 0.0, 1e8) if "transition_piece_mass" in node else 0.0
+    notes.append(
+        f"components.monopile: stands on the sea bed {water_depth:g} m deep; its {buried:g} m below are left out"
+    )
+    with within(node.path):
+        return Support(
+            -water_depth,
+            wall,
+            np.interp(wall + buried, grid * length, diameter),
+            BeamStations(station, whole.stiffness_at(station + buried), whole.inertia_at(station + buried)),
+            foundation,
+            mass,
+        )
+
+
+def _heights(axis: Node) -> tuple[float, float]:
+    grid_z, z = axis.distribution("z")
+    length = float(z[-1] - z[0])
+    if np.any(np.diff(z) <= 0.0) or np.any(np.abs(z - z[0] - grid_z * length) > 1e-3 * length):
+        raise fail(axis.where("z"), z.tolist(), "heights that ascend in proportion to the grid")
+    for key in ("x", "y"):
+        require_straight(axis, axis.distribution(key)[1], length)
+    return float(z[0]), float(z[-1])
+
+
+def _from_table(
+    node: Node, length: float, diameter: tuple[NDArray[np.float64], NDArray[np.float64]], notes: list[str]
+) -> BeamStations:
+    """Section properties from ``elastic_properties``; gaps are filled with those of a thin tube of that diameter."""
+    grid, stiffness, tables = beam_tables(node, ("K44", "K55"))
+    d = np.interp(grid, *diameter)
+    bending = 0.5 * (stiffness[:, 3, 3] + stiffness[:, 4, 4])
+    # A thin tube of diameter D: I = A D^2/8, J = 2 I, so that EA = 8 EI/D^2 and GJ = EI/(1 + nu).
+    for key, k, value in (("K33", 2, 8.0 * bending / d**2), ("K66", 5, bending / (1.0 + POISSON_RATIO))):
+        if not np.any(stiffness[:, k, k]):
+            stiffness[:, k, k] = value
+            notes.append(f"{node.path}.stiffness_matrix.{key}: not in the file, taken from K44, K55 as for a thin tube")
+    ring = tables["mass"] * d**2 / 8.0
+    if not np.any(tables["i_edge"]) or not np.any(tables["i_flap"]):
+        tables["i_edge"], tables["i_flap"] = ring, ring
+        notes.append(f"{node.path}.inertia_matrix: no section inertias, those of a thin tube are used")
+    inertia = inertia_matrix(
+        tables["mass"], tables["cm_x"], tables["cm_y"], tables["i_edge"], tables["i_flap"], tables["i_cp"]
+    )
+    return BeamStations(grid * length, stiffness, inertia)
+
+
+def shell_sections(
+    root: Node, structure: Node, length: float, diameter: tuple[NDArray[np.float64], NDArray[np.float64]]
+) -> BeamStations:
+    """Return the section properties of a tower given as layers of isotropic walls.
+
+    The first layer lies outside; each further one inside the one before. Euler-Bernoulli sections with area
+    A = pi (ro^2 - ri^2), I = pi/4 (ro^4 - ri^4), J = 2 I. The outfitting factor multiplies mass and inertia.
+
+    Parameters
+    ----------
+    root : Node
+        Top level of the file (for its materials).
+    structure : Node
+        ``components.tower.structure``.
+    length : float
+        [m].
+    diameter : tuple of ndarray
+        Grid (n,) and outer diameter (n,) [m].
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If layers or materials are missing, not isotropic, or thicker than the tower.
+    """
+    layers = structure.items("layers")
+    if not layers:
+        raise fail(structure.where("layers"), [], "at least one wall")
+    walls = [layer.distribution("thickness") for layer in layers]
+    grid = np.unique(np.concatenate([diameter[0], *(wall[0] for wall in walls)]))
+    outer = 0.5 * np.interp(grid, *diameter)
+    axial, bending, torsion, mass, rotary = (np.zeros(grid.size) for _ in range(5))
+    for layer, wall in zip(layers, walls, strict=True):
+        inner = outer - np.interp(grid, *wall)
+        if np.any(inner < 0.0) or np.any(inner > outer):
+            raise fail(layer.where("thickness.values"), wall[1].tolist(), "thicknesses from 0 to the radius inside")
+        young, shear, density = _material(root, layer)
+        area = np.pi * (outer**2 - inner**2)
+        second = 0.25 * np.pi * (outer**4 - inner**4)
+        axial += young * area
+        bending += young * second
+        torsion += shear * 2.0 * second
+        mass += density * area
+        rotary += density * second
+        outer = inner
+    if np.any(mass <= 0.0):
+        raise fail(structure.where("layers"), "a wall of no thickness", "walls along the whole tower")
+    factor = structure.number("outfitting_factor", 1.0, 2.0) if "outfitting_factor" in structure else 1.0
+    stiffness = np.zeros((grid.size, 6, 6))
+    diagonal: tuple[float | NDArray[np.float64], ...] = (np.inf, np.inf, axial, bending, bending, torsion)
+    for k, value in enumerate(diagonal):
+        stiffness[:, k, k] = value
+    inertia = inertia_matrix(factor * mass, 0.0, 0.0, factor * rotary, factor * rotary, 0.0)
+    return BeamStations(grid * length, stiffness, inertia)
+
+
+def _material(root: Node, layer: Node) -> tuple[float, float, float]:
+    """Return Young's modulus, shear modulus [Pa] and density [kg/m^3] of the isotropic material of a layer."""
+    name = layer.text("material")
+    materials = {node.data.get("name"): node for node in root.items("materials")}
+    if name not in materials:
+        raise fail(layer.where("material"), name, f"one of the materials: {', '.join(sorted(map(str, materials)))}")
+    node = materials[name]
+    if node.data.get("orth") != 0:
+        raise fail(node.where("orth"), node.data.get("orth"), "0 (isotropic) for the wall of a tower")
+    young = node.number("E", 1e6, 1e13)
+    shear = node.number("G", 1e6, 1e13) if "G" in node else young / (2.0 * (1.0 + node.number("nu", -1.0, 0.5)))
+    return young, shear, node.number("rho", 1.0, 20000.0)
+
+
+OWN_FIELDS = {
+    "": ("air_density", "design_air_density", "rotation"),
+    "pitch": ("max_pitch", "servo_frequency", "servo_damping"),
+    "drivetrain": ("gearbox_reverses", "torque_lag", "min_rotor_speed"),
+    "nacelle": ("max_yaw_rate",),
+}
+"""Fields of a turbine and of its parts that a windIO file has no keys for, or keys with a smaller range."""
+
+_DEGREE = np.pi / 180.0
+_READ = {
+    "fine_pitch": "fine pitch",
+    "optimal_tsr": "tip-speed ratio",
+    "region2_k": "torque gain of region 2",
+    "gen_torque_kp": "torque gains",
+    "gen_torque_ki": "torque gains",
+    "constant_power": "constant power or torque",
+    "pitch_kp": "pitch gains",
+    "pitch_ki": "pitch gains",
+    "lpf_frequency": "speed filter",
+    "lpf_damping": "speed filter",
+    "min_pitch_table": "least pitch over the wind",
+    "pitch_actuator_frequency": "pitch actuator",
+    "pitch_actuator_damping": "pitch actuator",
+}
+"""Keys that end up in `ControlData`, with the words for them."""
+_ELSEWHERE = frozenset(
+    {
+        "max_gen_torque",
+        "max_pitch_limit",
+        "max_pitch_rate",
+        "max_torque_rate",
+        "min_pitch_limit",
+        "min_rotor_speed",
+        "rated_power",
+        "rated_rotor_speed",
+        "yaw_rate",
+    }
+)
+"""Keys that the readers of drivetrain, nacelle and pitch system take."""
+
+
+def read_control(root: Node, gear_ratio: float, notes: list[str]) -> ControlData | None:
+    """Read the numbers of the controller from ``control``.
+
+    Parameters
+    ----------
+    root : Node
+        The file.
+    gear_ratio : float
+        Generator speed over rotor speed.
+    notes : list of str
+        Gets what was read and what was left aside.
+
+    Returns
+    -------
+    ControlData or None
+        None for a file that says nothing about its controller.
+    """
+    node = root.at("control")
+    values: dict[str, Any] = {}
+    ignored = sorted(key for key in node.data if key not in _READ and key not in _ELSEWHERE)
+    _numbers(node, gear_ratio, values)
+    _pitch_gains(node, gear_ratio, values, notes)
+    if "min_pitch_table" in node:
+        table = node.at("min_pitch_table")
+        wind = table.array("wind_speed")
+        values["min_pitch_wind"], values["min_pitch"] = wind, _DEGREE * table.array("min_pitch", wind.size)
+    used = list(dict.fromkeys(words for key, words in _READ.items() if key in node))
+    if used:
+        notes.append(f"control: the turbine's own controller has {', '.join(used)} from the file")
+    if "pitch_actuator_frequency" in node:
+        notes.append(
+            "control.pitch_actuator_frequency: kept in Turbine.control only; the pitch drives of the simulation follow "
+            "their demand at up to max_pitch_rate unless PitchSystem.servo_frequency is set"
+        )
+    if ignored:
+        notes.append(f"control: {', '.join(ignored)} not used")
+    if not values:
+        return None
+    with within("control"):
+        return ControlData(**values)
+
+
+def _numbers(node: Node, gear_ratio: float, values: dict[str, Any]) -> None:
+    """Read what is a single number; zero stands for what a file does not know."""
+    torque_gain = 1.0 / (rpm * gear_ratio)
+    known: dict[str, tuple[str, float]] = {
+        "optimal_tsr": ("optimal_tip_speed_ratio", 1.0),
+        "region2_k": ("region_2_gain", torque_gain**2),
+        "lpf_frequency": ("speed_filter_frequency", 1.0),
+        "lpf_damping": ("speed_filter_damping", 1.0),
+        "pitch_actuator_frequency": ("pitch_actuator_frequency", 1.0),
+        "pitch_actuator_damping": ("pitch_actuator_damping", 1.0),
+    }
+    for key, (name, scale) in known.items():
+        if key in node and (value := node.number(key, 0.0, 1e12)) > 0.0:
+            values[name] = scale * value
+    if "fine_pitch" in node:
+        values["fine_pitch"] = node.number("fine_pitch", -90.0, 90.0, _DEGREE)
+    if "constant_power" in node:
+        values["constant_power"] = bool(node.number("constant_power", 0.0, 1.0))
+    gains = {key: node.number(key, -1e12, 1e12) for key in ("gen_torque_kp", "gen_torque_ki") if key in node}
+    if len(gains) == 2 and all(gains.values()):
+        if gains["gen_torque_kp"] * gains["gen_torque_ki"] < 0.0:
+            raise TurbineDefinitionError(
+                f"{node.where('gen_torque_kp')}: {gains['gen_torque_kp']:g} and gen_torque_ki "
+                f"{gains['gen_torque_ki']:g} must have the same sign"
+            )
+        values["torque_proportional_gain"] = torque_gain * abs(gains["gen_torque_kp"])
+        values["torque_integral_gain"] = torque_gain * abs(gains["gen_torque_ki"])
+
+
+def _pitch_gains(node: Node, gear_ratio: float, values: dict[str, Any], notes: list[str]) -> None:
+    """Read the gain schedules of the pitch controller, on one grid."""
+    given = [key for key in ("pitch_kp", "pitch_ki") if key in node]
+    if len(given) < 2:
+        if given:
+            notes.append(f"{node.where(given[0])}: not used, since only one of pitch_kp and pitch_ki is in the file")
+        return
+    grids, gains = [], []
+    for key, column in (("pitch_kp", "kp"), ("pitch_ki", "ki")):
+        table = node.at(key)
+        grids.append(_DEGREE * table.array("pitch_angle"))
+        gains.append(table.array(column, grids[-1].size))
+    if not (gains[0].any() and gains[1].any()):
+        notes.append(f"{node.where('pitch_kp')}: not used, all gains of pitch_kp or pitch_ki are zero")
+        return
+    # most files have the signs of ROSCO: more speed with a negative gain means more pitch
+    sign = -1.0 if gains[1].sum() < 0.0 else 1.0
+    scale = sign * _DEGREE / (rpm * gear_ratio)
+    grid = grids[0] if np.array_equal(grids[0], grids[1]) else np.union1d(grids[0], grids[1])
+    values["gain_pitch"] = grid
+    values["pitch_proportional_gain"] = scale * np.interp(grid, grids[0], gains[0])
+    values["pitch_integral_gain"] = scale * np.interp(grid, grids[1], gains[1])
+
+
+def own_control_file(path: Path) -> Path | None:
+    """Return the file of published constants beside a windIO file, None where there is none."""
+    beside = path.with_name(f"{path.stem}.control.json")
+    return beside if beside.is_file() else None
+
+
+def _own_object(text: str, name: str) -> dict[str, Any]:
+    """Return the content of a file ``NAME.control.json``.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the text is not a JSON object.
+    """
+    try:
+        content = json.loads(text)
+    except ValueError as error:
+        raise TurbineDefinitionError(f"{name}: not JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise TurbineDefinitionError(f"{name}: must be a JSON object with the names of ControlData, got {content!r}")
+    return content
+
+
+def with_own_fields(turbine: Turbine, text: str, name: str) -> Turbine:
+    """Return a turbine with the fields in the object ``turbine`` of a file ``NAME.control.json``.
+
+    Parameters
+    ----------
+    text : str
+        JSON.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        For a key that is none of `OWN_FIELDS`, or a value out of range.
+    """
+    given = _own_object(text, name).get("turbine", {})
+    known = {f"{part}.{field}" if part else field for part, fields in OWN_FIELDS.items() for field in fields}
+    if not isinstance(given, dict) or not given.keys() <= known:
+        raise TurbineDefinitionError(
+            f"{name}: turbine must be an object with keys among {sorted(known)}, got {given!r}"
+        )
+    for part, names in OWN_FIELDS.items():
+        prefix = f"{part}." if part else ""
+        values = {field: given[prefix + field] for field in names if prefix + field in given}
+        with within(name):
+            if part:
+                values = {part: replace(getattr(turbine, part), **values)}
+            turbine = replace(turbine, **values)
+    return turbine
+
+
+def with_own_constants(control: ControlData | None, text: str, name: str, notes: list[str]) -> ControlData | None:
+    """Return control data with the constants of a file ``NAME.control.json``.
+
+    Parameters
+    ----------
+    control : ControlData or None
+        What the windIO file says.
+    text : str
+        JSON.
+    notes : list of str
+        Gets a line with the source that the file names.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the text is not a JSON object, or has a key or value that `ControlData` does not.
+    """
+    content = _own_object(text, name)
+    content.pop("turbine", None)
+    source = content.pop("source", None)
+    known = {f.name for f in fields(ControlData)}
+    values: dict[str, Any] = {}
+    for key, value in content.items():
+        plain = key.removesuffix("_deg")
+        if plain not in known:
+            raise TurbineDefinitionError(f"{name}: keys must be among {', '.join(sorted(known))}; got {key!r}")
+        try:
+            values[plain] = np.radians(value) if key != plain else value
+        except TypeError as error:
+            raise TurbineDefinitionError(f"{name}: {key} must be numbers, got {value!r}") from error
+    if not values:
+        return control
+    with within(name):
+        made = replace(control or ControlData(), **values)
+    notes.append(f"control: published constants of the controller from {source or name}")
+    return made

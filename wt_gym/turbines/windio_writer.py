@@ -4,6 +4,8 @@ windIO has no keys for some numbers of a turbine and its controller. They go int
 beside ``NAME.yaml``, under the names of `ControlData`, and of the turbine (`OWN_FIELDS`).
 """
 
+from __future__ import annotations
+
 import dataclasses
 import io
 import json
@@ -18,14 +20,13 @@ from scipy.interpolate import PchipInterpolator
 from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.files import whole_file
 from wt_gym.turbines.airfoil import Airfoil
-from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
-from wt_gym.turbines.blade import Blade
+from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, Tower, Turbine
-from wt_gym.turbines.windio_control import OWN_FIELDS
-from wt_gym.turbines.windio_nacelle import rpm
+from wt_gym.turbines.windio import OWN_FIELDS
+from wt_gym.turbines.windio_machine import rpm
 
-__all__ = ["control_file_of", "require_same", "windio_content", "write_windio"]
+__all__ = ["require_same", "windio_content", "write_windio"]
 
 _DEGREE = np.pi / 180.0
 _VERSION = "2.1"
@@ -59,7 +60,6 @@ def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[P
 
     Parameters
     ----------
-    turbine : Turbine
     path : str or Path
         Of the YAML file; the controller's numbers go to ``NAME.control.json`` in the same folder.
     source : str

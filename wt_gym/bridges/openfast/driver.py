@@ -1,7 +1,12 @@
-"""Runs of OpenFAST's own driver: a turbine in a wind under a Bladed library, and what the driver wrote of it."""
+"""Runs of OpenFAST's own driver: a turbine in a wind under a Bladed library, and what the driver wrote of it.
+
+A turbine as a JSON file, whole, so that outputs of OpenFAST can be read without the model they were made with.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
 import os
 import shutil
@@ -12,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
+from wt_gym.base.files import write_text_whole
 from wt_gym.bridges.openfast.input_text import InputFile
-from wt_gym.bridges.openfast.library import VARIABLE
 from wt_gym.bridges.openfast.measurement import (
     AERODYN_OUTPUTS,
     INFLOW_OUTPUTS,
@@ -23,22 +28,38 @@ from wt_gym.bridges.openfast.measurement import (
     elastodyn_outputs,
     servodyn_outputs,
 )
-from wt_gym.bridges.openfast.model_files import PRIMARY, steps_of, time_step_of, write_model
-from wt_gym.bridges.openfast.run_folder import DriverRun, ServedController, prepare_run
-from wt_gym.bridges.openfast.start import BentTurbine
-from wt_gym.bridges.openfast.turbine_file import TURBINE_FILE, write_turbine
-from wt_gym.control.starting_point import starting_point
+from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
+from wt_gym.bridges.openfast.process import VARIABLE
+from wt_gym.bridges.openfast.run_folder import BentTurbine, DriverRun, ServedController, prepare_run
+from wt_gym.control.operating_point import starting_point
 from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.turbines import (
+    Airfoil,
+    BeamStations,
+    Blade,
+    ControlData,
+    Drivetrain,
+    Hub,
+    Nacelle,
+    PitchSystem,
+    Polar,
+    RotationalAugmentation,
+    Support,
+    Tower,
+    Turbine,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import xarray as xr
 
-    from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["DRIVER_VARIABLE", "find_driver", "read_outputs", "run_driver", "write_driver_run"]
+__all__ = [
+    "DRIVER_VARIABLE", "TURBINE_FILE", "find_driver", "read_outputs", "read_turbine", "run_driver", "write_driver_run",
+    "write_turbine",
+]  # fmt: skip
 
 DRIVER_VARIABLE = "WT_GYM_OPENFAST"
 """Environment variable with the path of the driver."""
@@ -67,12 +88,10 @@ def write_driver_run(
 
     Parameters
     ----------
-    turbine : Turbine
     inflow : Inflow
-        See `wt_gym.bridges.openfast.wind_file.write_wind` for what becomes of it.
+        See `wt_gym.bridges.openfast.wind.write_wind` for what becomes of it.
     folder : str or path
         Made if it is not there; files of the same names in it are replaced.
-    controller : ServedController
     duration : float
         [s].
     interval : float
@@ -158,7 +177,6 @@ def run_driver(primary: Path, driver: Path) -> Path:
     ----------
     primary : Path
         Primary file, as `write_driver_run` gives it.
-    driver : Path
 
     Raises
     ------
@@ -236,3 +254,59 @@ def _dataset(signals: list[Signals], turbine: Turbine) -> xr.Dataset:
         for k, channel in enumerate(channels[1:], start=1)
     }
     return xr.Dataset(variables, {"time": ("time", values[:, 0], {"units": "s"})}, {"turbine": turbine.name})
+
+
+TURBINE_FILE = "turbine.json"
+"""Name of the file beside a primary file that is written here."""
+_RECORDS: dict[str, type[Any]] = {
+    record.__name__: record
+    for record in (
+        Airfoil, BeamStations, Blade, ControlData, Drivetrain, Hub, Nacelle, PitchSystem, Polar, RotationalAugmentation,
+        Support, Tower, Turbine,
+    )
+}  # fmt: skip
+
+
+def write_turbine(turbine: Turbine, path: Path) -> None:
+    """Write a turbine; `read_turbine` gives the same one, to the last bit."""
+    write_text_whole(path, json.dumps(_plain(turbine)) + "\n")
+
+
+def read_turbine(path: Path) -> Turbine:
+    """Read a turbine that `write_turbine` has written.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the file is not such a one.
+    """
+    try:
+        found = _made(json.loads(path.read_text(encoding="utf-8")))
+    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
+        raise TurbineDefinitionError(
+            f"{path} must be the file of a turbine that was written here: {error!r}"
+        ) from error
+    if not isinstance(found, Turbine):
+        raise TurbineDefinitionError(f"{path} must be the file of a turbine that was written here")
+    return found
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        fields = {item.name: _plain(getattr(value, item.name)) for item in dataclasses.fields(value) if item.init}
+        return {"record": type(value).__name__, "fields": fields}
+    if isinstance(value, np.ndarray):
+        return {"array": value.tolist(), "type": value.dtype.name}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _made(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_made(item) for item in value)
+    if not isinstance(value, dict):
+        return value
+    if "array" in value:
+        return np.array(value["array"], dtype=value["type"])
+    return _RECORDS[value["record"]](**{name: _made(item) for name, item in value["fields"].items()})

@@ -12,7 +12,7 @@ from wt_gym.turbines.openfast_text import TextFile
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-__all__ = ["InputFile", "lines_of", "plain_line", "shown_value", "write_lines"]
+__all__ = ["InputFile"]
 
 _QUOTED = re.compile(r'"([^"]+)"')
 
@@ -49,12 +49,7 @@ def write_lines(path: Path, title: str, rows: Iterable[str | tuple[str, object]]
 
 
 class InputFile:
-    """An input file that exists, to be changed and written elsewhere.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """An input file that exists, to be changed and written elsewhere."""
 
     def __init__(self, path: Path):
         self._read = TextFile(path)

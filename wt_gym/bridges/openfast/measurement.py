@@ -9,7 +9,7 @@ import numpy as np
 
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, view_from_tower
-from wt_gym.turbines.electrical import electrical_power
+from wt_gym.turbines.variants import electrical_power
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "AERODYN_OUTPUTS", "ELASTODYN_OUTPUTS", "INFLOW_OUTPUTS", "PITCH_COMMAND_OUTPUT", "TORQUE_OUTPUT", "Measurement",
-    "elastodyn_outputs", "servodyn_outputs",
+    "AERODYN_OUTPUTS", "INFLOW_OUTPUTS", "PITCH_COMMAND_OUTPUT", "TORQUE_OUTPUT", "Measurement", "elastodyn_outputs",
+    "servodyn_outputs",
 ]  # fmt: skip
 
 _RPM, _DEGREE, _KILO = math.pi / 30.0, math.pi / 180.0, 1e3

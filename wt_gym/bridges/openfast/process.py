@@ -1,20 +1,33 @@
-"""One simulation of OpenFAST in a process of its own, which a crash of the library ends and nothing else."""
+"""One simulation of OpenFAST in a process of its own, which a crash of the library ends and nothing else.
+
+Where OpenFAST's C library is.
+
+The small Bladed library through which any build of OpenFAST takes demands from this package.
+"""
 
 from __future__ import annotations
 
+import ctypes.util
+import hashlib
+import os
+import sys
+import sysconfig
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.base.child_process import ChildEndedError, ChildFailedError, ChildProcess
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.user_cache import user_cache
+from wt_gym.bridges.compiler import CompilerError, compile_library, library_name
 from wt_gym.bridges.openfast import worker
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["OpenFASTProcess"]
+__all__ = ["VARIABLE", "OpenFASTProcess", "find_library", "relay_library"]
 
 _LAST_WORDS = 600
 """Characters of OpenFAST's output that a message shows."""
@@ -28,11 +41,10 @@ class OpenFASTProcess:
 
     Parameters
     ----------
-    library : Path
     model : Path
         Primary file.
     relay : Path or None
-        Library that hands over the demands, see `wt_gym.bridges.openfast.relay`.
+        Library that hands over the demands, see `wt_gym.bridges.openfast.process`.
     demands : array (6,)
         At time zero: pitch of three blades [rad], torque [N m], yaw [rad], yaw rate [rad/s].
     log : Path
@@ -93,3 +105,77 @@ class OpenFASTProcess:
     def close(self) -> None:
         """End the simulation."""
         self._child.close()
+
+
+VARIABLE = "WT_GYM_OPENFAST_LIBRARY"
+"""Environment variable with the path of the library."""
+
+_NAMES = {"win32": ("openfastlib.dll", "libopenfastlib.dll"), "darwin": ("libopenfastlib.dylib",)}
+_FOLDERS = ("lib", "Library/bin", "bin")
+
+
+def find_library(given: str | os.PathLike[str] | None = None) -> Path:
+    """Path of OpenFAST's C library.
+
+    Parameters
+    ----------
+    given : str or path, optional
+        By default `VARIABLE`, else the library of the conda environment or of this Python, else that of the system.
+
+    Raises
+    ------
+    SimulationError
+        If it is not found; the message says how to get one.
+    """
+    chosen = given or os.environ.get(VARIABLE)
+    if chosen:
+        path = Path(chosen).expanduser()
+        if path.is_file():
+            return path.resolve()
+        where = "openfast_library" if given else VARIABLE
+        raise SimulationError(f"{where} must be the path of OpenFAST's library (libopenfastlib); got {chosen}: no file")
+    names = _NAMES.get(sys.platform, ("libopenfastlib.so",))
+    for prefix in (os.environ.get("CONDA_PREFIX"), sys.prefix):
+        for folder in _FOLDERS if prefix else ():
+            for name in names:
+                path = Path(str(prefix), folder, name)
+                if path.is_file():
+                    return path
+    if found := ctypes.util.find_library("openfastlib"):
+        return Path(found)
+    raise SimulationError(
+        "OpenFAST's library (libopenfastlib, version 5) is not here: conda install -c conda-forge openfast, or build "
+        f"OpenFAST with -DBUILD_SHARED_LIBS=ON; then give its path as openfast_library=... or in {VARIABLE}"
+    )
+
+
+_SOURCE = Path(__file__).with_name("relay.c")
+
+
+def relay_library() -> Path:
+    """Path of the library, compiled at the first call and kept in the cache.
+
+    Raises
+    ------
+    SimulationError
+        If there is no compiler, or it fails.
+    """
+    stamp = hashlib.sha256(_SOURCE.read_bytes() + sysconfig.get_platform().encode()).hexdigest()[:16]
+    cache = user_cache()
+    if cache is None:
+        raise SimulationError("no folder for compiled files: set WT_GYM_CACHE")
+    path = cache / "openfast" / library_name(f"relay-{stamp}")
+    if path.is_file():
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=path.parent) as folder:
+        made = Path(folder) / path.name
+        try:
+            compile_library(_SOURCE, made)
+        except CompilerError as error:
+            raise SimulationError(
+                f"OpenFAST takes demands through a small library, which a C compiler makes: {error}; with a build of "
+                "OpenFAST whose ServoDyn takes inputs (PCMode 4) give commands='inputs'"
+            ) from error
+        os.replace(made, path)
+    return path

@@ -1,29 +1,40 @@
-"""The folder of one simulation of OpenFAST: the files of a model with start, wind, controls and outputs of that run."""
+"""The folder of one simulation of OpenFAST: the files of a model with start, wind, controls and outputs of that run.
+
+Where blades and tower stand at the start of a simulation of OpenFAST: bent as by a steady wind.
+
+The files that an OpenFAST model names, copied beside a run, so that its folder can be moved.
+"""
 
 from __future__ import annotations
 
 import math
+import os
+import re
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
-from wt_gym.bridges.openfast.model_copy import copy_named_files
-from wt_gym.bridges.openfast.wind_file import write_wind
+from wt_gym.bridges.openfast.model import POWERS, blade_sections, tower_sections
+from wt_gym.bridges.openfast.wind import write_wind
+from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
-    from wt_gym.bridges.openfast.lidar import PointLidar
+    from wt_gym.bridges.openfast.wind import PointLidar
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["MODULES", "DriverRun", "RunStart", "ServedController", "prepare_run"]
+__all__ = ["BentTurbine", "DriverRun", "ServedController", "prepare_run"]
 
 MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"}
 """Modules whose inputs can be changed, and the keywords of their files in the primary file (``"OpenFAST"``)."""
@@ -118,9 +129,6 @@ def prepare_run(
         Primary file of the model.
     folder : Path
         That is there.
-    turbine : Turbine
-    inflow : Inflow
-    start : RunStart
     step : float
         Of OpenFAST [s].
     duration : float
@@ -281,3 +289,172 @@ def _set_servodyn(file: InputFile, start: RunStart, controller: ServedController
         file.set("DLL_Ramp", False)
         file.set("BPCutoff", _FOREVER)
         file.set("Ptch_Cntrl", 1)  # else the collective pitch alone is read
+
+
+_LEAST_SPEED = 1e-4
+"""ElastoDyn needs a rotor that turns, if only just [rad/s]."""
+
+
+@dataclass(frozen=True)
+class Deflections:
+    """Deflections of the tips out of and in the rotor plane, of the tower top fore-aft and side-side [m]."""
+
+    out_of_plane: float
+    in_plane: float
+    fore_aft: float
+    side_side: float
+
+
+class BentTurbine:
+    """First modes of blade and tower under steady loads."""
+
+    def __init__(self, turbine: Turbine):
+        self._turbine = turbine
+        self._elements = BladeElements(BladeElementRotor.of_turbine(turbine))
+        blade = blade_sections(turbine)
+        x = (self._elements.span - turbine.hub.radius) / turbine.blade.length
+        self._mass = np.interp(x, blade.fraction, blade.mass)
+        self._twist = np.interp(x, blade.fraction, blade.twist)
+        flap, edge = (x[:, None] ** POWERS @ shape for shape in (blade.flap_shapes[0], blade.edge_shape))
+        bends = x[:, None] ** (POWERS - 2) * POWERS * (POWERS - 1)
+        self._curvatures = bends @ blade.flap_shapes[0], bends @ blade.edge_shape
+        width = self._elements.width
+        omega = 2.0 * np.pi * blade.frequencies
+        rated = turbine.drivetrain.rated_rotor_speed
+        self._stiffness = (
+            omega[0] ** 2 * float(self._mass @ flap**2) * width,
+            (omega[2] ** 2 + rated**2) * float(self._mass @ edge**2) * width,
+        )
+        if turbine.tower.support is not None:  # its compliance is not known here
+            self._push = self._lean = 0.0
+            return
+        tower = tower_sections(turbine)
+        shape = np.linspace(0.0, 1.0, 200)[:, None] ** POWERS @ tower.fore_aft_shapes[0]
+        m0 = turbine.blade.structure.mass_moment()
+        top = turbine.n_blades * m0 + turbine.hub.mass + turbine.nacelle.mass + turbine.nacelle.yaw_bearing_mass
+        along = np.interp(np.linspace(0.0, 1.0, 200), tower.fraction, tower.mass)
+        modal = top + float(np.mean(along * shape**2)) * turbine.tower.length
+        self._push = 1.0 / float((2.0 * np.pi * tower.frequencies[0]) ** 2 * modal)
+        slope = float(POWERS @ tower.side_side_shapes[0]) / turbine.tower.length
+        self._lean = slope / float((2.0 * np.pi * tower.frequencies[2]) ** 2 * modal)
+
+    def deflections(self, wind: float, rotor_speed: float, pitch: float) -> Deflections:
+        """Deflections of a rotor that turns in a steady wind; of one that stands or barely turns none.
+
+        Parameters
+        ----------
+        wind : float
+            [m/s].
+        rotor_speed : float
+            [rad/s].
+        pitch : float
+            [rad].
+        """
+        turbine = self._turbine
+        if rotor_speed < 0.1 * turbine.drivetrain.rated_rotor_speed or wind <= 0.0:
+            return Deflections(0.0, 0.0, 0.0, 0.0)
+        loads = self._elements.solve(wind, rotor_speed, pitch)
+        normal, driving = loads["normal"][0], loads["driving"][0]
+        # coned upwind, the centrifugal force bends the blades back
+        cone = np.sin(turbine.hub.cone) * np.cos(turbine.hub.cone)
+        normal = normal + self._mass * rotor_speed**2 * self._elements.span * cone
+        force = np.stack([normal, -driving], axis=1)  # out of the plane, and to the trailing edge in it
+        angle = self._twist + pitch
+        axes = (np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))
+        tip, width = np.zeros(2), self._elements.width
+        for curvature, axis, stiffness in zip(self._curvatures, axes, self._stiffness, strict=True):
+            slope = np.cumsum(curvature[:, None] * np.stack(axis, axis=1), axis=0)
+            move = (np.cumsum(slope, axis=0) - 0.5 * slope) / len(slope) ** 2  # along the blade, of one unit
+            tip += float(np.sum(force * move)) * width / stiffness * move[-1]
+        moment = float(loads["power"][0]) / rotor_speed  # turns the tower top about x, to the right
+        return Deflections(
+            float(tip[0]), float(tip[1]), float(loads["thrust"][0]) * self._push, -moment * self._lean
+        )  # fmt: skip
+
+    def start(
+        self,
+        inflow: Inflow,
+        rotor_speed: float,
+        pitch: NDArray[np.float64],
+        azimuth: float,
+        yaw: float,
+        tower_top: NDArray[np.float64] | None = None,
+    ) -> RunStart:
+        """Start of a run in a wind.
+
+        Parameters
+        ----------
+        rotor_speed, azimuth, yaw : float
+            [rad/s], [rad], [rad].
+        pitch : array (n_blades,)
+            [rad].
+        tower_top : array (2,), optional
+            Displacement along and across the nacelle [m], instead of that under the steady wind.
+        """
+        bent = self.deflections(start_speed(inflow), rotor_speed, float(pitch.mean()))
+        fore, side = (bent.fore_aft, bent.side_side) if tower_top is None else tower_top.tolist()
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        top = cos * fore - sin * side, sin * fore + cos * side
+        tips = bent.out_of_plane, bent.in_plane
+        return RunStart(max(rotor_speed, _LEAST_SPEED), azimuth, yaw, pitch, top, tips)
+
+
+FOLDER = "model"
+"""Folder of the copies."""
+_NAMED = re.compile(r'"([^"\n]{1,250})"|@([^\s"]{1,250})')
+_MOST_BYTES = 20_000_000
+"""Larger files are data, which name nothing."""
+
+
+def copy_named_files(files: Sequence[InputFile], folder: Path) -> None:
+    """Copy what input files name, and what that names, into `FOLDER`, and have the input files name the copies.
+
+    The copies stand to each other as the files do, so that relative names in them hold. Files of one stem are copied
+    together where the stem is named, as HydroDyn's potential-flow data. Whole paths in copied files stay as they are.
+
+    Parameters
+    ----------
+    files : sequence of InputFile
+        To be written into ``folder``.
+    """
+    found: dict[Path, None] = {}
+    for file in files:
+        _collect(file.path.parent.resolve(), "\n".join(file.lines), found)
+    if not found:
+        return
+    root = Path(os.path.commonpath([path.parent for path in found]))
+    for path in found:
+        copy = folder / FOLDER / path.relative_to(root)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, copy)
+    for file in files:
+        base = file.path.parent.resolve()
+        for name in {match.group(1) for match in _NAMED.finditer("\n".join(file.lines)) if match.group(1)}:
+            if any(_files_of(base, name)):
+                inside = _place(base, name).relative_to(root)
+                file.rename(name, (Path(FOLDER) / inside).as_posix())
+
+
+def _place(base: Path, name: str) -> Path:
+    return Path(os.path.normpath(base / name.replace("\\", "/")))
+
+
+def _files_of(base: Path, name: str) -> Iterator[Path]:
+    """Files that a name in a file of a folder stands for: that file, else those of the stem."""
+    place = _place(base, name)
+    if place.is_file():
+        yield place
+    elif place.parent.is_dir():
+        for path in sorted(place.parent.iterdir()):
+            if path.name.startswith(f"{place.name}.") and path.is_file():
+                yield path
+
+
+def _collect(base: Path, text: str, found: dict[Path, None]) -> None:
+    for match in _NAMED.finditer(text):
+        for path in _files_of(base, match.group(1) or match.group(2)):
+            if path in found:
+                continue
+            found[path] = None
+            if path.stat().st_size <= _MOST_BYTES and b"\0" not in (content := path.read_bytes()):
+                _collect(path.parent, content.decode("utf-8", "replace"), found)

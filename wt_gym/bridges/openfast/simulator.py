@@ -1,4 +1,7 @@
-"""OpenFAST behind the contract of `wt_gym.simulation.Simulator`."""
+"""OpenFAST behind the contract of `wt_gym.simulation.Simulator`.
+
+How the pitch gets from command to command within a step: the pitch drives of the simulator, for OpenFAST's steps.
+"""
 
 from __future__ import annotations
 
@@ -10,28 +13,24 @@ from tempfile import TemporaryDirectory, mkdtemp
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
+from scipy.linalg import expm
 
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.bridges.openfast.input_text import InputFile
-from wt_gym.bridges.openfast.library import find_library
 from wt_gym.bridges.openfast.measurement import Measurement
-from wt_gym.bridges.openfast.model_files import steps_of, time_step_of, write_model
-from wt_gym.bridges.openfast.pitch_path import PitchPath
-from wt_gym.bridges.openfast.process import OpenFASTProcess
-from wt_gym.bridges.openfast.relay import relay_library
-from wt_gym.bridges.openfast.run_folder import ServedController, prepare_run
-from wt_gym.bridges.openfast.start import BentTurbine
-from wt_gym.bridges.openfast.wind_file import repeats
+from wt_gym.bridges.openfast.model import steps_of, time_step_of, write_model
+from wt_gym.bridges.openfast.process import OpenFASTProcess, find_library, relay_library
+from wt_gym.bridges.openfast.run_folder import BentTurbine, ServedController, prepare_run
+from wt_gym.bridges.openfast.wind import repeats
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
-from wt_gym.turbines.damper import with_generator
-from wt_gym.turbines.mirror import clockwise_image
+from wt_gym.turbines.variants import clockwise_image, with_generator
 from wt_gym.wind import MirroredInflow
-from wt_gym.wind.described import is_described, wind_from
-from wt_gym.wind.protocol import require_cover
+from wt_gym.wind.files import is_described, wind_from
+from wt_gym.wind.inflow import require_cover
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -41,9 +40,10 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
     from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.simulation.simulator import WindChoice
+    from wt_gym.turbines import PitchSystem
     from wt_gym.wind import Inflow
 
-__all__ = ["COMMANDS", "OPTIONS", "OpenFASTSimulator"]
+__all__ = ["OPTIONS", "OpenFASTSimulator", "PitchPath"]
 
 COMMANDS = ("bladed", "inputs")
 """How demands get into OpenFAST."""
@@ -67,13 +67,13 @@ class OpenFASTSimulator:
     turbine : str, path or Turbine
         As of `Simulator`. The path of an OpenFAST model (``.fst``) is simulated with the files of the model.
     inflow : Inflow, path or mapping
-        See `wt_gym.bridges.openfast.wind_file.write_wind` for what becomes of it.
+        See `wt_gym.bridges.openfast.wind.write_wind` for what becomes of it.
     fidelity : str or Fidelity
         Gives the step between demands and nothing else.
     generator : "torque", optional
         A torque that is demanded; OpenFAST takes no other here.
     openfast_library : path, optional
-        Of ``libopenfastlib``, version 5; see `wt_gym.bridges.openfast.library.find_library` for the default.
+        Of ``libopenfastlib``, version 5; see `wt_gym.bridges.openfast.process.find_library` for the default.
     model : path, optional
         Primary file (``.fst``) to simulate instead of one that is written of the turbine. Its wind, controller and
         outputs are replaced.
@@ -105,10 +105,10 @@ class OpenFASTSimulator:
     Notes
     -----
     Every signal is there. ``tip_clearance`` follows from tip deflections and the motion of the tower top; extremes are
-    over OpenFAST's steps. The start bends blades and tower as a steady wind would (`wt_gym.bridges.openfast.start`);
-    ``tower_top`` has an effect by its displacements, its rates and the arguments ``wake_thrust`` and ``motion`` have
-    none: OpenFAST starts with a steady wake and a structure at rest except for the rotor. There are no snapshots, no
-    linearization, no pictures.
+    over OpenFAST's steps. The start bends blades and tower as a steady wind would (`BentTurbine`); ``tower_top`` has an
+    effect by its displacements, its rates and the arguments ``wake_thrust`` and ``motion`` have none: OpenFAST starts
+    with a steady wake and a structure at rest except for the rotor. There are no snapshots, no linearization, no
+    pictures.
 
     Examples
     --------
@@ -393,3 +393,58 @@ class OpenFASTSimulator:
         if self._process is not None:
             self._process.close()
         self._process = self._measurement = None
+
+
+class PitchPath:
+    """Pitch of the blades behind their commands; OpenFAST itself sets the pitch that it is given.
+
+    An ideal drive turns at a rate that changes evenly within a step, from that of the command in the step before to
+    that in this one (`wt_gym.simulation.drivetrain.drives.PitchDrives`). A servo, θ̈ = ω² (c − θ) − 2 ζ ω θ̇, follows a
+    command that moves evenly; it is integrated exactly.
+
+    Parameters
+    ----------
+    step : float
+        Between commands [s].
+    count : int
+        Steps of OpenFAST in it.
+
+    Attributes
+    ----------
+    angle, rate : ndarray (n_blades,)
+        Now [rad], [rad/s].
+    """
+
+    def __init__(self, limits: PitchSystem, step: float, count: int):
+        self._step, self._count = step, count
+        self._part = np.arange(1, count + 1)[:, None] * (step / count)
+        self._servo = None
+        if limits.servo_frequency is not None:
+            omega, damping = limits.servo_frequency, limits.servo_damping
+            # states: angle, rate, command, rate of the command
+            system = np.zeros((4, 4))
+            system[0, 1] = system[2, 3] = 1.0
+            system[1] = [-(omega**2), -2.0 * damping * omega, omega**2, 0.0]
+            self._servo = expm(system * (step / count))
+        self.angle = self.rate = self._command = np.zeros(0)
+
+    def start(self, pitch: NDArray[np.float64]) -> None:
+        """Stand at an angle for each blade (n_blades,) [rad]."""
+        self.angle, self._command, self.rate = pitch.copy(), pitch.copy(), np.zeros(pitch.size)
+
+    def follow(self, command: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Follow the commands (n_blades,) [rad] through a step; the angles (count, n_blades) at OpenFAST's steps."""
+        required = (command - self._command) / self._step
+        if self._servo is None:
+            turn = (required - self.rate) / (2.0 * self._step)
+            path = self.angle + self.rate * self._part + turn * self._part**2
+            self.rate = required
+        else:
+            state = np.stack([self.angle, self.rate, self._command, required])
+            path = np.empty((self._count, command.size))
+            for k in range(self._count):
+                state = self._servo @ state
+                path[k] = state[0]
+            self.rate = state[1]
+        self.angle, self._command = path[-1].copy(), command.copy()
+        return path

@@ -6,7 +6,16 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.coleman import from_harmonic, to_harmonic
+from wt_gym.control.controllers.additions import (
+    AboveRated,
+    FadeParameters,
+    ForeAftDamper,
+    HarmonicPitch,
+    HarmonicPitchParameters,
+    IndividualPitch,
+    SideSideDamper,
+    YawByDeadBand,
+)
 from wt_gym.control.controllers.controller import (
     Addition,
     Combined,
@@ -28,18 +37,13 @@ from wt_gym.control.controllers.discon import (
     DisconController,
     nrel_5mw_parameters,
 )
-from wt_gym.control.controllers.fading import AboveRated, FadeParameters
-from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
+from wt_gym.control.controllers.own import retuned_parameters
 from wt_gym.control.controllers.parameters import Parameter
-from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.supervisor import STATES, Supervisor, SupervisorParameters, supervisor_of
-from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
-from wt_gym.control.controllers.wind_estimator import WindEstimator
-from wt_gym.control.controllers.yaw import YawByDeadBand
-from wt_gym.control.rotor_table import RotorTable, rotor_table
-from wt_gym.deprecated import renamed_names
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
+from wt_gym.control.rotor import RotorTable, rotor_table
+from wt_gym.control.sensors import from_harmonic, to_harmonic
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.catalogue import (
@@ -138,11 +142,10 @@ def __dir__() -> list[str]:
 
 
 if not TYPE_CHECKING:  # which would take every name for one of this module
-    _renamed = renamed_names(__name__)
 
     def __getattr__(name: str) -> Any:
-        """Names of `_ON_DEMAND`, and former ones."""
+        """Names of `_ON_DEMAND`."""
         if name not in _HOME:
-            return _renamed(name)
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
         return found

@@ -16,32 +16,32 @@ from wt_gym.control.bladed import rosco
 from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.bladed.rosco import RoscoController, rosco_library
 from wt_gym.control.controllers import (
+    additions,
     fault_supervisor,
-    individual_pitch,
     lidar_feedforward,
     linear_optimal,
     own,
     power_tracking,
-    retuned,
     supervisor,
-    tower_dampers,
     tsr_tracking,
-    yaw,
 )
+from wt_gym.control.controllers.additions import ForeAftDamper, IndividualPitch, SideSideDamper, YawByDeadBand
 from wt_gym.control.controllers.controller import Addition, Combined, Controller
 from wt_gym.control.controllers.fault_supervisor import FaultSupervisor
-from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
-from wt_gym.control.controllers.own import own_controller, own_parameters
+from wt_gym.control.controllers.own import (
+    TUNED,
+    own_controller,
+    own_parameters,
+    record_of,
+    retuned_controller,
+    tuned_parameters,
+)
 from wt_gym.control.controllers.parameters import PATH, Parameter, with_defaults
 from wt_gym.control.controllers.power_tracking import PowerTracking, PowerTrackingLaw
-from wt_gym.control.controllers.retuned import retuned_controller
 from wt_gym.control.controllers.supervisor import Supervisor
-from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
-from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
-from wt_gym.control.controllers.yaw import YawByDeadBand
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
@@ -200,7 +200,7 @@ COMPILED = ("rosco", "bladed")
 
 _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]]] = {
     "discon": (own.PARAMETERS, (own_controller, own_parameters)),
-    "retuned": (retuned.PARAMETERS, (_retuned,)),
+    "retuned": (own.RETUNED_PARAMETERS, (_retuned,)),
     "tsr_tracking": (tsr_tracking.PARAMETERS, (TsrTrackingController.of_turbine, TsrTrackingParameters.from_turbine)),
     "rosco": (rosco.PARAMETERS, (RoscoController.of_turbine,)),
     "bladed": (bladed.PARAMETERS, (_bladed, BladedController)),
@@ -210,13 +210,13 @@ _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]
     "derate_torque": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
     "derate_pitch": (power_tracking.PARAMETERS, (PowerTracking.of_turbine,)),
     "derate_kinetic": (power_tracking.KINETIC_PARAMETERS, (PowerTracking.of_turbine, PowerTrackingLaw)),
-    "ipc": (individual_pitch.PARAMETERS, (IndividualPitch.of_turbine,)),
-    "ipc_2p": (individual_pitch.PARAMETERS, (_ipc_2p, IndividualPitch.of_turbine)),
-    "constrained_ipc": (individual_pitch.PARAMETERS, (_constrained_ipc, IndividualPitch.of_turbine)),
+    "ipc": (additions.PARAMETERS, (IndividualPitch.of_turbine,)),
+    "ipc_2p": (additions.PARAMETERS, (_ipc_2p, IndividualPitch.of_turbine)),
+    "constrained_ipc": (additions.PARAMETERS, (_constrained_ipc, IndividualPitch.of_turbine)),
     "linear_pitch": (linear_optimal.PARAMETERS, (LinearOptimalPitch.of_turbine,)),
-    "fore_aft_damper": (tower_dampers.FORE_AFT_PARAMETERS, (ForeAftDamper.of_turbine,)),
-    "side_side_damper": (tower_dampers.SIDE_SIDE_PARAMETERS, (SideSideDamper.of_turbine,)),
-    "yaw": (yaw.PARAMETERS, (YawByDeadBand,)),
+    "fore_aft_damper": (additions.FORE_AFT_PARAMETERS, (ForeAftDamper.of_turbine,)),
+    "side_side_damper": (additions.SIDE_SIDE_PARAMETERS, (SideSideDamper.of_turbine,)),
+    "yaw": (additions.YAW_PARAMETERS, (YawByDeadBand,)),
     "fault_supervisor": (fault_supervisor.PARAMETERS, (FaultSupervisor.of_turbine,)),
 }
 """What the parts declare, and the functions whose defaults hold, the first before the others."""

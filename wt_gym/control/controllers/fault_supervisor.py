@@ -37,7 +37,7 @@ from wt_gym.control.controllers.controller import Addition, Combined, Controller
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.supervisor import supervisor_of
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:

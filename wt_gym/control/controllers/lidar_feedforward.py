@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
+from wt_gym.control.controllers.additions import FADE, AboveRated, FadeParameters
 from wt_gym.control.controllers.controller import Controller
-from wt_gym.control.controllers.fading import FADE, AboveRated, FadeParameters
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.sensors import Lidar, LowPass

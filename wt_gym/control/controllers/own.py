@@ -3,26 +3,42 @@
 Two laws share one set of constants (`BaselineParameters`). A turbine whose data have the gains of a torque controller
 that tracks the tip-speed ratio, or a least pitch over the wind (peak shaving), gets the one that estimates the wind
 (`TsrTrackingController.published`); any other the torque curve of the NREL 5-MW's (`DisconController`).
+
+The baseline controller with a region-2 gain that fits the turbine as simulated.
+
+The published gain belongs to the rotor of blade-element momentum theory. The lattice's rotor has its best power at a
+higher tip-speed ratio, so that a smaller gain makes more power. `FOUND` holds the multiple of the published gain that
+made the most power in coupled runs (the turbine's record); docs/baselines.md says how it was found. It belongs to the
+rotor and its drive train, whatever tower or monopile these stand on. Any other turbine gets the gain of the optimum
+of its own table, ``rho pi R^5 Cp / (2 lambda^3 N^3)`` times the gearbox efficiency.
+
+Parameters that a search found: the reference that learned control is compared with.
+
+The records of `wt_gym.experiment.tuning` lie in ``data/tuned*.json`` with the cost, the winds, the seeds and every
+trial; docs/baselines.md says what they are worth. They were found on the NREL 5-MW. On another turbine the numbers
+without a dimension are the same, and times go with the turn of the rotor.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.base.warn_once import warn_once
-from wt_gym.control.controllers.discon import BaselineParameters, DisconController
+from wt_gym.control.controllers.discon import BaselineParameters, DisconController, GainTable
 from wt_gym.control.controllers.parameters import Parameter
-from wt_gym.control.controllers.pitch_law import GainTable
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
-from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
+from wt_gym.control.design import same_rotor
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
-from wt_gym.control.rotor_table import blade_element_table
-from wt_gym.control.speed_loop import check_speed_loop
-from wt_gym.control.torque_loop import check_torque_curve, growing_mode, growth
+from wt_gym.control.rotor import RotorTable, blade_element_table, rotor_table
+from wt_gym.control.stability import check_speed_loop, check_torque_curve, growing_mode, growth
+from wt_gym.turbine_records import RECORDS
+from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,7 +46,9 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Controller
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "own_controller", "own_law", "own_parameters"]
+__all__ = [
+    "PARAMETERS", "TUNED", "own_controller", "own_law", "own_parameters", "record_of", "tuned_parameters",
+]  # fmt: skip
 
 
 def _field(name: str) -> Callable[[Turbine], float]:
@@ -229,7 +247,7 @@ def own_controller(
 ) -> Controller:
     """Make the turbine's own controller and look at its loop, above rated and below.
 
-    See `wt_gym.control.speed_loop.check_speed_loop` and `wt_gym.control.torque_loop`. Where the published numbers of a
+    See `wt_gym.control.stability.check_speed_loop` and `wt_gym.control.stability`. Where the published numbers of a
     controller that estimates the wind leave a growing mode below rated, its torque gains are those by rule, else its
     least pitch, else both, with a warning.
 
@@ -361,3 +379,133 @@ def _stable(
 
 def _estimator(turbine: Turbine, made: TsrTrackingParameters) -> WindEstimator:
     return WindEstimator.of_turbine(turbine, None, made.table, reads_generator=True)
+
+
+FOUND: dict[str, float] = {
+    name: record.region_2_gain_factor for name, record in RECORDS.items() if record.region_2_gain_factor is not None
+}
+"""Multiple of the published region-2 gain, by the turbine of the catalogue with the rotor and drive train."""
+
+
+def _factor(turbine: Turbine) -> float | None:
+    """Factor that a turbine's controller has by default; None where the table of the turbine gives the gain."""
+    return None if tracks_tip_speed_ratio(turbine) else found_factor(turbine)
+
+
+RETUNED_PARAMETERS = (
+    Parameter(
+        "gain_factor",
+        "-",
+        "torque over speed squared below rated, in that of `discon`",
+        0.0,
+        above=True,
+        otherwise="the optimum of the turbine's table",
+        in_use=_factor,
+    ),
+)
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+
+
+def gain_of_table(turbine: Turbine, table: RotorTable) -> float:
+    """Region-2 gain that holds a rotor at the optimum of its table [N m/(rad/s)^2, high-speed shaft]."""
+    ratio, best = table.optimum
+    drivetrain = turbine.drivetrain
+    moment = 0.5 * turbine.controller_air_density * math.pi * table.radius**5 * best / ratio**3
+    return moment * drivetrain.gearbox_efficiency / drivetrain.gear_ratio**3
+
+
+def with_region_2_gain(parameters: BaselineParameters, gain: float) -> BaselineParameters:
+    """Return constants with another region-2 gain [N m/(rad/s)^2]."""
+    return replace(parameters, torque=replace(parameters.torque, region_2_gain=gain))
+
+
+def found_factor(turbine: Turbine) -> float | None:
+    """Multiple of the published region-2 gain that was found for the rotor and drive train of a turbine, if any.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    """
+    for name, factor in FOUND.items():
+        if same_rotor(load_turbine(name), turbine):
+            return factor
+    return None
+
+
+def retuned_parameters(turbine: Turbine, gain_factor: float | None = None) -> BaselineParameters:
+    """Constants of the baseline controller with a region-2 gain for the turbine as simulated.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    gain_factor : float, optional
+        Multiple of the gain of `BaselineParameters.from_turbine`; by default what was found for this rotor, else what
+        the table of the turbine gives.
+    """
+    parameters = BaselineParameters.from_turbine(turbine)
+    factor = found_factor(turbine) if gain_factor is None else gain_factor
+    if factor is None:
+        return with_region_2_gain(parameters, gain_of_table(turbine, rotor_table(turbine)))
+    return with_region_2_gain(parameters, factor * parameters.torque.region_2_gain)
+
+
+def retuned_controller(turbine: Turbine, gain_factor: float | None = None) -> Controller:
+    """The turbine's own controller with a torque below rated that fits the turbine as simulated.
+
+    Where it tracks the tip-speed ratio, that ratio takes the place of the gain, which goes with its inverse cube: by
+    default the optimum of the turbine's table.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    gain_factor : float, optional
+        As of `retuned_parameters`.
+    """
+    if not tracks_tip_speed_ratio(turbine):
+        parameters = retuned_parameters(turbine, gain_factor)
+        check_speed_loop(turbine, parameters)
+        check_torque_curve(turbine, parameters)
+        return DisconController(parameters)
+    if gain_factor is None:
+        return own_controller(turbine, tip_speed_ratio=rotor_table(turbine).optimum[0])
+    return own_controller(turbine, tip_speed_ratio=design_point(turbine).tip_speed_ratio * gain_factor ** (-1 / 3))
+
+
+TUNED: dict[str, tuple[str, ...]] = {
+    "tuned": ("constrained_ipc", "fore_aft_damper", "side_side_damper"),
+    "tuned_lidar": ("lidar", "constrained_ipc", "fore_aft_damper", "side_side_damper"),
+}
+"""Names of controllers with a record, and the parts that the search had."""
+
+_HOME = "nrel_5mw"
+"""Turbine of the records."""
+_TIMES = ("leak_time", "proportional_time", "delay")
+
+
+def tuned_parameters(name: str, turbine: Turbine) -> dict[str, float]:
+    """Parameters of least cost of a name of `TUNED`, keyed ``part__parameter``.
+
+    Parameters
+    ----------
+    name : str
+    turbine : Turbine
+        Another one than that of the record gets them scaled, see above.
+    """
+    found: dict[str, float] = record_of(name)["best"]["parameters"]
+    home = load_turbine(_HOME)
+    if same_rotor(home, turbine):
+        return dict(found)
+    slower = home.drivetrain.rated_rotor_speed / turbine.drivetrain.rated_rotor_speed
+    return {key: value * (slower if _name(key) in _TIMES else 1.0) for key, value in found.items()}
+
+
+def _name(key: str) -> str:
+    return key.rpartition("__")[2]
+
+
+@cache
+def record_of(name: str) -> dict[str, Any]:
+    """Record of the search behind a name of `TUNED`, as `wt_gym.experiment.tuning.tune` writes it."""
+    path = Path(__file__).with_name("data") / f"{name}.json"
+    out: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return out

@@ -37,7 +37,7 @@ from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, DisconController
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
-from wt_gym.control.rotor_table import RotorTable, rotor_table
+from wt_gym.control.rotor import RotorTable, rotor_table
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -24,14 +24,13 @@ from wt_gym.control.controllers.controller import AtSetPoint, Controller, demand
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward, ShiftablePitch
 from wt_gym.control.controllers.parameters import Parameter
-from wt_gym.control.controllers.speed_exclusion import SpeedExclusion
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
+from wt_gym.control.controllers.tsr_tracking import SpeedExclusion, TsrTrackingController
 from wt_gym.control.operating_point import least_pitch, torque_curve
 from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
-    from wt_gym.control.controllers.pitch_law import PitchLaw
+    from wt_gym.control.controllers.discon import PitchLaw
     from wt_gym.control.sensors import Lidar
     from wt_gym.turbines import Turbine
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.control import NacelleAnemometer
 from wt_gym.control.controllers import STATES
-from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.controllers.linear_optimal import OUTPUTS
+from wt_gym.control.controllers.tsr_tracking import WindEstimator
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.control.optimal.measured import OUTPUTS
 from wt_gym.deployment.export.controller_parts import (
     ACCELERATION,
     LINEAR_READS,
@@ -25,7 +25,7 @@ from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.rewards import available_power
 
 if TYPE_CHECKING:
-    from wt_gym.deployment.export.network import Network
+    from wt_gym.deployment.export.policy import Network
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
@@ -97,7 +97,6 @@ class Seen:
         Of `KINDS`.
     index : int
         Blade, coordinate or component, from 0.
-    channel : Channel
     reads : set of str
         Readings that it needs.
     washed : bool
@@ -116,7 +115,6 @@ def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
 
     Parameters
     ----------
-    layout : EnvLayout
     hold_missing : bool
         Whether channels that the interface does not have are held at the middle of their scale.
 
@@ -190,8 +188,6 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         Changed.
     env : WindTurbineEnv
         In which it was trained.
-    network : Network
-    seen : list of Seen
 
     Raises
     ------

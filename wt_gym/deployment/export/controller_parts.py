@@ -29,24 +29,15 @@ if TYPE_CHECKING:
     from wt_gym.control import Lidar
     from wt_gym.control.controllers import AboveRated, Controller
     from wt_gym.control.controllers.discon import BaselineParameters
-    from wt_gym.control.controllers.wind_estimator import WindEstimator
-    from wt_gym.control.optimal.design_file import LinearDesign
-    from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.control.controllers.linear_optimal import LinearDesign
+    from wt_gym.control.controllers.tsr_tracking import WindEstimator
+    from wt_gym.control.rotor import RotorTable
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "ACCELERATION",
-    "FASTEST_LIDAR_WIND",
-    "LINEAR_READS",
-    "LONGEST_LIDAR_DELAY",
-    "MOST_SEEN_BINS",
-    "SUPPORTED",
-    "Parts",
-    "controller_parts",
-    "estimator_values",
-    "note_fade",
-    "note_lidar",
-]
+    "ACCELERATION", "FASTEST_LIDAR_WIND", "LINEAR_READS", "LONGEST_LIDAR_DELAY", "MOST_SEEN_BINS", "SUPPORTED",
+    "LinearPitch", "Parts", "controller_parts", "estimator_values", "note_fade", "note_lidar",
+]  # fmt: skip
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
              "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
@@ -71,7 +62,6 @@ class LinearPitch:
 
     Attributes
     ----------
-    design : LinearDesign
     sign : float
         Of accelerations to the side.
     bins : tuple of (int, int)
@@ -89,9 +79,8 @@ class Parts:
 
     Attributes
     ----------
-    turbine : Turbine
     values : dict
-        Of `wt_gym.deployment.export.parameters.PARAMETERS`, numbers or lists.
+        Of `wt_gym.deployment.export.source.PARAMETERS`, numbers or lists.
     groups : set of str
         Of parameters.
     constants : dict
@@ -135,8 +124,6 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
 
     Parameters
     ----------
-    controller : Controller
-    turbine : Turbine
     step : float
         Of the controller [s].
 
@@ -230,7 +217,6 @@ def note_lidar(parts: Parts, lidar: Lidar, apart: bool = False) -> None:
     ----------
     parts : Parts
         Changed.
-    lidar : Lidar
     apart : bool
         Whether its beams are read apart.
 

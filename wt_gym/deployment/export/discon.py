@@ -12,8 +12,7 @@ from wt_gym.base.files import write_text_whole
 from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control.controllers import make_controller, parse_name
 from wt_gym.deployment.export.controller_parts import SUPPORTED, Parts, controller_parts
-from wt_gym.deployment.export.parameters import parameter_file
-from wt_gym.deployment.export.source import c_source, readings
+from wt_gym.deployment.export.source import c_source, parameter_file, readings
 from wt_gym.envs.options.dial import checked_dial
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from wt_gym.deployment.export.agent_parts import Seen
-    from wt_gym.deployment.export.network import Network
+    from wt_gym.deployment.export.policy import Network
 
 __all__ = ["export_discon"]
 
@@ -45,7 +44,6 @@ def export_discon(
     ----------
     choice : str
         Name of a controller or a trained agent.
-    folder : str or path
     turbine : str or Turbine, optional
         Of a controller, by default the NREL 5-MW; that of an agent is the one of its training.
     interval : float, optional
@@ -120,8 +118,7 @@ def export_discon(
 def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Seen], str]:
     """Parts of an agent's base controller with the agent, its network, its channels, and the name of the base."""
     from wt_gym.deployment.export.agent_parts import add_agent, seen_channels
-    from wt_gym.deployment.export.network import network_of
-    from wt_gym.deployment.export.policy import training_environment
+    from wt_gym.deployment.export.policy import network_of, training_environment
     from wt_gym.experiment.pool import load_model  # torch takes seconds to import
     from wt_gym.experiment.trained_agent import model_card
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from wt_gym.envs.arguments import check_number
 from wt_gym.envs.options.group import OptionGroup, option, option_group
-from wt_gym.turbines.electrical import LONGEST_LAG
-from wt_gym.turbines.shaft_damper import STRONGEST
+from wt_gym.turbines.model import STRONGEST
+from wt_gym.turbines.variants import LONGEST_LAG
 
 __all__ = ["ElectricalOptions"]
 
 
 @option_group
 class ElectricalOptions(OptionGroup):
-    """Generator and converter, see `wt_gym.turbines.electrical`."""
+    """Generator and converter, see `wt_gym.turbines.variants`."""
 
     title = "electrical"
 

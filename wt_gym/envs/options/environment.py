@@ -30,7 +30,7 @@ from wt_gym.envs.options.wind import WindOptions
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine
-from wt_gym.turbines.damper import GENERATORS
+from wt_gym.turbines.variants import GENERATORS
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -92,14 +92,14 @@ class EnvOptions(OptionGroup):
         '{"torque", "damper"}, optional',
         "A torque that is demanded, or the damper of the turbine, M = c Ω, which takes no demand; default: what the "
         "turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the "
-        "rated power (`wt_gym.turbines.damper.with_damper`), and of a base controller only pitch and yaw act",
+        "rated power (`wt_gym.turbines.variants.with_damper`), and of a base controller only pitch and yaw act",
         default=None,
     )
     site: Mapping[str, Any] | None = option(
         "mapping, optional",
         "Numbers of the site that replace those of the turbine: ``air_density`` [kg/m^3], ``cut_in``, ``cut_out`` "
         "[m/s], ``iec_class``, ``turbulence_class``, and ``controller_air_density``, the density that the controller "
-        "is designed for, by default that of the turbine (`wt_gym.turbines.site.with_site`)",
+        "is designed for, by default that of the turbine (`wt_gym.turbines.model.with_site`)",
         default=None,
     )
     fidelity: str | Fidelity | None = option(

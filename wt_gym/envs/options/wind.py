@@ -12,7 +12,7 @@ from wt_gym.base.errors import InflowError, did_you_mean
 from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
 from wt_gym.envs.options.group import OptionGroup, option, option_group
 from wt_gym.wind import Inflow
-from wt_gym.wind.described import SUFFIXES, is_wind_path
+from wt_gym.wind.files import SUFFIXES, is_wind_path
 from wt_gym.wind.iec import reference_intensity
 
 __all__ = [

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
-from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
+from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.envs.rewards.rainflow_counter import RainflowCounter
 
 if TYPE_CHECKING:

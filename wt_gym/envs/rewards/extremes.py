@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
+from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.envs.rewards.term import bounded_square
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from wt_gym.control.coleman import to_harmonic
-from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
+from wt_gym.control.design import reference_flap_moment, reference_tower_moment
+from wt_gym.control.sensors import to_harmonic
 from wt_gym.envs.rewards.term import HighPass, bounded_square
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from wt_gym.control.reference_loads import reference_tower_moment
+from wt_gym.control.design import reference_tower_moment
 from wt_gym.envs.rewards.term import bounded_square
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.operating_point import design_point, rotor_inertia
-from wt_gym.wind.protocol import fill_velocity, read_only
+from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import Transition

@@ -15,7 +15,7 @@ from wt_gym.experiment.loadcases.cases import EVENT, SKIP, inflow_of
 from wt_gym.runs.playing import play, run_controller
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.drivetrain.faults import FEATHER
-from wt_gym.turbines.clearance import unloaded_clearance
+from wt_gym.turbines.variants import unloaded_clearance
 
 if TYPE_CHECKING:
     import gymnasium as gym

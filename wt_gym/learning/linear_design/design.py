@@ -13,9 +13,7 @@ import wt_gym
 from wt_gym.analysis.change import relative_change
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
-from wt_gym.control.optimal.design_file import LinearDesign, offset_fade
-from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.control.optimal.offsets import PitchOffsets, default_limits
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, LinearDesign, PitchOffsets, default_limits, offset_fade
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.learning.linear_design.feedback import (
     FeedbackOptions,

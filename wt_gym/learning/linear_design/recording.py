@@ -12,8 +12,7 @@ import numpy as np
 from wt_gym.base.files import whole_file
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.controller import Combined, parts_of
-from wt_gym.control.optimal.measured import recorded_outputs, side_sign
-from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.controllers.linear_optimal import PitchOffsets, recorded_outputs, side_sign
 from wt_gym.experiment.comparison import Case, inflow_of
 from wt_gym.runs.definition import digest
 from wt_gym.runs.playing import run_controller
@@ -119,7 +118,7 @@ class Recording:
     dt : float
         [s].
     outputs : numpy.ndarray, shape (6, n + 1)
-        `OUTPUTS` of `wt_gym.control.optimal.measured`.
+        `OUTPUTS` of `wt_gym.control.controllers.linear_optimal`.
     loads : numpy.ndarray, shape (3, n + 1)
         `LOADS`.
     flap, edge, pitch : numpy.ndarray, shape (n_blades, n + 1)

@@ -48,8 +48,8 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
         linear optimal controller could replace.
     """
     # the configuration of a training is read without them
+    from wt_gym.control.controllers.linear_optimal import default_limits
     from wt_gym.control.controllers.names import BASELINE, parse_name
-    from wt_gym.control.optimal.offsets import default_limits
     from wt_gym.envs.options import flat_arguments, registered_arguments
     from wt_gym.envs.options.environment import argument_default
     from wt_gym.turbines import load_turbine

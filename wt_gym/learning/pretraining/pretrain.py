@@ -22,7 +22,7 @@ import torch
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
 from wt_gym.base.constants import DAY
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
-from wt_gym.deployment.export.network import network_of
+from wt_gym.deployment.export.policy import network_of
 from wt_gym.envs.dial import scaled
 from wt_gym.envs.options.dial import DIAL_NAMES
 from wt_gym.envs.turbine_env import turbine_env_of
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from stable_baselines3.common.base_class import BaseAlgorithm
 
-    from wt_gym.deployment.export.network import Network
+    from wt_gym.deployment.export.policy import Network
     from wt_gym.envs.dial import DialDraws
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.learning.pretraining.options import PretrainingOptions

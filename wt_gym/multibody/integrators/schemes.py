@@ -18,7 +18,6 @@ Baumgarte's stabilization, so that the schemes see a plain differential equation
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -47,7 +46,6 @@ __all__ = [
     "SchemeSettings",
     "coupled_integrator",
     "generalized_alpha",
-    "integrator_name",
     "make_integrator",
     "method_of",
 ]
@@ -391,21 +389,9 @@ INTEGRATORS = {
 }
 DEFAULT = "hamming"
 """The integrator where none is named; of a structure that its observer frames move, it holds the state."""
-_EARLIER_NAMES = {"generalised_alpha": "generalized_alpha", "generalized-alpha": "generalized_alpha"}
-
-
-def integrator_name(name: str) -> str:
-    """The present name of an integrator, with a `DeprecationWarning` for an earlier spelling; others as they are."""
-    if not isinstance(name, str) or name not in _EARLIER_NAMES:
-        return name
-    present = _EARLIER_NAMES[name]
-    message = f"the integrator {name!r} is named {present!r}; the earlier spelling goes with the next version"
-    warnings.warn(message, DeprecationWarning, stacklevel=4)
-    return present
 
 
 def _entry(name: str) -> IntegratorEntry:
-    name = integrator_name(name)
     if name not in INTEGRATORS:
         raise MultibodyError(f"integrator must be one of {', '.join(INTEGRATORS)}, got {name!r}")
     return INTEGRATORS[name]

@@ -301,7 +301,7 @@ class LaggedTorque(TorqueCommand):
     """A generator whose torque follows its demand with a lag of first order, within the same limits.
 
     A demand that is held over a step Δt leaves exp(-Δt/τ) of its distance from the torque
-    (`wt_gym.turbines.electrical`).
+    (`wt_gym.turbines.variants`).
     """
 
     def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
@@ -358,7 +358,7 @@ class DampingTorque:
     """A generator that damps the torsion of the shaft, on top of a law for the torque that is asked for.
 
     The converter adds c (Ω - mean) to the torque, c and the frequency of the torsion as in
-    `wt_gym.turbines.shaft_damper`, in samples of an aerodynamic step (`damper_weights`). The sum is within what the
+    `wt_gym.turbines.model`, in samples of an aerodynamic step (`damper_weights`). The sum is within what the
     generator can brake with; the greatest rate of the torque is that of demands and does not bind the converter. A
     generator without a demand is off and damps nothing.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.aerodynamics import build_planform, span_distribution
-from wt_gym.turbines.icing import iced_polar, spread
+from wt_gym.turbines.blade import iced_polar, spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

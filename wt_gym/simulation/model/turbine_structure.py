@@ -25,7 +25,7 @@ from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, without_second_order
 from wt_gym.structure.modes import clamped_modes, select_modes
-from wt_gym.turbines.icing import iced_structure
+from wt_gym.turbines.blade import iced_structure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

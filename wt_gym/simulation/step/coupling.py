@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.simulation.model.assembly import TurbineModels
-    from wt_gym.wind.protocol import Inflow
+    from wt_gym.wind.inflow import Inflow
 
 __all__ = ["Coupling"]
 

@@ -10,7 +10,7 @@ from wt_gym.base.compiled import compiled_for
 from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.model.turbine_structure import rotation_x, rotation_y
 from wt_gym.simulation.step import measurement_kernels
-from wt_gym.turbines.electrical import electrical_power
+from wt_gym.turbines.variants import electrical_power
 
 if TYPE_CHECKING:
     from collections.abc import Callable

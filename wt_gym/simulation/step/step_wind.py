@@ -11,7 +11,7 @@ import numpy as np
 from wt_gym.base.compiled import compiled_for
 from wt_gym.base.errors import SimulationError
 from wt_gym.simulation.step.wind_kernels import ask_for_wind, felt_wind, receive_wind
-from wt_gym.wind.protocol import fill_velocity, read_only
+from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from wt_gym.multibody.arrays import Work
     from wt_gym.simulation.model.assembly import TurbineModels
     from wt_gym.simulation.step.coupling_data import CouplingData
-    from wt_gym.wind.protocol import Inflow
+    from wt_gym.wind.inflow import Inflow
 
 __all__ = ["StepWind"]
 

@@ -1,0 +1,732 @@
+"""A turbine as an OpenFAST model of version 5: ElastoDyn, AeroDyn with polars, ServoDyn, InflowWind.
+
+The files are written from tables of their keywords. The PyPI package ``openfast_io`` does not serve here: its writer
+puts out what its reader has read, needs the several hundred entries of a whole model for it, and makes neither mode
+shapes nor tables of sections and polars from the numbers of a turbine, which is all the work there is.
+
+Blade and tower of a turbine as ElastoDyn has them: beams that bend in two planes and do nothing else.
+
+Mode shapes of ElastoDyn: polynomials that vanish with their slope at the clamped end and are one at the free end.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import eigh
+
+from wt_gym.base.constants import GRAVITY
+from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.bridges.openfast.input_text import plain_line, write_lines
+from wt_gym.turbines.variants import clockwise_image
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.turbines import BeamStations, Polar, Turbine
+
+__all__ = [
+    "POWERS", "PRIMARY", "TopBody", "bending_shapes", "blade_sections", "steps_of", "time_step_of", "tower_sections",
+    "write_model",
+]  # fmt: skip
+
+PRIMARY = "turbine.fst"
+"""Name of the primary file of a model that is written here."""
+
+_RPM = math.pi / 30.0
+_AERO_NODES, _BLADE_NODES, _TOWER_NODES = 36, 25, 20
+_LONGEST_STEP = 0.0125
+"""Of the NREL 5-MW, at 4.95 s a turn [s]."""
+_STEPS_A_TURN = 396
+_MOST_ADVANCE = 0.8
+"""Of the phase of the fastest swing in a step [rad]: ElastoDyn's predictor-corrector is unstable at twice that."""
+_STIFFEST_SHAFT = 8.0
+"""Torsional frequency of a drivetrain above which it is rigid [Hz], as in `wt_gym.simulation.Fidelity`."""
+_POLAR_ROWS = 200
+"""AeroDyn's tables may be longer; beyond it they are thinned where they are straight."""
+_NO_FILE = "unused"
+
+
+def time_step_of(turbine: Turbine) -> float:
+    """Longest step of OpenFAST for a turbine [s]."""
+    step = min(_LONGEST_STEP, 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / _STEPS_A_TURN)
+    if not _yaws(turbine):
+        return step
+    # the nacelle alone on the spring of the yaw drive: the blades do not follow its fast swings
+    return min(step, _MOST_ADVANCE * math.sqrt(_yaw_inertia(turbine) / turbine.nacelle.yaw_spring))
+
+
+def steps_of(interval: float, longest: float) -> int:
+    """How many steps of OpenFAST of no more than a length [s] make an interval [s]."""
+    return max(1, math.ceil(interval / longest - 1e-6))
+
+
+def _yaws(turbine: Turbine) -> bool:
+    """Whether the nacelle turns, and then on its spring: without a drive it is fixed to the tower."""
+    return turbine.nacelle.max_yaw_rate > 0.0
+
+
+def _yaw_inertia(turbine: Turbine) -> float:
+    """Inertia of the nacelle about the yaw axis [kg m²] (NacYIner)."""
+    nacelle = turbine.nacelle
+    return float(nacelle.inertia[2, 2] + nacelle.mass * (nacelle.cm[0] ** 2 + nacelle.cm[1] ** 2))
+
+
+def write_model(turbine: Turbine, folder: str | Path) -> Path:
+    """Write a turbine as an OpenFAST model, ready for OpenFAST 5.
+
+    The blade bends flapwise and edgewise and does not twist (ElastoDyn), its sections have the polars of the turbine
+    (AeroDyn, blade elements with dynamic inflow, quasi-steady sections), the tower is clamped at its base. A rotor that
+    turns counter-clockwise is written as its mirror image, which turns clockwise: OpenFAST 5.0 has no other.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Made if it is not there; files of the same names in it are replaced.
+
+    Returns
+    -------
+    Path
+        Of the primary file.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        For what ElastoDyn has no form of: rotors of one blade or more than three, towers on a monopile.
+    """
+    if turbine.n_blades not in (2, 3):
+        raise TurbineDefinitionError(f"{turbine.name}: n_blades must be 2 or 3 for OpenFAST, got {turbine.n_blades}")
+    if turbine.ice is not None:
+        raise TurbineDefinitionError(f"{turbine.name}: ice must be None for OpenFAST, got {turbine.ice!r}")
+    image = clockwise_image(turbine)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    _write_primary(image, folder)
+    _write_elastodyn(image, folder)
+    _write_elastodyn_blade(image, folder)
+    _write_elastodyn_tower(image, folder)
+    _write_aerodyn(image, folder)
+    _write_servodyn(image, folder)
+    write_inflow(folder / "inflowwind.dat", {"WindType": 1, "HWindSpeed": 10.0, "RefHt": image.hub_height})
+    return folder / PRIMARY
+
+
+def _write_primary(turbine: Turbine, folder: Path) -> None:
+    step = time_step_of(turbine)
+    files = {"EDFile": "elastodyn.dat", "BDBldFile(1)": _NO_FILE, "BDBldFile(2)": _NO_FILE, "BDBldFile(3)": _NO_FILE}
+    files |= {"InflowFile": "inflowwind.dat", "AeroFile": "aerodyn.dat", "ServoFile": "servodyn.dat"}
+    files |= {f"{name}File": _NO_FILE for name in ("SeaSt", "Hydro", "Sub", "Mooring", "Ice", "Soil")}
+    write_lines(folder / PRIMARY, f"OpenFAST model of {turbine.name}", [
+        "---------------------- SIMULATION CONTROL",
+        ("Echo", False), ("AbortLevel", "FATAL"), ("TMax", 600.0), ("DT", step), ("ModCoupling", 1),
+        ("InterpOrder", 2), ("NumCrctn", 0), ("RhoInf", 1.0), ("ConvTol", 1e-4), ("MaxConvIter", 6),
+        ("DT_UJac", 99999.0), ("UJacSclFact", 1e6),
+        "---------------------- FEATURE SWITCHES AND FLAGS",
+        ("NRotors", 1), ("CompElast", 1), ("CompInflow", 1), ("CompAero", 2), ("CompServo", 1), ("CompSeaSt", 0),
+        ("CompHydro", 0), ("CompSub", 0), ("CompMooring", 0), ("CompIce", 0), ("CompSoil", 0), ("MHK", 0),
+        ("MirrorRotor", False),
+        "---------------------- ENVIRONMENTAL CONDITIONS",
+        ("Gravity", GRAVITY), ("AirDens", turbine.air_density), ("WtrDens", 1025.0), ("KinVisc", 1.464e-5),
+        ("SpdSound", 335.0), ("Patm", 103500.0), ("Pvap", 1700.0), ("WtrDpth", 0.0), ("MSL2SWL", 0.0),
+        "---------------------- INPUT FILES",
+        *files.items(),
+        "---------------------- OUTPUT",
+        ("SumPrint", False), ("SttsTime", 60.0), ("ChkptTime", 99999.0), ("DT_Out", 0.1), ("TStart", 0.0),
+        ("OutFileFmt", 1), ("TabDelim", True), ("OutFmt", "ES15.7E2"),
+        "---------------------- LINEARIZATION",
+        ("Linearize", False), ("CalcSteady", False), ("TrimCase", 3), ("TrimTol", 0.001), ("TrimGain", 0.01),
+        ("Twr_Kdmp", 0.0), ("Bld_Kdmp", 0.0), ("NLinTimes", 2), ("LinTimes", [30.0, 60.0]), ("LinInputs", 1),
+        ("LinOutputs", 1), ("LinOutJac", False), ("LinOutMod", False),
+        "---------------------- VISUALIZATION",
+        ("WrVTK", 0), ("VTK_type", 1), ("VTK_fields", False), ("VTK_fps", 15),
+    ])  # fmt: skip
+
+
+def _write_elastodyn(turbine: Turbine, folder: Path) -> None:
+    nacelle, hub, train, tower = turbine.nacelle, turbine.hub, turbine.drivetrain, turbine.tower
+    three = (1, 2, 3)
+    write_lines(folder / "elastodyn.dat", "ELASTODYN INPUT FILE", [
+        "---------------------- SIMULATION CONTROL",
+        ("Echo", False), ("Method", 1), plain_line("DT", "default"),
+        "---------------------- DEGREES OF FREEDOM",
+        ("FlapDOF1", True), ("FlapDOF2", True), ("EdgeDOF", True), ("PitchDOF", False), ("TeetDOF", False),
+        ("DrTrDOF", _shaft_frequency(turbine) < _STIFFEST_SHAFT), ("GenDOF", True), ("YawDOF", _yaws(turbine)),
+        *[(f"Tw{plane}DOF{k}", True) for plane in ("FA", "SS") for k in (1, 2)],
+        *[(f"Ptfm{name}DOF", False) for name in ("Sg", "Sw", "Hv", "R", "P", "Y")],
+        "---------------------- INITIAL CONDITIONS",
+        ("OoPDefl", 0.0), ("IPDefl", 0.0), *[(f"BlPitch({i})", 0.0) for i in three], ("TeetDefl", 0.0),
+        ("Azimuth", 0.0), ("RotSpeed", train.rated_rotor_speed / _RPM), ("NacYaw", 0.0), ("TTDspFA", 0.0),
+        ("TTDspSS", 0.0), *[(f"Ptfm{name}", 0.0) for name in ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")],
+        "---------------------- TURBINE CONFIGURATION",
+        ("NumBl", turbine.n_blades), ("TipRad", hub.radius + turbine.blade.length), ("HubRad", hub.radius),
+        *[(f"PreCone({i})", -math.degrees(hub.cone)) for i in three], ("HubCM", hub.cm_offset_along_shaft),
+        ("UndSling", 0.0), ("Delta3", 0.0), ("AzimB1Up", 0.0), ("OverHang", -nacelle.overhang), ("ShftGagL", 0.0),
+        ("ShftTilt", -math.degrees(nacelle.tilt)),
+        *[(f"NacCM{axis}n", float(value)) for axis, value in zip("xyz", nacelle.cm, strict=True)],
+        ("NcIMUxn", 0.0), ("NcIMUyn", 0.0), ("NcIMUzn", 0.0), ("Twr2Shft", nacelle.tower_top_to_shaft),
+        ("TowerHt", tower.height), ("TowerBsHt", tower.base_height), ("PtfmCMxt", 0.0), ("PtfmCMyt", 0.0),
+        ("PtfmCMzt", 0.0), ("PtfmRefxt", 0.0), ("PtfmRefyt", 0.0), ("PtfmRefzt", 0.0),
+        "---------------------- MASS AND INERTIA",
+        *[(f"TipMass({i})", 0.0) for i in three], *[(f"PBrIner({i})", 0.0) for i in three],
+        *[(f"BlPIner({i})", 0.0) for i in three], ("HubMass", hub.mass), ("HubIner", hub.inertia_axial),
+        ("HubIner_Teeter", hub.inertia_transverse), ("GenIner", train.generator_inertia), ("NacMass", nacelle.mass),
+        ("NacYIner", _yaw_inertia(turbine)), ("YawBrMass", nacelle.yaw_bearing_mass), ("PtfmMass", 0.0),
+        *[(f"Ptfm{name}Iner", 0.0) for name in ("R", "P", "Y", "XY", "YZ", "XZ")],
+        "---------------------- BLADE",
+        ("BldNodes", _BLADE_NODES), *[(f"BldFile({i})", "elastodyn_blade.dat") for i in three],
+        "---------------------- ROTOR-TEETER",
+        ("TeetMod", 0),
+        *[(f"Teet{name}", 0.0) for name in ("DmpP", "Dmp", "CDmp", "SStP", "HStP", "SSSp", "HSSp")],
+        "---------------------- YAW-FRICTION",
+        ("YawFrctMod", 0),
+        *[(name, 0.0) for name in ("M_CSmax", "M_FCSmax", "M_MCSmax", "M_CD", "M_FCD", "M_MCD", "sig_v", "sig_v2")],
+        ("OmgCut", 0.0),
+        "---------------------- DRIVETRAIN",
+        ("GBoxEff", 100.0 * train.gearbox_efficiency), ("GBRatio", train.gear_ratio), ("DTTorSpr", train.spring),
+        ("DTTorDmp", train.damper),
+        "---------------------- FURLING",
+        ("Furling", False), ("FurlFile", _NO_FILE),
+        "---------------------- TOWER",
+        ("TwrNodes", _TOWER_NODES), ("TwrFile", "elastodyn_tower.dat"),
+        "---------------------- OUTPUT",
+        ("SumPrint", False), ("OutFile", 1), ("TabDelim", True), ("OutFmt", "ES10.3E2"), ("TStart", 0.0),
+        ("DecFact", 1), ("NTwGages", 0), ("TwrGagNd", 0), ("NBlGages", 0), ("BldGagNd", 0),
+        "              OutList     - outputs",
+        "END of OutList",
+        "-" * 80,
+    ])  # fmt: skip
+
+
+def _write_elastodyn_blade(turbine: Turbine, folder: Path) -> None:
+    sections, percent = blade_sections(turbine), 100.0 * turbine.blade.damping_ratio
+    table = zip(sections.fraction, np.degrees(sections.twist), sections.mass, sections.flap, sections.edge, strict=True)
+    write_lines(folder / "elastodyn_blade.dat", "ELASTODYN INDIVIDUAL BLADE INPUT FILE", [
+        "---------------------- BLADE PARAMETERS",
+        ("NBlInpSt", sections.fraction.size), ("BldFlDmp(1)", percent), ("BldFlDmp(2)", percent),
+        ("BldEdDmp(1)", percent),
+        "---------------------- BLADE ADJUSTMENT FACTORS",
+        ("FlStTunr(1)", 1.0), ("FlStTunr(2)", 1.0), ("AdjBlMs", 1.0), ("AdjFlSt", 1.0), ("AdjEdSt", 1.0),
+        "---------------------- DISTRIBUTED BLADE PROPERTIES",
+        "    BlFract      StrcTwst       BMassDen        FlpStff        EdgStff",
+        "      (-)         (deg)          (kg/m)         (Nm^2)         (Nm^2)",
+        *[_row(values) for values in table],
+        "---------------------- BLADE MODE SHAPES",
+        *_shape("BldFl1Sh", sections.flap_shapes[0]), *_shape("BldFl2Sh", sections.flap_shapes[1]),
+        *_shape("BldEdgSh", sections.edge_shape),
+    ])  # fmt: skip
+
+
+def _write_elastodyn_tower(turbine: Turbine, folder: Path) -> None:
+    sections, percent = tower_sections(turbine), 100.0 * turbine.tower.damping_ratio
+    table = zip(sections.fraction, sections.mass, sections.fore_aft, sections.side_side, strict=True)
+    write_lines(folder / "elastodyn_tower.dat", "ELASTODYN TOWER INPUT FILE", [
+        "---------------------- TOWER PARAMETERS",
+        ("NTwInpSt", sections.fraction.size),
+        *[(f"Twr{plane}Dmp({k})", percent) for plane in ("FA", "SS") for k in (1, 2)],
+        "---------------------- TOWER ADJUSTMENT FACTORS",
+        *[(f"{plane}StTunr({k})", 1.0) for plane in ("FA", "SS") for k in (1, 2)],
+        ("AdjTwMa", 1.0), ("AdjFASt", 1.0), ("AdjSSSt", 1.0),
+        "---------------------- DISTRIBUTED TOWER PROPERTIES",
+        "  HtFract       TMassDen         TwFAStif       TwSSStif",
+        "   (-)           (kg/m)           (Nm^2)         (Nm^2)",
+        *[_row(values) for values in table],
+        "---------------------- TOWER FORE-AFT MODE SHAPES",
+        *_shape("TwFAM1Sh", sections.fore_aft_shapes[0]), *_shape("TwFAM2Sh", sections.fore_aft_shapes[1]),
+        "---------------------- TOWER SIDE-TO-SIDE MODE SHAPES",
+        *_shape("TwSSM1Sh", sections.side_side_shapes[0]), *_shape("TwSSM2Sh", sections.side_side_shapes[1]),
+    ])  # fmt: skip
+
+
+def _write_aerodyn(turbine: Turbine, folder: Path) -> None:
+    z = _aero_nodes(turbine)
+    names = [f"polars/node_{i + 1:02d}.dat" for i in range(z.size)]
+    _write_aerodyn_blade(turbine, folder, z)
+    (folder / "polars").mkdir(exist_ok=True)
+    for name, position in zip(names, z, strict=True):
+        _write_polar(folder / name, turbine.blade.polar_at(float(position)))
+    tower = turbine.tower
+    elevation = np.linspace(0.0, tower.length, 11)
+    columns = "TwrElev TwrDiam TwrCd TwrTI TwrCb TwrCp TwrCa"
+    default = "default"
+    rows: list[str | tuple[str, object]] = [
+        "======  General Options",
+        ("Echo", False), plain_line("DTAero", default), ("Wake_Mod", 1), ("TwrPotent", 1), ("TwrShadow", 0),
+        ("TwrAero", True), ("CavitCheck", False), ("NacelleDrag", False), ("CompAA", False),
+        ("AA_InputFile", _NO_FILE),
+        "======  Environmental Conditions",
+        *[plain_line(key, default) for key in ("AirDens", "KinVisc", "SpdSound", "Patm", "Pvap")],
+        "======  Blade-Element/Momentum Theory Options",
+        ("BEM_Mod", 1),
+        "--- Skew correction",
+        ("Skew_Mod", 1), ("SkewMomCorr", False), plain_line("SkewRedistr_Mod", default),
+        plain_line("SkewRedistrFactor", default),
+        "--- BEM algorithm",
+        ("TipLoss", True), ("HubLoss", True), ("TanInd", True), ("AIDrag", False), ("TIDrag", False),
+        plain_line("IndToler", default), ("MaxIter", 500),
+        "--- Shear correction",
+        ("SectAvg", False), plain_line("SectAvgWeighting", default), plain_line("SectAvgNPoints", default),
+        plain_line("SectAvgPsiBwd", default), plain_line("SectAvgPsiFwd", default),
+        "--- Dynamic wake/inflow",
+        ("DBEMT_Mod", 2), ("tau1_const", 4.0),
+        "======  OLAF",
+        ("OLAFInputFileName", _NO_FILE),
+        "======  Unsteady Airfoil Aerodynamics Options",
+        ("AoA34", True), ("UA_Mod", 0), ("FLookup", True), ("IntegrationMethod", 3), ("UAStartRad", 0.0),
+        ("UAEndRad", 1.0),
+        "======  Airfoil Information",
+        ("AFTabMod", 1), ("InCol_Alfa", 1), ("InCol_Cl", 2), ("InCol_Cd", 3), ("InCol_Cm", 4), ("InCol_Cpmin", 0),
+        ("NumAFfiles", len(names)), ("AFNames", names[0]), *[f'"{name}"' for name in names[1:]],
+        "======  Rotor/Blade Properties",
+        ("UseBlCm", True), *[(f"ADBlFile({i})", "aerodyn_blade.dat") for i in (1, 2, 3)],
+        "======  Hub Properties",
+        ("VolHub", 0.0), ("HubCenBx", 0.0),
+        "======  Nacelle Properties",
+        ("VolNac", 0.0), ("NacCenB", [0.0, 0.0, 0.0]), ("NacArea", [0.0, 0.0, 0.0]), ("NacCd", [0.0, 0.0, 0.0]),
+        ("NacDragAC", [0.0, 0.0, 0.0]),
+        "======  Tail Fin Aerodynamics",
+        ("TFinAero", False), ("TFinFile", _NO_FILE),
+        "======  Tower Influence and Aerodynamics",
+        ("NumTwrNds", elevation.size),
+        columns, "(m) (m) (-) (-) (-) (-) (-)",
+        *[
+            _row((tower.base_height + e, float(tower.diameter_at(e)), tower.drag_coefficient, 0.1, 0.0, 0.0, 0.0))
+            for e in elevation
+        ],
+        "======  Outputs",
+        ("SumPrint", False), ("NBlOuts", 0), ("BlOutNd", 1), ("NTwOuts", 0), ("TwOutNd", 1),
+        "              OutList     - outputs",
+        "END of OutList",
+        "-" * 80,
+    ]  # fmt: skip
+    write_lines(folder / "aerodyn.dat", "AERODYN INPUT FILE", rows)
+
+
+def _write_aerodyn_blade(turbine: Turbine, folder: Path, z: np.ndarray) -> None:
+    """Places of the aerodynamic centers, a quarter of the chord behind the leading edge on the chord line."""
+    blade = turbine.blade
+    chord, twist, axis = blade.chord_at(z), blade.twist_at(z), blade.axis_at(z)
+    behind = (0.25 - blade.le_offset_at(z)) * chord
+    above = np.interp(z, blade.aero_station, np.asarray(blade.normal_offset)) * chord
+    curve = axis[:, 0] + above * np.cos(twist) + behind * np.sin(twist)
+    sweep = axis[:, 1] - above * np.sin(twist) + behind * np.cos(twist)
+    angle = np.degrees(np.arctan(np.gradient(axis[:, 0], z)))
+    names = "BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID t_c BlCb BlCenBn BlCenBt BlCpn BlCpt BlCan BlCat"
+    units = "(m) (m) (m) (deg) (deg) (m) (-) (-) (-) (m) (m) (-) (-) (-) (-) (-)"
+    rows = [
+        f"{_row((z[i], curve[i], sweep[i], angle[i], math.degrees(twist[i]), chord[i]))} {i + 1:4d}"
+        f" {_row([0.25] + [0.0] * 8)}"
+        for i in range(z.size)
+    ]
+    write_lines(folder / "aerodyn_blade.dat", "AERODYN BLADE DEFINITION INPUT FILE", [
+        "======  Blade Properties", ("NumBlNds", z.size), f"{names} BlCam", units, *rows,
+    ])  # fmt: skip
+
+
+def _write_polar(path: Path, polar: Polar) -> None:
+    alpha = _table_angles(polar)
+    cl, cd, cm = polar.coefficients(alpha)
+    # both ends are one angle
+    cl[-1], cd[-1], cm[-1] = cl[0], cd[0], cm[0]
+    rows = [_row(values) for values in zip(np.degrees(alpha), cl, cd, cm, strict=True)]
+    lines = [
+        "! AirfoilInfo, written by wt_gym",
+        "1            InterpOrd     ! Interpolation order",
+        "1            NonDimArea    ! area/chord^2",
+        "0            NumCoords     ! coordinates",
+        '"unused"     BL_file       ! boundary layer',
+        "1            NumTabs       ! tables",
+        "1.0          Re            ! Reynolds number in millions",
+        "0            UserProp      ! control setting",
+        "False        InclUAdata    ! unsteady parameters",
+        f"{len(rows):<12d} NumAlf        ! rows",
+        "!    Alpha      Cl      Cd        Cm",
+        "!    (deg)      (-)     (-)       (-)",
+        *rows,
+    ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _write_servodyn(turbine: Turbine, folder: Path) -> None:
+    nacelle, pitch, train = turbine.nacelle, turbine.pitch, turbine.drivetrain
+    three, never = (1, 2, 3), 9999.9
+    limits = [math.degrees(value) for value in (pitch.min_pitch, pitch.max_pitch, pitch.max_rate)]
+    write_lines(folder / "servodyn.dat", "SERVODYN INPUT FILE", [
+        "---------------------- SIMULATION CONTROL",
+        ("Echo", False), plain_line("DT", "default"),
+        "---------------------- PITCH CONTROL",
+        ("PCMode", 0), ("TPCOn", 0.0),
+        *[(f"{name}({i})", 0.0) for name in ("PitNeut", "PitSpr", "PitDamp") for i in three],
+        *[(f"TPitManS({i})", never) for i in three], *[(f"PitManRat({i})", limits[2]) for i in three],
+        *[(f"BlPitchF({i})", 0.0) for i in three],
+        "---------------------- GENERATOR AND TORQUE CONTROL",
+        ("VSContrl", 0), ("GenModel", 1), ("GenEff", 100.0 * train.generator_efficiency), ("GenTiStr", True),
+        ("GenTiStp", True), ("SpdGenOn", never), ("TimGenOn", 0.0), ("TimGenOf", never),
+        "---------------------- SIMPLE VARIABLE-SPEED TORQUE CONTROL",
+        *[(f"VS_{name}", never) for name in ("RtGnSp", "RtTq", "Rgn2K", "SlPc")],
+        "---------------------- SIMPLE INDUCTION GENERATOR",
+        *[(f"SIG_{name}", never) for name in ("SlPc", "SySp", "RtTq", "PORt")],
+        "---------------------- THEVENIN-EQUIVALENT INDUCTION GENERATOR",
+        ("TEC_Freq", 50.0), ("TEC_NPol", 2),
+        *[(f"TEC_{name}", never) for name in ("SRes", "RRes", "VLL", "SLR", "RLR", "MR")],
+        "---------------------- HIGH-SPEED SHAFT BRAKE",
+        ("HSSBrMode", 0), ("THSSBrDp", never), ("HSSBrDT", 0.6), ("HSSBrTqF", 0.0),
+        "---------------------- NACELLE-YAW CONTROL",
+        ("YCMode", 0), ("TYCOn", 0.0), ("YawNeut", 0.0), ("YawSpr", nacelle.yaw_spring),
+        ("YawDamp", nacelle.yaw_damper), ("TYawManS", never), ("YawManRat", math.degrees(nacelle.max_yaw_rate) or 0.3),
+        ("NacYawF", 0.0),
+        "---------------------- Aerodynamic Flow Control",
+        ("AfCmode", 0), ("AfC_Mean", 0.0), ("AfC_Amp", 0.0), ("AfC_Phase", 0.0),
+        "---------------------- STRUCTURAL CONTROL",
+        ("NumBStC", 0), ("BStCfiles", _NO_FILE), ("NumNStC", 0), ("NStCfiles", _NO_FILE), ("NumTStC", 0),
+        ("TStCfiles", _NO_FILE), ("NumSStC", 0), ("SStCfiles", _NO_FILE),
+        "---------------------- CABLE CONTROL",
+        ("CCmode", 0),
+        "---------------------- BLADED INTERFACE",
+        ("DLL_FileName", _NO_FILE), ("DLL_InFile", _NO_FILE), ("DLL_ProcName", "DISCON"),
+        plain_line("DLL_DT", "default"), ("DLL_Ramp", False),
+        ("BPCutoff", never), ("NacYaw_North", 0.0), ("Ptch_Cntrl", 1), ("Ptch_SetPnt", 0.0),
+        ("Ptch_Min", limits[0]), ("Ptch_Max", limits[1]), ("PtchRate_Min", -limits[2]), ("PtchRate_Max", limits[2]),
+        ("Gain_OM", 0.0), *[(f"GenSpd_{name}", 0.0) for name in ("MinOM", "MaxOM", "Dem")], ("GenTrq_Dem", 0.0),
+        ("GenPwr_Dem", 0.0),
+        "---------------------- BLADED INTERFACE TORQUE-SPEED LOOK-UP TABLE",
+        ("DLL_NumTrq", 0),
+        "GenSpd_TLU   GenTrq_TLU",
+        "(rpm)        (Nm)",
+        "---------------------- OUTPUT",
+        ("SumPrint", False), ("OutFile", 1), ("TabDelim", True), ("OutFmt", "ES10.3E2"), ("TStart", 0.0),
+        "              OutList     - outputs",
+        "END of OutList",
+        "-" * 80,
+    ])  # fmt: skip
+
+
+def write_inflow(path: Path, changes: Mapping[str, object]) -> None:
+    """Write an input file of InflowWind.
+
+    Parameters
+    ----------
+    changes : mapping
+        Values of keywords in place of the usual ones.
+    """
+    none = _NO_FILE
+    rows: list[str | tuple[str, object]] = [
+        "-" * 80,
+        ("Echo", False), ("WindType", 1), ("PropagationDir", 0.0), ("VFlowAng", 0.0), ("VelInterpCubic", False),
+        ("NWindVel", 1), ("WindVxiList", 0.0), ("WindVyiList", 0.0), ("WindVziList", changes.get("RefHt", 1.0)),
+        "================== Parameters for Steady Wind Conditions [used only for WindType = 1]",
+        ("HWindSpeed", 10.0), ("RefHt", 90.0), ("PLExp", 0.0),
+        "================== Parameters for Uniform wind file [used only for WindType = 2]",
+        ("FileName_Uni", none), ("RefHt_Uni", 90.0), ("RefLength", 1.0),
+        "================== Parameters for Binary TurbSim Full-Field files [used only for WindType = 3]",
+        ("FileName_BTS", none),
+        "================== Parameters for Binary Bladed-style Full-Field files [WindType = 4 or 7]",
+        ("FileNameRoot", none), ("TowerFile", False),
+        "================== Parameters for HAWC-format binary files [WindType = 5]",
+        ("FileName_u", none), ("FileName_v", none), ("FileName_w", none), ("nx", 2), ("ny", 2), ("nz", 2), ("dx", 1.0),
+        ("dy", 1.0), ("dz", 1.0), ("RefHt_Hawc", 90.0),
+        "-------------   Scaling parameters for turbulence",
+        ("ScaleMethod", 0), ("SFx", 1.0), ("SFy", 1.0), ("SFz", 1.0), ("SigmaFx", 1.0), ("SigmaFy", 1.0),
+        ("SigmaFz", 1.0),
+        "-------------   Mean wind profile parameters (added to HAWC-format files)",
+        ("URef", 10.0), ("WindProfile", 0), ("PLExp_Hawc", 0.0), ("Z0", 0.03), ("XOffset", 0.0),
+        "-------------   LIDAR Parameters",
+        ("SensorType", 0), ("NumPulseGate", 0), ("PulseSpacing", 0.0), ("NumBeam", 0), ("FocalDistanceX", 0.0),
+        ("FocalDistanceY", 0.0), ("FocalDistanceZ", 0.0), ("RotorApexOffsetPos", [0.0, 0.0, 0.0]), ("URefLid", 10.0),
+        ("MeasurementInterval", 0.25), ("LidRadialVel", False), ("ConsiderHubMotion", 0),
+        "====================== OUTPUT",
+        ("SumPrint", False),
+        "              OutList     - outputs",
+        "END of OutList",
+        "-" * 80,
+    ]  # fmt: skip
+    known = {row[0] for row in rows if not isinstance(row, str)}
+    if unknown := set(changes) - known:
+        raise KeyError(f"InflowWind has no keywords {sorted(unknown)}")
+    changed = [row if isinstance(row, str) else (row[0], changes.get(row[0], row[1])) for row in rows]
+    write_lines(path, "InflowWind INPUT FILE", changed)
+
+
+def _aero_nodes(turbine: Turbine) -> np.ndarray:
+    """Nodes of AeroDyn [m]: the stations of the planform, where these are not too many."""
+    stations = turbine.blade.aero_station
+    return stations if stations.size <= _AERO_NODES else np.linspace(0.0, turbine.blade.length, _AERO_NODES)
+
+
+def _table_angles(polar: Polar) -> np.ndarray:
+    """Angles of a polar's table, no more than AeroDyn's usual tables have: all near attached flow, some elsewhere."""
+    alpha = np.clip(polar.alpha, -np.pi, np.pi)
+    alpha[0], alpha[-1] = -np.pi, np.pi
+    if alpha.size <= _POLAR_ROWS:
+        return alpha
+    near = np.abs(alpha) < math.radians(30.0)
+    far = np.flatnonzero(~near)
+    kept = far[:: max(1, far.size // (_POLAR_ROWS // 2))]
+    chosen = np.unique(np.concatenate([[0, alpha.size - 1], np.flatnonzero(near), kept]))
+    table: NDArray[np.float64] = alpha[chosen]
+    return table
+
+
+def _shaft_frequency(turbine: Turbine) -> float:
+    """Frequency at which rotor and generator swing against each other [Hz]."""
+    train, hub = turbine.drivetrain, turbine.hub
+    m0, m1, m2 = (turbine.blade.structure.mass_moment(k) for k in range(3))
+    rotor = turbine.n_blades * (m2 + 2.0 * hub.radius * m1 + hub.radius**2 * m0) + hub.inertia_axial
+    generator = train.generator_inertia * train.gear_ratio**2
+    return math.sqrt(train.spring * (1.0 / rotor + 1.0 / max(generator, 1e-9))) / (2.0 * math.pi)
+
+
+def _row(values: Iterable[float]) -> str:
+    return " ".join(f"{float(value): .9e}" for value in values)
+
+
+def _shape(name: str, coefficients: np.ndarray) -> list[tuple[str, object]]:
+    return [(f"{name}({power})", float(value)) for power, value in zip(range(2, 7), coefficients, strict=True)]
+
+
+_EVEN = 0.02
+"""Difference of both bending stiffnesses, over their mean, below which a section has no axes of its own."""
+_MOST_STATIONS = 60
+
+
+@dataclass(frozen=True)
+class BladeSections:
+    """ElastoDyn's blade.
+
+    Attributes
+    ----------
+    fraction : ndarray (n,)
+        Along the blade, from 0 to 1 (BlFract).
+    twist : ndarray (n,)
+        Of the axes of bending [rad] (StrcTwst).
+    mass, flap, edge : ndarray (n,)
+        [kg/m], [N m²], [N m²].
+    flap_shapes : ndarray (2, 5)
+    edge_shape : ndarray (5,)
+    frequencies : ndarray (3,)
+        Flap 1, flap 2, edge 1 of the blade without twist, turning at rated speed [Hz].
+    """
+
+    fraction: NDArray[np.float64]
+    twist: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    flap: NDArray[np.float64]
+    edge: NDArray[np.float64]
+    flap_shapes: NDArray[np.float64]
+    edge_shape: NDArray[np.float64]
+    frequencies: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TowerSections:
+    """ElastoDyn's tower.
+
+    Attributes
+    ----------
+    fraction : ndarray (n,)
+        From the base to the top, 0 to 1 (HtFract).
+    mass, fore_aft, side_side : ndarray (n,)
+        [kg/m], [N m²], [N m²].
+    fore_aft_shapes, side_side_shapes : ndarray (2, 5)
+    frequencies : ndarray (4,)
+        Fore-aft 1, 2 and side-side 1, 2 under a rigid rotor and nacelle [Hz].
+    """
+
+    fraction: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    fore_aft: NDArray[np.float64]
+    side_side: NDArray[np.float64]
+    fore_aft_shapes: NDArray[np.float64]
+    side_side_shapes: NDArray[np.float64]
+    frequencies: NDArray[np.float64]
+
+
+def blade_sections(turbine: Turbine) -> BladeSections:
+    """Sections and mode shapes of the blade.
+
+    The bending stiffness is that of a section on which neither an axial force nor a torque acts; its principal axes
+    give the structural twist. Mass and stiffness of a curved blade are laid out along z: the mass is kept, the twist
+    and the offsets of the centers of mass are lost.
+    """
+    blade = turbine.blade
+    z = _thinned(np.interp(blade.structure.station, blade.axis_station, blade.axis[:, 2]), blade.length)
+    station = np.interp(z, blade.axis[:, 2], blade.axis_station)
+    stretch = np.gradient(station, z)
+    mass = blade.structure.inertia_at(station)[:, 0, 0] * stretch
+    flap, edge, twist = _principal(bending_matrices(blade.structure, station), blade.twist_at(z))
+    radius, speed = turbine.hub.radius + z, turbine.drivetrain.rated_rotor_speed
+    outboard = _from_the_end(z, mass * radius)
+    shapes, flaps = bending_shapes(z, mass, flap, 2, pull=speed**2 * outboard)
+    edges, edge_1 = bending_shapes(z, mass, edge, 1, pull=speed**2 * outboard)
+    in_plane = np.sqrt(max(edge_1[0] ** 2 - (speed / (2.0 * np.pi)) ** 2, 0.0))  # the centrifugal force softens it
+    return BladeSections(z / blade.length, twist, mass, flap, edge, shapes, edges[0], np.array([*flaps, in_plane]))
+
+
+def tower_sections(turbine: Turbine) -> TowerSections:
+    """Sections and mode shapes of the tower, under the weight of what stands on it.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the tower stands on a monopile, for which ElastoDyn alone has no model.
+    """
+    tower = turbine.tower
+    if tower.support is not None:
+        raise TurbineDefinitionError(
+            f"{turbine.name}: the tower stands on a monopile; a model is written for towers clamped at their base, "
+            "give a model of your own (model='turbine.fst')"
+        )
+    station = _thinned(tower.structure.station, tower.length)
+    mass = tower.structure.inertia_at(station)[:, 0, 0]
+    bending = bending_matrices(tower.structure, station)
+    fore_aft, side_side = bending[:, 1, 1], bending[:, 0, 0]
+    body = _top_body(turbine)
+    weight = GRAVITY * (body.mass + _from_the_end(station, mass))
+    first, slow = bending_shapes(station, mass, fore_aft, 2, pull=-weight, top=body)
+    second, slower = bending_shapes(station, mass, side_side, 2, pull=-weight, top=body)
+    frequencies = np.concatenate([slow, slower])
+    return TowerSections(station / tower.length, mass, fore_aft, side_side, first, second, frequencies)
+
+
+def bending_matrices(structure: BeamStations, station: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Stiffness (n, 2, 2) against curvatures about x and y of sections without axial force and torque [N m²]."""
+    stiffness = structure.stiffness_at(station)
+    if structure.shear_rigid:
+        return np.linalg.inv(np.linalg.inv(stiffness[:, 2:, 2:])[:, 1:3, 1:3])
+    return np.linalg.inv(np.linalg.inv(stiffness)[:, 3:5, 3:5])
+
+
+def _principal(
+    bending: NDArray[np.float64], along: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Flapwise and edgewise stiffness and the angle of their axes, the one next to the twist of the chord."""
+    xx, xy, yy = bending[:, 0, 0], bending[:, 0, 1], bending[:, 1, 1]
+    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    size = np.hypot(half, xy)
+    angle = -0.5 * np.arctan2(xy, half)  # of the stiffer axis from x, counted as twist: clockwise about z
+    twist = along + (angle - along + np.pi / 4) % (np.pi / 2) - np.pi / 4
+    even = size < 0.5 * _EVEN * mean
+    twist = np.where(even, along, twist)
+    # the matrix in axes turned by minus the twist
+    edge = mean + half * np.cos(2.0 * twist) - xy * np.sin(2.0 * twist)
+    flap = 2.0 * mean - edge
+    return flap, edge, twist
+
+
+def _top_body(turbine: Turbine) -> TopBody:
+    """Rotor and nacelle as one rigid body on the tower."""
+    nacelle, hub, n = turbine.nacelle, turbine.hub, turbine.n_blades
+    m0, m1, m2 = (turbine.blade.structure.mass_moment(k) for k in range(3))
+    radius = hub.radius
+    rotor = n * m0 + hub.mass
+    shaft = nacelle.tower_top_to_shaft + nacelle.overhang * np.sin(nacelle.tilt)
+    disc = 0.5 * n * (m2 + 2.0 * radius * m1 + radius**2 * m0) + hub.inertia_transverse
+    mass = rotor + nacelle.mass + nacelle.yaw_bearing_mass
+    height = (rotor * shaft + nacelle.mass * nacelle.cm[2]) / mass
+    about = disc + rotor * (shaft - height) ** 2 + nacelle.inertia[1, 1]
+    about += nacelle.mass * (nacelle.cm[2] - height) ** 2 + nacelle.yaw_bearing_mass * height**2
+    return TopBody(float(mass), float(height), float(about))
+
+
+def _from_the_end(x: NDArray[np.float64], density: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Integral of a density from each point to the end, exact for one that is linear between the points."""
+    parts = 0.5 * (density[1:] + density[:-1]) * np.diff(x)
+    return np.append(np.cumsum(parts[::-1])[::-1], 0.0)
+
+
+def _thinned(points: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    """Stations of a table, no more than ElastoDyn's tables comfortably hold, from 0 to the length."""
+    points = np.unique(np.round(points, 9))
+    if points.size > _MOST_STATIONS:
+        points = np.linspace(0.0, length, _MOST_STATIONS)
+    points[0], points[-1] = 0.0, length
+    return points
+
+
+POWERS = np.arange(2, 7)
+"""Powers of the relative height in ElastoDyn's shapes."""
+_POINTS = 2000
+
+
+class TopBody:
+    """Rigid body on the free end of a beam.
+
+    Parameters
+    ----------
+    mass : float
+        [kg].
+    height : float
+        Of its center of mass above the end of the beam [m].
+    inertia : float
+        About the axis of bending through the center of mass [kg m²].
+    """
+
+    def __init__(self, mass: float, height: float, inertia: float):
+        self.mass, self.height, self.inertia = mass, height, inertia
+
+
+def bending_shapes(
+    station: ArrayLike,
+    mass: ArrayLike,
+    stiffness: ArrayLike,
+    count: int,
+    *,
+    pull: ArrayLike | None = None,
+    top: TopBody | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest modes of a clamped Euler-Bernoulli beam in the space of ElastoDyn's polynomials.
+
+    The modes are those of the Rayleigh-Ritz method with the functions x², …, x⁶, x = s/L: the best that ElastoDyn can
+    represent, so that no fit follows. With the axial force N its potential is ½ ∫ (EI w''² + N w'²) ds.
+
+    Parameters
+    ----------
+    station : array (n,)
+        Distance from the clamped end [m], from 0 on; properties are linear between.
+    mass : array (n,)
+        Per length [kg/m].
+    stiffness : array (n,)
+        Bending stiffness [N m²].
+    count : int
+        Modes, at most five.
+    pull : array (n,), optional
+        Axial force [N], positive in tension.
+
+    Returns
+    -------
+    shapes : ndarray (count, 5)
+        Coefficients of x², …, x⁶, with sum one.
+    frequencies : ndarray (count,)
+        [Hz].
+    """
+    station = np.asarray(station, dtype=float)
+    length = station[-1]
+    edges = np.linspace(0.0, 1.0, _POINTS + 1)
+    x, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+    density, rigidity = (
+        np.interp(x * length, station, np.asarray(values, dtype=float)) for values in (mass, stiffness)
+    )
+    value = x[:, None] ** POWERS
+    slope = POWERS * x[:, None] ** (POWERS - 1) / length
+    curvature = POWERS * (POWERS - 1) * x[:, None] ** (POWERS - 2) / length**2
+    inertia = _product(value, density * width * length)
+    spring = _product(curvature, rigidity * width * length)
+    if pull is not None:
+        spring += _product(slope, np.interp(x * length, station, np.asarray(pull, dtype=float)) * width * length)
+    if top is not None:
+        turn = POWERS / length
+        move = 1.0 + top.height * turn
+        inertia += top.mass * np.outer(move, move) + top.inertia * np.outer(turn, turn)
+    squares, vectors = eigh(spring, inertia)
+    shapes = vectors[:, :count].T
+    return shapes / shapes.sum(axis=1, keepdims=True), np.sqrt(np.maximum(squares[:count], 0.0)) / (2.0 * np.pi)
+
+
+def _product(functions: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Integrals of the products of functions (n_points, n) with weights (n_points,)."""
+    return functions.T @ (weight[:, None] * functions)

@@ -1,1 +1,0 @@
-"""Agents as servers for turbines under ROSCO."""
