@@ -1,6 +1,5 @@
 """The environment keeps the contract of Gymnasium and stable-baselines3, on the real simulator."""
 
-import itertools
 import subprocess
 import sys
 import warnings

@@ -150,7 +150,7 @@ class Trained(ConstantAgent):
 
     def __init__(self, layout, env_id, **env_kwargs):
         super().__init__(layout)
-        self.record = {"config": {"env_id": env_id, "env_kwargs": env_kwargs}}
+        self.record = {"environment": resolved_arguments(env_id, env_kwargs)}
 
 
 @pytest.mark.parametrize(
@@ -220,19 +220,17 @@ def test_a_model_brings_the_controller_it_was_trained_on():
 
 def test_fidelity_inflow_and_an_idle_controller_are_free():
     env = gym.make(STEADY, inflow="gusts", wind_speed=9.0, fidelity="engineering")
-    config = {"env_id": "wt_gym/NREL5MW-Turbulent-v1", "env_kwargs": {"controller": "ipc", "action_spans": {}}}
-    check_environment({"config": config}, env)  # nothing runs beneath rates
+    arguments = resolved_arguments("wt_gym/NREL5MW-Turbulent-v1", {"controller": "ipc", "action_spans": {}})
+    check_environment({"environment": arguments}, env)  # nothing runs beneath rates
     check_environment({}, env)
 
 
 def test_a_record_says_what_an_id_meant_then():
     """The id may mean another action in the version that reads the record."""
-    env = gym.make("wt_gym/LoadReduction-v2")
-    record = {"config": {"env_id": "wt_gym/LoadReduction-v2", "env_kwargs": {}}}
-    check_environment(record, env)
-    before = resolved_arguments("wt_gym/LoadReduction-v2", {}) | {"residual_fade": False}
+    env, arguments = gym.make("wt_gym/LoadReduction-v2"), resolved_arguments("wt_gym/LoadReduction-v2", {})
+    check_environment({"environment": arguments}, env)
     with pytest.raises(ValueError, match=r"residual_fade False, here True;"):
-        check_environment(record | {"environment": before}, env)
+        check_environment({"environment": arguments | {"residual_fade": False}}, env)
 
 
 def test_folders_that_cannot_be_used_are_refused_before_the_first_run(tmp_path, count_runs):

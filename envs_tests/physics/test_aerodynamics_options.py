@@ -26,7 +26,7 @@ from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.aerodynamics.wake.sheet_kernels import LAMB, build_wake_sheet
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

@@ -14,12 +14,13 @@ from scipy.spatial.transform import Rotation
 from envs_tests.physics.cases.observer_beams import centrifugal_stiffness
 from envs_tests.physics.cases.rotating_beams import body_pose, observed_frequencies
 from wt_gym.base.errors import SimulationError
-from wt_gym.multibody.observer_frame.frame import ObserverFrameError, ObserverFrameIntegrator
+from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError
 from wt_gym.multibody.observer_frame.observer_frame_from_system import Translation, observer_frame_from_system
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.channels import new_values
-from wt_gym.simulation.model.assembly import assemble
+from wt_gym.simulation.models import assemble
 from wt_gym.simulation.step.coupling import FORMS
 from wt_gym.simulation.step.structure_motion import TreeMotion
 from wt_gym.structure.flexible_body import FlexibleBody

@@ -7,7 +7,7 @@ import numpy as np
 from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, ellipsoid_body
 from wt_gym.aerodynamics.bodies.body_set import BodySet
 from wt_gym.aerodynamics.induction.tree_induction import make_block, make_tree
-from wt_gym.simulation.model.blade_sub_bodies import SubBodyNodes, sub_body_points
+from wt_gym.simulation.turbine_structure import SubBodyNodes, sub_body_points
 from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.substructure import cut_beam
 

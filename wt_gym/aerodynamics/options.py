@@ -1,22 +1,21 @@
-"""Choices of the vortex-lattice solver, with the measured error of the presets' wakes."""
+"""The exception of this room."""
 
 from __future__ import annotations
 
 import math
 import numbers
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.base.errors import WtGymError
+from wt_gym.base.types import Integers
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
-    from numpy.typing import NDArray
+class AerodynamicsError(WtGymError, ValueError):
+    """A lattice, an option or an inflow with which the vortex lattice cannot work."""
 
-__all__ = ["ENGINEERING", "REFERENCE", "SEPARATION_LAG", "TRAINING", "AeroOptions"]
 
 LOAD_FORMS = ("joukowski", "bernoulli")
 INDUCTIONS = ("direct", "tree")
@@ -244,7 +243,7 @@ class AeroOptions:
             turns += 1
         return replace(thinned, wind_stride=turns)
 
-    def row_numbers(self) -> NDArray[np.int64]:
+    def row_numbers(self) -> Integers:
         """Steps since each row of a full wake was shed, newest first, given the thinning of old rows.
 
         Returns

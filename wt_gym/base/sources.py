@@ -29,7 +29,7 @@ _APART = {
     "wt_gym.analysis.results",  # holds and weighs what runs gave
     "wt_gym.envs.rendering",  # draws what has been simulated
     "wt_gym.runs.progress",  # prints how far a run is
-    "wt_gym.simulation.recording_files",  # writes what has been simulated
+    "wt_gym.simulation.recorder",  # writes what has been simulated
     "wt_gym.turbines.catalogue",  # reads turbines, whose values are an identity of their own
 }
 """Modules that change no number of an episode; what only they import does not count either."""

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from wt_gym.base.sources import sources_digest
 from wt_gym.envs.record_store import user_record_digest
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.state import fingerprint
-from wt_gym.simulation.tip_twist import suited_fidelity
+from wt_gym.simulation.fidelity import suited_fidelity
 
 if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
@@ -31,7 +31,7 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None, *mo
     ----------
     turbine : Turbine
     fidelity : str or Fidelity or None
-        None: that of the blades (`wt_gym.simulation.tip_twist.choose_fidelity`).
+        None: that of the blades (`wt_gym.simulation.fidelity.choose_fidelity`).
     *modules : str
         Dotted names of further modules on which the numbers depend.
 

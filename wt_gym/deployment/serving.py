@@ -1,12 +1,8 @@
-"""What a name on the command line of the server means.
+"""Agents as servers for turbines under ROSCO.
 
-An agent of residual actions behind ROSCO's interface: readings in, offsets on the pitch of each blade out.
-
-A class of the user that gives set points, as users of ROSCO write them for its server.
-
-Which agents ROSCO's interface has room for: what it sends of what they observe, what it takes of what they do.
-
-The time of messages whose times have seven digits: exact where they come at even intervals.
+`answers_of` turns a name of the command line into what answers: an agent of residual actions behind ROSCO's interface
+(readings in, offsets on the pitch of each blade out), or a class of the user that gives set points, as users of ROSCO
+write them for its server. `check_expressible` says which agents the interface has room for.
 """
 
 from __future__ import annotations
@@ -22,8 +18,8 @@ import numpy as np
 from wt_gym.base.errors import ActionError, ControllerError
 from wt_gym.bridges.rosco import FIRST_CALL, MOST_BLADES, READINGS, SET_POINTS, Message, SetPoints
 from wt_gym.control import AgentSetpoint, Demand
-from wt_gym.control.actions import ResidualPitch
-from wt_gym.control.controllers.own_class import load_class
+from wt_gym.control.controllers.additions import ResidualPitch
+from wt_gym.control.controllers.names import load_class
 from wt_gym.control.sensors import harmonic_of_blades, to_blades
 from wt_gym.envs.channels import RESIDUAL_GROUPS
 from wt_gym.envs.observations import Observer

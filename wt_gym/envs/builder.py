@@ -11,8 +11,8 @@ from gymnasium import spaces
 
 from wt_gym.base.options import check_whole_steps
 from wt_gym.control import ActionMap
-from wt_gym.control.actions import ResidualPitch
 from wt_gym.control.controllers import AboveRated, starting_part
+from wt_gym.control.controllers.additions import ResidualPitch
 from wt_gym.control.controllers.names import ALIASES, BASELINE, make_controller
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.envs import rewards
@@ -31,8 +31,8 @@ from wt_gym.envs.twin import Twin
 from wt_gym.envs.variation import VariationTerm, check_variation
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.simulation.drivetrain.drives import pitch_delay
+from wt_gym.simulation.fidelity import choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.model import LossShares, with_site
 from wt_gym.turbines.variants import with_electrical, with_generator

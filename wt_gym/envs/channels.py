@@ -22,8 +22,8 @@ from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:
     from wt_gym.control import ActionMap
-    from wt_gym.control.actions import ResidualPitch
     from wt_gym.control.controllers import Controller
+    from wt_gym.control.controllers.additions import ResidualPitch
     from wt_gym.control.controllers.tsr_tracking import WindEstimator
     from wt_gym.envs.operation import Operation
     from wt_gym.simulation import Signals

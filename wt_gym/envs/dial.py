@@ -92,6 +92,7 @@ class DialOptions(Options):
     """Factors on the weights of fatigue, power and travel in the reward, see `wt_gym.envs.dial`."""
 
     title = "dial"
+    prefix = "dial_"
     switch = "weights"
 
     weights: str | Mapping[str, float] | Sequence[Any] | np.ndarray | None = option(
@@ -99,16 +100,16 @@ class DialOptions(Options):
         '``"simplex"``: together, evenly among those with one sum; a mapping such as ``{"travel": 2.0}``: constant, '
         "those left out are 1; or rows of time [s], fatigue, power and travel, each of which holds up to the next. "
         "All are scaled to the sum 3, because only their ratios count. None: there is no dial",
-        default=None, flat="dial_weights", unit="-", kind="str, mapping, sequence or array, optional",
+        default=None, unit="-", kind="str, mapping, sequence or array, optional",
         allowed="1/64 to 64", check=_checked_weights,
     )  # fmt: skip
     range: tuple[float, float] = option(
         'Range of the drawn factors before they are scaled; of ``"simplex"`` the lower end counts',
-        default=(0.25, 4.0), flat="dial_range", unit="-", low=LEAST_FACTOR, high=MOST_FACTOR, check=_checked_range,
+        default=(0.25, 4.0), unit="-", low=LEAST_FACTOR, high=MOST_FACTOR, check=_checked_range,
     )  # fmt: skip
     interval: float = option(
         "Mean time between changes of drawn factors, which are drawn evenly between a half and one and a half of it",
-        default=20.0, flat="dial_interval", unit="s", low=1.0,
+        default=20.0, unit="s", low=1.0,
     )  # fmt: skip
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, cast
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
 from wt_gym.control.design import reference_flap_moment, reference_tower_moment
@@ -149,77 +149,59 @@ class BladeFatigue:
         return -self.weight * bounded_square(square / (self._reference * self._reference))
 
 
+@dataclass(eq=False)
 class _TowerFatigue:
     """Penalty on a bending moment of the tower base freed of its mean; x = moment / (``scale`` M).
 
     M is the moment of the Betz thrust at rated wind at hub height.
+
+    Parameters
+    ----------
+    scale : float
+        x is 1 for a moment of this share of M [-].
+    time_constant : float
+        Of the high-pass filter [s].
     """
 
-    _channel: str
-    begins_with_means = True
-
-    def __init__(self, weight: float, scale: float, time_constant: float, name: str):
-        self.weight, self.scale, self.time_constant, self.name = weight, scale, time_constant, name
-        self._started = False
+    weight: float
+    scale: float
+    time_constant: float = 10.0
+    name: str = ""
+    channel: ClassVar[str]
+    begins_with_means: ClassVar[bool] = True
+    _filter: HighPass | None = field(default=None, init=False)
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode with the first moment as the mean."""
-        self._started = True
-        self._filter = HighPass(self.time_constant, signals[self._channel])
+        self._filter = HighPass(self.time_constant, signals[self.channel])
         self._reference = self.scale * reference_tower_moment(turbine)
 
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
-        if not self._started:
+        if self._filter is None:
             self.reset(transition.turbine, transition.before)
-        x = self._filter(transition.after[self._channel], transition.dt) / self._reference
+        x = cast("HighPass", self._filter)(transition.after[self.channel], transition.dt) / self._reference
         return -self.weight * bounded_square(x * x)
 
 
+@dataclass(eq=False)
 class TowerForeAftFatigue(_TowerFatigue):
-    """Penalty on the fore-aft moment of the tower base freed of its mean; x = moment / (``scale`` M).
+    __doc__ = (_TowerFatigue.__doc__ or "").replace("a bending moment", "the fore-aft moment")
 
-    Parameters
-    ----------
-    scale : float
-        x is 1 for a moment of this share of that of the Betz thrust at rated wind at hub height [-].
-    time_constant : float
-        Of the high-pass filter [s].
-    """
-
-    _channel = "tower_base_fore_aft_moment"
-
-    def __init__(
-        self,
-        weight: float = 1.0,
-        scale: float = 0.33,
-        time_constant: float = 10.0,
-        name: str = "tower_fore_aft_fatigue",
-    ):
-        super().__init__(weight, scale, time_constant, name)
+    weight: float = 1.0
+    scale: float = 0.33
+    name: str = "tower_fore_aft_fatigue"
+    channel: ClassVar[str] = "tower_base_fore_aft_moment"
 
 
+@dataclass(eq=False)
 class TowerSideSideFatigue(_TowerFatigue):
-    """Penalty on the side-side moment of the tower base freed of its mean; x = moment / (``scale`` M).
+    __doc__ = (_TowerFatigue.__doc__ or "").replace("a bending moment", "the side-side moment")
 
-    Parameters
-    ----------
-    scale : float
-        x is 1 for a moment of this share of that of the Betz thrust at rated wind at hub height [-].
-    time_constant : float
-        Of the high-pass filter [s].
-    """
-
-    _channel = "tower_base_side_side_moment"
-
-    def __init__(
-        self,
-        weight: float = 1.0,
-        scale: float = 0.08,
-        time_constant: float = 10.0,
-        name: str = "tower_side_side_fatigue",
-    ):
-        super().__init__(weight, scale, time_constant, name)
+    weight: float = 1.0
+    scale: float = 0.08
+    name: str = "tower_side_side_fatigue"
+    channel: ClassVar[str] = "tower_base_side_side_moment"
 
 
 @dataclass(frozen=True)

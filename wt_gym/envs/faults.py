@@ -79,26 +79,24 @@ class FaultOptions(Options):
     """Faults of an episode, see `wt_gym.envs.faults`."""
 
     title = "faults"
+    prefix = "fault_"
     switch = "kinds"
 
     kinds: str | tuple[str, ...] | None = option(
         f'Kinds of faults; each episode draws one of them: {", ".join(FAULT_KINDS)}; "all" of them; and '
         f"{', '.join(GRID_KINDS)}. None: nothing breaks",
         default=None,
-        flat="fault_kinds",
         kind="str or sequence of str, optional",
         check=_checked_kinds,
     )
     sizes: str = option(
         "Range that the size of a fault is drawn from: that for training, or one beyond it for tests",
         default="train",
-        flat="fault_sizes",
         choices=_SIZES,
     )
     time: float | tuple[float, float] = option(
         "When the fault begins; a range is drawn from. Ice is there from the start of the episode",
         default=(5.0, 20.0),
-        flat="fault_time",
         unit="s",
         low=0.0,
         check=as_pair,

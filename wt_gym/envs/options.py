@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GROUPS", "RENDER_MODES", "ActionOptions", "ControllerOptions", "EnvOptions", "argument_default",
-    "documentation", "env_arguments", "environment_options", "flat_arguments", "named_arguments", "plain_spec",
+    "documentation", "env_arguments", "flat_arguments", "named_arguments", "plain_spec",
     "registered_arguments", "signature", "wind_files_of", "with_whole_paths",
 ]  # fmt: skip
 
@@ -271,8 +271,20 @@ class EnvOptions(Options):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Options of a mapping of arguments of the environment, see `environment_options`."""
-        return cls(**_fields_of(flat_arguments(values)))
+        """Options of arguments of the environment: groups, as objects or mappings, flat names, or both.
+
+        Raises
+        ------
+        TypeError
+            If there is no such argument.
+        ValueError, wt_gym.base.errors.InflowError
+            If something is given twice, or has no meaning.
+        """
+        flat = flat_arguments(values)
+        fields: dict[str, Any] = {name: flat[name] for name in _PLAIN if name in flat}
+        for title, group in GROUPS.items():
+            fields[title] = group(**{one.name: flat[one.flat] for one in options_of(group) if one.flat in flat})
+        return cls(**fields)
 
 
 _FLAT: dict[str, tuple[str, Option]] = {
@@ -290,31 +302,6 @@ def env_arguments() -> tuple[str, ...]:
 def argument_default(name: str) -> Any:
     """Default of an argument outside the groups, by its flat name."""
     return _PLAIN[name].default if name in _PLAIN else _FLAT[name][1].default
-
-
-def environment_options(arguments: Mapping[str, Any]) -> EnvOptions:
-    """Options of arguments of the environment.
-
-    Parameters
-    ----------
-    arguments : mapping
-        Groups, as objects or mappings, flat names, or both.
-
-    Raises
-    ------
-    TypeError
-        If there is no such argument.
-    ValueError, wt_gym.base.errors.InflowError
-        If something is given twice, or has no meaning.
-    """
-    return EnvOptions.from_dict(arguments)
-
-
-def _fields_of(flat: Mapping[str, Any]) -> dict[str, Any]:
-    fields: dict[str, Any] = {name: flat[name] for name in _PLAIN if name in flat}
-    for title, group in GROUPS.items():
-        fields[title] = group(**{one.name: flat[one.flat] for one in options_of(group) if one.flat in flat})
-    return fields
 
 
 def named_arguments(positional: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
@@ -358,23 +345,27 @@ def flat_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
     ValueError
         If a group is neither an object nor a mapping of its options, or something is given twice.
     """
-    known, registered = env_arguments(), _registered(arguments.get(_ID))
+    known, env_id = env_arguments(), arguments.get(_ID)
+    spec = gym.registry.get(env_id) if isinstance(env_id, str) else None
+    registered: Mapping[str, Any] = {} if spec is None else spec.kwargs
     flat: dict[str, Any] = {}
+    groups: dict[str, Any] = {}
     for name, value in arguments.items():
-        if name == _ID or (name in GROUPS and not (name == _BASE and not _is_group(value))):
-            continue
-        if name not in known:
+        if name in GROUPS and (name != _BASE or isinstance(value, Mapping | Options)):
+            groups[name] = value
+        elif name in known:
+            flat[name] = value
+        elif name != _ID:
             raise TypeError(  # in Python's words: tools that try arguments, as TorchRL does, look for them
                 f"the environment got an unexpected keyword argument {name!r}{did_you_mean(name, known, '.')} Its "
                 f"arguments are {', '.join(known)}"
             )
-        flat[name] = value
     for title, group in GROUPS.items():
-        if title not in arguments or (title == _BASE and not _is_group(arguments[title])):
+        if title not in groups:
             continue
         if title == _BASE and title in registered:
             flat[title] = registered[title]  # the mapping stood in its place
-        value = arguments[title]
+        value = groups[title]
         given = value.given if isinstance(value, group) else group.named(value)
         for one in options_of(group):
             if one.name not in given:
@@ -399,16 +390,6 @@ def registered_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str,
         As of `flat_arguments`.
     """
     return flat_arguments({**gym.spec(env_id).kwargs, **arguments})
-
-
-def _is_group(value: Any) -> bool:
-    return isinstance(value, Mapping | Options)
-
-
-def _registered(env_id: Any) -> Mapping[str, Any]:
-    """What an id says itself."""
-    spec = gym.registry.get(env_id) if isinstance(env_id, str) else None
-    return {} if spec is None else spec.kwargs
 
 
 def _same(registered: Mapping[str, Any], name: str, value: Any) -> bool:

@@ -28,7 +28,7 @@ from wt_gym.base.files import write_whole
 from wt_gym.base.sources import sources_digest
 from wt_gym.base.user_cache import user_cache
 from wt_gym.envs.running_record import ControllerForm, Record
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 

@@ -27,8 +27,8 @@ from wt_gym.envs.record_store import (
 )
 from wt_gym.envs.running_record import PLAN, ControllerForm, Instants, RecordingPlan, RowLayout, StartRecorder
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
-from wt_gym.simulation.state import fingerprint
-from wt_gym.simulation.tip_twist import suited_fidelity
+from wt_gym.simulation.contract import fingerprint
+from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import TurbulentInflow
@@ -66,7 +66,7 @@ class RecordedTurbine:
     level : float
         Demanded power over the available one [-]; 1: nothing is demanded.
     fidelity : str, optional
-        Of the runs, by default that which suits the blades (`wt_gym.simulation.tip_twist.suited_fidelity`).
+        Of the runs, by default that which suits the blades (`wt_gym.simulation.fidelity.suited_fidelity`).
     runs : int
         Winds at a wind speed.
     """

@@ -14,7 +14,7 @@ from wt_gym.envs import rewards
 from wt_gym.envs.builder import Parts, build
 from wt_gym.envs.manual import describe, manual
 from wt_gym.envs.operation import make_simulator
-from wt_gym.envs.options import RENDER_MODES, EnvOptions, environment_options, named_arguments, plain_spec, signature
+from wt_gym.envs.options import RENDER_MODES, EnvOptions, named_arguments, plain_spec, signature
 from wt_gym.envs.terminations import registered_limit, tip_clearance
 from wt_gym.envs.terms import EnvSnapshot, Stateful, Transition, hooks
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -46,7 +46,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
     remembered = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_running", "_failed")
 
     def __init__(self, *positional: Any, **arguments: Any):
-        self._make(environment_options(named_arguments(positional, arguments)))
+        self._make(EnvOptions.from_dict(named_arguments(positional, arguments)))
 
     @classmethod
     def of(cls, options: EnvOptions) -> Self:

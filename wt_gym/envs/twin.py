@@ -25,8 +25,8 @@ from wt_gym.control.controllers import parts_of
 from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.reward_store import Course, kept_course, new_course, store_course
 from wt_gym.envs.terms import EnvSnapshot, Term
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.state import fingerprint
 from wt_gym.wind import (
     MirroredInflow,
     PathInflow,

@@ -57,15 +57,12 @@ STRUCTURAL = ("tower_frequency", "tower_damping", "blade_stiffness", "air_densit
 """What makes another turbine of it: drawn from a finite set."""
 
 
-def _range(name: str, meaning: str, low: float, high: float, unit: str = "-") -> Any:
-    return option(meaning, default=None, flat=f"vary_{name}", unit=unit, low=low, high=high)
+def _range(meaning: str, low: float, high: float, unit: str = "-") -> Any:
+    return option(meaning, default=None, unit=unit, low=low, high=high)
 
 
-def _names(name: str, meaning: str, choices: tuple[str, ...] = ()) -> Any:
-    def check(names: str | tuple[str, ...]) -> tuple[str, ...]:
-        return not_empty(as_tuple(names))
-
-    return option(meaning, default=None, flat=f"vary_{name}", choices=choices, check=check)
+def _checked_names(names: str | tuple[str, ...]) -> tuple[str, ...]:
+    return not_empty(as_tuple(names))
 
 
 @option_record
@@ -73,62 +70,53 @@ class Variation(Options):
     """Quantities of plant, sensors and wind that differ from episode to episode, see `wt_gym.envs.variation`."""
 
     title = "variation"
+    prefix = "vary_"
 
     pitch_gain: float | tuple[float, float] | None = _range(
-        "pitch_gain",
         "Factor on the response of the turbine to pitch: blades move by this factor times the deviation of their "
         "demand from the mean of the last 10 s, and the encoders read the demand, see `wt_gym.envs.instruments`",
         0.2, 3.0,
     )  # fmt: skip
     tower_frequency: float | tuple[float, float] | None = _range(
-        "tower_frequency", "Factor on the frequencies of the tower (`varied_turbine`)", 0.5, 2.0
+        "Factor on the frequencies of the tower (`varied_turbine`)", 0.5, 2.0
     )
     tower_damping: float | tuple[float, float] | None = _range(
-        "tower_damping", "Factor on the damping ratio of the tower's modes", 0.0, 10.0
+        "Factor on the damping ratio of the tower's modes", 0.0, 10.0
     )
     blade_stiffness: float | tuple[float, float] | None = _range(
-        "blade_stiffness", "Factor on the stiffness of the blades' sections", 0.3, 3.0
+        "Factor on the stiffness of the blades' sections", 0.3, 3.0
     )
-    air_density: float | tuple[float, float] | None = _range(
-        "air_density", "Factor on the density of the air", 0.5, 2.0
-    )
-    drive_lag: float | tuple[float, float] | None = _range(
-        "drive_lag", "Additional lag of the pitch drives", 0.0, 5.0, "s"
-    )
-    pitch_rate: float | tuple[float, float] | None = _range(
-        "pitch_rate", "Factor on the greatest pitch rate", 0.1, 10.0
-    )
+    air_density: float | tuple[float, float] | None = _range("Factor on the density of the air", 0.5, 2.0)
+    drive_lag: float | tuple[float, float] | None = _range("Additional lag of the pitch drives", 0.0, 5.0, "s")
+    pitch_rate: float | tuple[float, float] | None = _range("Factor on the greatest pitch rate", 0.1, 10.0)
     sensor_delay: float | tuple[float, float] | None = _range(
-        "sensor_delay", "Time by which readings are late, rounded to steps of the simulator", 0.0, 10.0, "s"
+        "Time by which readings are late, rounded to steps of the simulator", 0.0, 10.0, "s"
     )
     sensor_offset: float | tuple[float, float] | None = _range(
-        "sensor_offset",
         "Offset of every load, motion and wind sensor in scales of its channel, drawn for each sensor by itself; the "
         "blades share theirs. Encoders and electrical readings have none (`wt_gym.envs.instruments`)",
         -5.0, 5.0,
     )  # fmt: skip
     sensor_noise: float | tuple[float, float] | None = _range(
-        "sensor_noise", "Level of white measurement noise of every sensor: 1 typical instruments", 0.0, 20.0
+        "Level of white measurement noise of every sensor: 1 typical instruments", 0.0, 20.0
     )
-    turbulence_class: str | tuple[str, ...] | None = _names(
-        "turbulence_class", "Turbulence classes of IEC 61400-1 to draw from", tuple(REFERENCE_INTENSITY)
-    )
-    shear_exponent: float | tuple[float, float] | None = _range(
-        "shear_exponent", "Exponent of the power-law profile", -0.5, 1.0
-    )
+    turbulence_class: str | tuple[str, ...] | None = option(
+        "Turbulence classes of IEC 61400-1 to draw from", default=None, choices=tuple(REFERENCE_INTENSITY),
+        check=_checked_names,
+    )  # fmt: skip
+    shear_exponent: float | tuple[float, float] | None = _range("Exponent of the power-law profile", -0.5, 1.0)
     yaw_error: float | tuple[float, float] | None = _range(
-        "yaw_error", "Direction by which the wind is turned against the nacelle, on top of ``wind.direction``",
+        "Direction by which the wind is turned against the nacelle, on top of ``wind.direction``",
         -math.pi / 2, math.pi / 2, "rad",
     )  # fmt: skip
-    dead_sensor: str | tuple[str, ...] | None = _names(
-        "dead_sensor",
+    dead_sensor: str | tuple[str, ...] | None = option(
         f'Channels of the simulator: one is drawn and reads zero in the episode; "{NO_SENSOR}": all are sound',
-    )
+        default=None, check=_checked_names,
+    )  # fmt: skip
     plants: int = option(
         "Number of turbines in the set that the structural quantities are drawn from: a Latin hypercube over their "
         "ranges, the same in every environment",
         default=8,
-        flat="vary_plants",
         low=1,
         high=64,
     )

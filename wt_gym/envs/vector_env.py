@@ -19,7 +19,7 @@ from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import shown
 from wt_gym.envs.manual import describe
-from wt_gym.envs.options import environment_options, plain_spec
+from wt_gym.envs.options import EnvOptions, plain_spec
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             if number is not None and not (isinstance(number, int | np.integer) and number >= 1):
                 raise ValueError(f"{name} must be a whole number of at least 1, got {shown(number)}")
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
-        options = environment_options(kwargs)
+        options = EnvOptions.from_dict(kwargs)
         self.envs = [WindTurbineEnv.of(options)]
         options = replace(options, turbine=self.envs[0].turbine)
         self.envs += [WindTurbineEnv.of(options) for _ in range(num_envs - 1)]

@@ -13,8 +13,7 @@ import gymnasium as gym
 
 from wt_gym.benchmark.fingerprint import differing
 from wt_gym.control.controllers import make_controller, supervisor_of
-from wt_gym.control.controllers.names import ALIASES, Name
-from wt_gym.control.controllers.own_class import call_maker, load_class
+from wt_gym.control.controllers.names import ALIASES, Name, call_maker, load_class
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of

@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from wt_gym.base.fields import counting_fields
-
 __all__ = ["RunDefinition", "described", "digest"]
 
 _WRITTEN_OUT = 100
@@ -174,7 +172,7 @@ def _object(value: Any, name: str, above: tuple[int, ...]) -> Any:
     if isinstance(value, enum.Enum):
         return kind | {"value": value.name}
     if is_dataclass(value) and not isinstance(value, type):
-        content = {one.name: getattr(value, one.name) for one in counting_fields(value)}
+        content = {one.name: getattr(value, one.name) for one in fields(value)}
     elif callable(getattr(value, "to_dict", None)):
         content = value.to_dict()
     elif hasattr(value, "__dict__") and not isinstance(value, types.ModuleType):

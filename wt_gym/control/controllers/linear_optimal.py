@@ -6,27 +6,20 @@ long as the model holds, and its coefficients follow from least squares (Youla, 
 Control 21 (1976) 319; system-level synthesis: Anderson et al., Annu. Rev. Control 47 (2019) 364). The designs come from
 ``wt-gym design linear_optimal``.
 
-What a linear optimal controller reads: six quantities in the fixed frame that any turbine's bus can carry.
+*Readings* are six quantities in the fixed frame that any turbine's bus can carry (`OUTPUTS`). *Designs* are files of
+plain arrays with the record of their making, no pickled objects (`LinearDesign`).
 
-The past of measured quantities as a controller uses it: without what lasts, in bins of delays that widen.
-
-Designs of linear optimal pitch as files: plain arrays and the record of their making, no pickled objects.
-
-How well the model of a linear controller fits: what is left of its own effect in the disturbances that it finds.
-
-A model explains y(t) of what is measured, and the disturbance d is the rest. If the turbine answers 1 + g times as
-strongly and tau later, what is left of the controller's own effect is
+*Fit of the model* (`ModelFit`): a model explains y(t) of what is measured, and the disturbance d is the rest. If the
+turbine answers 1 + g times as strongly and tau later, the part of the controller's own effect that is left is
 
     d = (1 + g) y(t - tau) - y(t) + d0 = g y - (1 + g) tau dy/dt + ...
 
 to first order in tau, so the regressions of the changes of d on those of y and of dy/dt give a gain g and a lag
-(1 + g) tau (least squares with an
-exponential window: Ljung, System Identification, 1999, section 11.2). Feedback makes y an answer to earlier d0, so both
-are biased: a model that fits has values of its own, which late readings, slow drives, weak or strong blades and dead
-gauges move. Changes, not values, are compared: the slow part of d0 is the largest. Values need decisions in
-neighboring intervals; a controller that is asked less often than its design has intervals shows zeros.
-
-Offsets of the blades' pitch as mean, tilt and yaw in the fixed frame, within limits, as they reach the drives.
+(1 + g) tau (least squares with an exponential window: Ljung, System Identification, 1999, section 11.2). Feedback makes
+y an answer to earlier d0, so both are biased: a model that fits has values of its own, which late readings, slow
+drives, weak or strong blades and dead gauges move. Changes, not values, are compared: the slow part of d0 is the
+largest. Values need decisions in neighboring intervals; a controller that is asked less often than its design has
+intervals shows zeros.
 """
 
 from __future__ import annotations
@@ -45,10 +38,10 @@ from scipy.signal import lfilter
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.base.files import whole_file
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.additions import AboveRated, FadeParameters
-from wt_gym.control.controllers.controller import parts_of
-from wt_gym.control.controllers.parameters import PATH, Parameter
+from wt_gym.control.controllers.controller import part_of
 from wt_gym.control.design import same_rotor
 from wt_gym.control.sensors import LowPass, to_blades, to_harmonic
 from wt_gym.simulation.drivetrain.drives import pitch_delay
@@ -63,8 +56,8 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "FIT_TIME", "FORMAT", "LEAST_CHANGE", "OFFSET_PARAMETERS", "OUTPUTS", "PARAMETERS", "SHIPPED", "LinearDesign",
-    "LinearOptimalPitch", "ModelFit", "PitchOffsets", "bin_means", "channels_read", "default_limits", "delay_bins",
+    "FIT_TIME", "FORMAT", "LEAST_CHANGE", "OUTPUTS", "SHIPPED", "LinearDesign", "LinearOptimalPitch",
+    "LinearOptions", "ModelFit", "PitchOffsets", "bin_means", "channels_read", "default_limits", "delay_bins",
     "linear_part", "load_design", "measured_outputs", "offset_fade", "recorded_outputs", "save_design", "seen_bins",
     "side_sign", "spread_over_bins", "without_lasting",
 ]  # fmt: skip
@@ -317,10 +310,10 @@ def _load(file: Path, changed: int, size: int) -> LinearDesign:
         with np.load(file, allow_pickle=False) as found:
             head = json.loads(str(found["head"][()]))
             parts: dict[str, Any] = {name: found[name] for name in _ARRAYS}
-        if head["format"] not in (1, FORMAT):
+        if head["format"] != FORMAT:
             raise ControllerError(f"{file} must have format {FORMAT}, got {head['format']!r}")
         parts |= {name: float(head[name]) for name in _NUMBERS}
-        fine_speed = head["fine_speed"] if head["format"] == FORMAT else None
+        fine_speed = head["fine_speed"]
         parts["fine_speed"] = None if fine_speed is None else (float(fine_speed[0]), float(fine_speed[1]))
         return LinearDesign(**parts, record=head["record"])
     except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
@@ -388,11 +381,6 @@ class ModelFit:
         self._past[0, 0], self._past[1, 0] = disturbance, explained
         self._count += 1.0
 
-
-OFFSET_PARAMETERS = (
-    Parameter("limit", "rad", "largest mean offset, and largest amplitude of tilt and yaw", 0.0, math.pi),
-    Parameter("rate_limit", "rad/s", "largest rate of the mean offset, and of tilt and yaw together", 0.0, above=True),
-)
 
 _MOST, _MOST_RATE = math.radians(4.0), math.radians(3.0)
 _TURNING, _CHANGING = 0.625, 0.375
@@ -520,14 +508,18 @@ def _within(x: float, y: float, size: float) -> tuple[float, float]:
     return (x, y) if length <= size else (x * size / length, y * size / length)
 
 
-PARAMETERS = (
-    Parameter(
-        "file", "-", "design for the turbine and the base controller", word=PATH, otherwise="the one shipped for the "
-        "turbine",
-    ),
-    Parameter("gain", "-", "factor on all offsets", 0.0, 2.0),
-)  # fmt: skip
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+@option_record
+class LinearOptions(Options):
+    """Parameters of a `LinearOptimalPitch`."""
+
+    title = "linear_pitch"
+
+    file: Path | None = option(
+        "design for the turbine and the base controller", default=None, unit="-",
+        otherwise="the one shipped for the turbine",
+    )  # fmt: skip
+    gain: float = option("factor on all offsets", default=1.0, unit="-", low=0.0, high=2.0)
+
 
 SHIPPED = ("iea_15mw", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile")
 """Turbines with a design in ``data``."""
@@ -579,16 +571,8 @@ class LinearOptimalPitch:
         self._forget()
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, file: str | None = None, gain: float = 1.0) -> LinearOptimalPitch:
-        """Controller of a design.
-
-        Parameters
-        ----------
-        turbine : Turbine
-        file : str, optional
-            Path of a design; by default that shipped for the turbine.
-        gain : float
-            Factor on all offsets [-].
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LinearOptimalPitch:
+        """Controller of a design, with parameters of `LinearOptions`.
 
         Raises
         ------
@@ -599,7 +583,8 @@ class LinearOptimalPitch:
         wt_gym.base.errors.ControllerError
             If the file is not a design.
         """
-        return cls(turbine, load_design(_shipped(turbine) if file is None else file), gain)
+        o = LinearOptions(**parameters)
+        return cls(turbine, load_design(_shipped(turbine) if o.file is None else o.file), o.gain)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -756,5 +741,4 @@ def _shipped(turbine: Turbine) -> Path:
 
 def linear_part(controller: Controller | None) -> LinearOptimalPitch | None:
     """The linear optimal pitch among the parts of a controller, None where it has none."""
-    parts = () if controller is None else parts_of(controller)
-    return next((part for part in parts if isinstance(part, LinearOptimalPitch)), None)
+    return part_of(controller, LinearOptimalPitch)

@@ -17,9 +17,6 @@ from wt_gym.deployment.export.controller_parts import (
     LINEAR_READS,
     MOST_SEEN_BINS,
     Parts,
-    estimator_values,
-    note_fade,
-    note_lidar,
 )
 from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.envs.power import available_power
@@ -89,25 +86,17 @@ KINDS = (
 
 @dataclass(frozen=True)
 class Seen:
-    """One channel of a reading.
-
-    Attributes
-    ----------
-    kind : str
-        Of `KINDS`.
-    index : int
-        Blade, coordinate or component, from 0.
-    reads : set of str
-        Readings that it needs.
-    washed : bool
-        Whether it passes the high-pass filter of the observation.
-    """
+    """One channel of a reading."""
 
     kind: str
+    """Of `KINDS`."""
     index: int
+    """Blade, coordinate or component, from 0."""
     channel: Any
     reads: set[str]
+    """Readings that it needs."""
     washed: bool = False
+    """Whether it passes the high-pass filter of the observation."""
 
 
 def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
@@ -233,7 +222,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
     parts.constants["PITCH_FORM"] = ("NONE", *forms.values()).index(forms[action.pitch] if n_pitch else "NONE")
     if n_pitch and action.pitch != "collective":
         parts.constants["INDIVIDUAL_BLADES"] = 1
-    note_fade(parts, residual._fade if residual is not None else None, "agent", "offset", "FADE_AGENT")
+    parts.take_fade(residual._fade if residual is not None else None, "FADE_AGENT", "offset", "agent")
     spans = action._spans
     parts.values |= {
         "agent": 1.0,
@@ -267,12 +256,13 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         parts.values |= {"generator_efficiency": efficiency, "power_level": 1.0}
     if parts.constants["SENSES_WIND"]:
         estimator = WindEstimator.of_turbine(parts.turbine)
-        parts.values |= estimator_values(estimator) | {"sensor_bandwidth": estimator.bandwidth}
+        parts.take_estimator(estimator)
+        parts.values["sensor_bandwidth"] = estimator.bandwidth
         parts.tables["SENSOR_TABLE"] = estimator.table
     reads = set().union(*(one.reads for one in seen))
     if "lidar" in reads:
         assert layout.lidar is not None  # what the channels are read by
-        note_lidar(parts, layout.lidar, any(one.kind == "LIDAR_BEAM" for one in seen))
+        parts.take_lidar(layout.lidar, any(one.kind == "LIDAR_BEAM" for one in seen))
     if turning:
         reads |= {"azimuth", "rotor_speed"}
     if parts.constants["FADE_AGENT"] or torque:

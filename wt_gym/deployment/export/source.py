@@ -1,7 +1,4 @@
-"""The C source of an exported controller: its numbers, and the laws of ``runtime.c``.
-
-Parameters of an exported controller: names, units and meanings, in the C source and in its parameter file.
-"""
+"""The C source of an exported controller, its numbers and the laws of ``runtime.c``, and its parameter file."""
 
 from __future__ import annotations
 
@@ -295,23 +292,16 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
 
 @dataclass(frozen=True)
 class Entry:
-    """One parameter.
-
-    Attributes
-    ----------
-    name : str
-        Of the field in the C structure and of the line in the file.
-    group : str
-        Part of the controller that it belongs to; "" for what the file does not show.
-    low, high : float
-        Values that the library accepts from the file.
-    """
+    """One parameter."""
 
     name: str
+    """Of the field in the C structure and of the line in the file."""
     unit: str
     meaning: str
     group: str = ""
+    """Part of the controller that it belongs to; "" for what the file does not show."""
     low: float = -math.inf
+    """Least value that the library accepts from the file."""
     high: float = math.inf
 
 

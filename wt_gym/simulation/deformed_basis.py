@@ -17,29 +17,19 @@ motion lies outside the new basis, second-order small in the change of the modes
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.multibody.system import Points
-from wt_gym.simulation.model.turbine_structure import bending_dofs, body_points
-from wt_gym.structure.beam import skew
+from wt_gym.base.types import Array
+from wt_gym.multibody.arrays import History, Points, Work
+from wt_gym.simulation.models import TurbineModels
+from wt_gym.simulation.turbine_structure import bending_dofs, body_points
+from wt_gym.structure.beam import Beam, skew
 from wt_gym.structure.flexible_body import FlexibleBody, particle_fields
-from wt_gym.structure.modes import lowest_modes, named_modes, select_modes
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.multibody.arrays import Work
-    from wt_gym.multibody.integrators.hamming import History
-    from wt_gym.simulation.model.assembly import TurbineModels
-    from wt_gym.structure.beam import Beam
-    from wt_gym.structure.modes import Modes
-
-__all__ = ["DeformedBasis", "TangentBlade"]
+from wt_gym.structure.modes import Modes, lowest_modes, named_modes, select_modes
 
 LOOK = 16
 """Modes among which the required ones are sought."""
@@ -50,22 +40,19 @@ class TangentBlade:
 
     Parameters
     ----------
-    beam : Beam
     points : array (n, 3)
         Where the air acts, body frame [m].
     center : array (3,)
         A point of the rotor's axis, body frame [m].
     """
 
-    def __init__(self, beam: Beam, points: NDArray[np.float64], center: ArrayLike) -> None:
+    def __init__(self, beam: Beam, points: Array, center: ArrayLike) -> None:
         every = np.eye(beam.n_dof)
         self.beam, self.center = beam, np.asarray(center, dtype=float)
         self._fields = particle_fields(beam, every)
         self._points = body_points(beam, every, points)
 
-    def matrices(
-        self, u: NDArray[np.float64], omega: NDArray[np.float64], forces: NDArray[np.float64] | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def matrices(self, u: Array, omega: Array, forces: Array | None = None) -> tuple[Array, Array]:
         """K_t and M_t (n_dof, n_dof).
 
         Parameters
@@ -91,12 +78,8 @@ class TangentBlade:
         return stiffness, weighted.T @ flat
 
     def modes(
-        self,
-        u: NDArray[np.float64],
-        omega: NDArray[np.float64],
-        forces: NDArray[np.float64] | None = None,
-        node_dofs: Sequence[int] = (0, 1, 2, 3, 4),
-    ) -> tuple[Modes, NDArray[np.float64]]:
+        self, u: Array, omega: Array, forces: Array | None = None, node_dofs: Sequence[int] = (0, 1, 2, 3, 4)
+    ) -> tuple[Modes, Array]:
         """Lowest `Modes` of K_t φ = (2 π f)² M_t φ, of nodes that move in the given directions, and M_t."""
         stiffness, mass = self.matrices(u, omega, forces)
         free = np.array([6 * node + k for node in range(1, self.beam.n_dof // 6) for k in node_dofs])
@@ -106,9 +89,7 @@ class TangentBlade:
         shape[free] = vector
         return named_modes(self.beam, value, shape), mass
 
-    def in_basis(
-        self, basis: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def in_basis(self, basis: Array) -> tuple[Array, Array, Array]:
         """The points (`Points`) in a basis (n_dof, n)."""
         p = self._points
         linear = p.linear @ basis
@@ -118,10 +99,6 @@ class TangentBlade:
 
 class DeformedBasis:
     """The basis of the blades of a coupled turbine, brought up to date before each aerodynamic step.
-
-    Parameters
-    ----------
-    models : TurbineModels
 
     Attributes
     ----------
@@ -167,24 +144,18 @@ class DeformedBasis:
         for tangent, points in self._carried:
             _, points.linear[:], points.second[:] = tangent.in_basis(self.basis)
 
-    def _mean(
-        self, y: NDArray[np.float64], work: Work, forces: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _mean(self, y: Array, work: Work, forces: Array) -> tuple[Array, Array, Array]:
         """Nodal displacements, angular velocity and forces of the air, means over the blades in their own axes."""
         blades = self._models.structure.blades
         u = self.basis @ y[self._q].mean(axis=0)
         omega = np.mean([work.omega[b] for b in blades], axis=0)
         return u, omega, np.mean([f @ work.rot[b] for f, b in zip(forces, blades, strict=True)], axis=0)
 
-    def tangent_of(
-        self, y: NDArray[np.float64], work: Work, forces: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def tangent_of(self, y: Array, work: Work, forces: Array) -> tuple[Array, Array]:
         """K_t and M_t (n_dof, n_dof) in a state; arguments as for `update`, with the newest state."""
         return self.tangent.matrices(*self._mean(y, work, forces))
 
-    def update(
-        self, history: History, loads: Sequence[NDArray[np.float64]], work: Work, forces: NDArray[np.float64]
-    ) -> None:
+    def update(self, history: History, loads: Sequence[Array], work: Work, forces: Array) -> None:
         """New modes about the present state, which passes over to them.
 
         Parameters
@@ -194,7 +165,6 @@ class DeformedBasis:
             newest.
         loads : sequence of array (..., n_b, 6 + n_f)
             Generalized loads of the bodies; those of the blades pass over too.
-        work : Work
         forces : array (n_blades, n, 3)
             Of the air on the lattice points, global [N].
 

@@ -3,31 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.types import Array, Integers
 from wt_gym.simulation.channels import Signals, channel_table
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-__all__ = [
-    "LinearModel",
-    "Mode",
-    "RotorPoint",
-    "SteadyPoint",
-    "blade_triples",
-    "coleman",
-    "multiblade_model",
-    "multiblade_transform",
-]
 
 _PARTS = ("collective", "cosine", "sine")
 _GROUPS = "|".join(dict.fromkeys(c.name[:-2] for c in channel_table(3) if c.name.endswith("_3")))
@@ -63,12 +50,12 @@ class SteadyPoint:
 
     wind_speed: float
     rotor_speed: float
-    pitch: NDArray[np.float64]
+    pitch: Array
     yaw: float
     generator_torque: float
-    azimuth: NDArray[np.float64]
-    states: NDArray[np.float64]
-    outputs: NDArray[np.float64]
+    azimuth: Array
+    states: Array
+    outputs: Array
     residual: float
 
     @property
@@ -139,10 +126,10 @@ class LinearModel:
         Blade quantities are collective, cosine and sine parts instead of blades 1, 2 and 3.
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
+    A: Array
+    B: Array
+    C: Array
+    D: Array
     state_names: tuple[str, ...]
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
@@ -168,7 +155,7 @@ class LinearModel:
 
     def response(
         self, time: ArrayLike, inputs: Mapping[str, ArrayLike] | None = None, start: ArrayLike | None = None
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Outputs over time by the exact solution for inputs that are constant in each interval.
 
         Parameters
@@ -205,10 +192,6 @@ class LinearModel:
         """Oscillations of the structure, lowest frequency first.
 
         The drives (pitch, yaw) follow their commands without reaction of the structure: they are left out.
-
-        Returns
-        -------
-        tuple of Mode
         """
         coordinates = _coordinates(self.state_names)
         drives = {name for name in coordinates if _is_drive(name)}
@@ -238,7 +221,7 @@ class LinearModel:
 
     def _mode_names(
         self,
-        chosen: NDArray[np.int64],
+        chosen: Integers,
         right: NDArray[np.complex128],
         keep: Sequence[int],
         shares: Sequence[Mapping[str, float]],
@@ -250,7 +233,7 @@ class LinearModel:
         """
         turning = self.operating_point is None or self.operating_point.rotor_speed > 0.0
         place = {self.state_names[i]: k for k, i in enumerate(keep)}
-        candidates: dict[str, NDArray[np.float64]] = {}
+        candidates: dict[str, Array] = {}
         for name in shares[0] if shares else ():
             base, _, part = name.rpartition("_")
             if not (self.multiblade and part in _PARTS[1:]):
@@ -299,7 +282,7 @@ def _places(names: Sequence[str], chosen: str | Iterable[str] | None, kind: str)
     return [names.index(name) for name in chosen]
 
 
-def coleman(azimuth: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def coleman(azimuth: float) -> tuple[Array, Array, Array]:
     """Coleman's transformation of three blades and its first two derivatives by the azimuth.
 
     q_i = q_collective + q_cosine cos ψ_i + q_sine sin ψ_i with ψ_i = ψ + 2π (i − 1)/3.
@@ -353,9 +336,7 @@ def blade_triples(names: Sequence[str]) -> tuple[list[list[int]], tuple[str, ...
     return triples, tuple(renamed)
 
 
-def multiblade_transform(
-    state_names: Sequence[str], azimuth: float, rotor_speed: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def multiblade_transform(state_names: Sequence[str], azimuth: float, rotor_speed: float) -> tuple[Array, Array]:
     """Matrix L of x = L z between states of the blades and multi-blade states, and dL/dt at constant rotor speed.
 
     Parameters
@@ -394,15 +375,10 @@ def multiblade_model(model: LinearModel, azimuth: float, rotor_speed: float) -> 
 
     Parameters
     ----------
-    model : LinearModel
     azimuth : float
         [rad].
     rotor_speed : float
         [rad/s].
-
-    Returns
-    -------
-    LinearModel
     """
     transform, change = multiblade_transform(model.state_names, azimuth, rotor_speed)
     _, states = blade_triples(model.state_names)
@@ -423,7 +399,7 @@ def multiblade_model(model: LinearModel, azimuth: float, rotor_speed: float) -> 
     )  # fmt: skip
 
 
-def _block(names: Sequence[str], t: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def _block(names: Sequence[str], t: Array) -> tuple[Array, tuple[str, ...]]:
     """Coleman's transformation of all triples among the names."""
     triples, renamed = blade_triples(names)
     out = np.eye(len(names))

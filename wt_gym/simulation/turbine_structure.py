@@ -3,40 +3,33 @@
 Every joint is written in the conventions of the project: global x downwind, z up; the shaft frame is the nacelle frame
 turned by the tilt about y; blade i hangs on the hub turned by 2πi/n about the shaft and by the cone about y; a positive
 pitch turns the blade about its z axis by minus the angle.
+
+Blades of several floating-frame bodies: large deflections, and the torsion that bending makes, from small ones.
+
+A blade is cut into sub-bodies (:mod:`wt_gym.structure.substructure`), each a body whose frame is clamped to the tip
+section of the sub-body before it. The lattice nodes of a blade are shared out among the sub-bodies that carry their
+sections.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypedDict
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
-from wt_gym.simulation.model.blade_sub_bodies import (
-    SubBodyNodes,
-    add_sub_bodies,
-    cut_blade,
-    sub_body_points,
-    tip_of_last_sub_body,
-)
+from wt_gym.base.types import Array, Integers
+from wt_gym.multibody.arrays import Points
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
+from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.structure.beam import Beam, BeamSections, skew
-from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, without_second_order
-from wt_gym.structure.modes import clamped_modes, select_modes
+from wt_gym.structure.modes import body_from_beam, clamped_modes, nodal_basis, node_names, select_modes
+from wt_gym.structure.substructure import SubBody, cut_beam, sub_body_at
+from wt_gym.turbines import Blade, Tower, Turbine
 from wt_gym.turbines.blade import iced_structure
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from wt_gym.simulation.fidelity import Fidelity
-    from wt_gym.structure.substructure import SubBody
-    from wt_gym.turbines import Blade, Tower, Turbine
-
-__all__ = ["TurbineStructure", "build_structure"]
 
 IDEAL_PITCH_SERVO = 4.0 * np.pi
 """Frequency of the servo that stands for an ideal pitch drive [rad/s] in linear models; in simulations such a drive is
@@ -55,7 +48,6 @@ class TurbineStructure:
 
     Attributes
     ----------
-    system : MultibodySystem
     tower, nacelle, generator, hub : int
         Body indices.
     blades : tuple of int
@@ -95,15 +87,15 @@ class TurbineStructure:
     lattice_points: Points
     sub_body_nodes: SubBodyNodes | None
     tip_points: Points
-    tip_rest: NDArray[np.float64]
+    tip_rest: Array
     tower_points: Points
-    tower_radius: NDArray[np.float64]
+    tower_radius: Array
     drag_points: Points
-    blade_field: tuple[Beam, NDArray[np.float64]]
-    tower_field: tuple[Beam, NDArray[np.float64]]
-    tower_sway: NDArray[np.float64]
+    blade_field: tuple[Beam, Array]
+    tower_field: tuple[Beam, Array]
+    tower_sway: Array
 
-    def elastic(self, body: int, y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def elastic(self, body: int, y: Array) -> tuple[Array, Array]:
         """Elastic coordinates and rates (n_f,) of a body in a state, views."""
         q, u = self.system.index(body, "elastic_q"), self.system.n_q + self.system.index(body, "elastic_u")
         n = self.system.bodies[body].n_elastic
@@ -115,14 +107,14 @@ class TurbineStructure:
         return sum(map(len, self._moving))
 
     @property
-    def _moving(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    def _moving(self) -> tuple[Integers, Integers, Integers]:
         """Places of all that moves beside generator and drives, (coordinates, velocities), in a state and its rate."""
         system = self.system
         q, u = np.arange(system.n_q), system.n_q + np.arange(system.n_u)
         others = u[u != system.n_q + self.azimuth_u]
         return q[q != self.azimuth_q], others, others
 
-    def motion(self, y: NDArray[np.float64], dy: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
+    def motion(self, y: Array, dy: Array, heading: float) -> Array:
         """Deformation, its rates and accelerations, those of the tower along and across a heading.
 
         Parameters
@@ -142,7 +134,7 @@ class TurbineStructure:
         q, u, a = self._moving
         return np.concatenate([y[q], y[u], dy[a]])
 
-    def move(self, y: NDArray[np.float64], motion: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
+    def move(self, y: Array, motion: Array, heading: float) -> Array:
         """Put deformation and rates of a `motion` into a state, in place; returns the accelerations (n_u - 1,)."""
         q, u, a = self._moving
         dy = np.zeros(len(y))
@@ -151,7 +143,7 @@ class TurbineStructure:
             self._turn_tower(each, heading)
         return dy[a]
 
-    def _turn_tower(self, y: NDArray[np.float64], angle: float) -> None:
+    def _turn_tower(self, y: Array, angle: float) -> None:
         """Turn the bending of the tower about z, in place: its modes have the same shapes along x and y."""
         _, basis = self.tower_field
         top = basis[-6:-4]  # displacement of the top along x and y
@@ -162,12 +154,11 @@ class TurbineStructure:
             part[along] = (cos * x - sin * z) / top[0, along]
             part[across] = (sin * x + cos * z) / top[1, across]
 
-    def adopt(self, other: TurbineStructure, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def adopt(self, other: TurbineStructure, y: Array) -> Array:
         """State of this structure for the same motion as the state y of another formulation of the same turbine.
 
         Parameters
         ----------
-        other : TurbineStructure
         y : array (other.system.n_state,)
 
         Returns
@@ -175,7 +166,7 @@ class TurbineStructure:
         array (n_state,)
         """
         mine, theirs = self.system, other.system
-        z: NDArray[np.float64] = mine.initial_state()
+        z: Array = mine.initial_state()
         for body in range(len(mine.bodies)):
             for own, given in zip(self.elastic(body, z), other.elastic(body, y), strict=True):
                 own[:] = given
@@ -187,12 +178,12 @@ class TurbineStructure:
         return z
 
     @property
-    def beams(self) -> dict[str, tuple[Beam, NDArray[np.float64]]]:
+    def beams(self) -> dict[str, tuple[Beam, Array]]:
         """Finite elements and basis (Beam, array) of the flexible bodies, by the name of the body."""
         return {"tower": self.tower_field} | {self.system.bodies[b].name: self.blade_field for b in self.blades}
 
     @property
-    def lattice_bodies(self) -> NDArray[np.int64]:
+    def lattice_bodies(self) -> Integers:
         """Bodies that carry lattice points (n_blades n_sub_bodies,), blade by blade."""
         return np.array([b for parts in self.parts for b in parts])
 
@@ -217,35 +208,29 @@ class TurbineStructure:
         return int(self.system.index(self.generator, "joint_u"))
 
 
-def rotation_y(angle: float) -> NDArray[np.float64]:
+def rotation_y(angle: float) -> Array:
     """Rotation matrix about y."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def rotation_x(angle: float) -> NDArray[np.float64]:
+def rotation_x(angle: float) -> Array:
     """Rotation matrix about x."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def build_structure(
-    turbine: Turbine, fidelity: Fidelity, lattice_nodes: NDArray[np.float64], generator_damping: float = 0.0
+    turbine: Turbine, fidelity: Fidelity, lattice_nodes: Array, generator_damping: float = 0.0
 ) -> TurbineStructure:
     """Assemble the multibody system of a turbine.
 
     Parameters
     ----------
-    turbine : Turbine
-    fidelity : Fidelity
     lattice_nodes : array (..., 3)
         Points of the undeformed blade in the blade frame [m] that will carry aerodynamic loads.
     generator_damping : float
         Damper between nacelle and rotor [N m s/rad, low-speed shaft].
-
-    Returns
-    -------
-    TurbineStructure
     """
     blade_beam, blade_basis, blade_body = _blade(turbine.blade, fidelity)
     if _deforms_linearly(fidelity):
@@ -293,7 +278,7 @@ def build_structure(
     )
 
 
-def _blade(blade: Blade, fidelity: Fidelity) -> tuple[Beam, NDArray[np.float64], FlexibleBody]:
+def _blade(blade: Blade, fidelity: Fidelity) -> tuple[Beam, Array, FlexibleBody]:
     """Finite-element model, modal basis and body of one blade (the same for all blades)."""
     axis = _axis_at_stations(blade)
     sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
@@ -313,9 +298,7 @@ def _blade(blade: Blade, fidelity: Fidelity) -> tuple[Beam, NDArray[np.float64],
     return beam, basis, body
 
 
-def _iced_body(
-    blade: Blade, level: float, basis: NDArray[np.float64], sound: FlexibleBody, fidelity: Fidelity
-) -> FlexibleBody:
+def _iced_body(blade: Blade, level: float, basis: Array, sound: FlexibleBody, fidelity: Fidelity) -> FlexibleBody:
     """Body of a blade with ice, in the coordinates of the others: their shapes, stiffness and damping."""
     if fidelity.blade_bodies > 1 or fidelity.blade_coordinates != "modal" or fidelity.blade_basis != "fixed":
         raise SimulationError(
@@ -355,7 +338,7 @@ def _moving_dofs(modes: tuple[int, int, int]) -> tuple[int, ...]:
     return tuple(sorted(dof for plane, count in zip(planes, modes, strict=True) if count for dof in plane))
 
 
-def _blade_modes(beam: Beam, fidelity: Fidelity) -> tuple[NDArray[np.float64], list[str]]:
+def _blade_modes(beam: Beam, fidelity: Fidelity) -> tuple[Array, list[str]]:
     """Modes of a blade and their names."""
     flap, edge, torsion = fidelity.blade_modes
     node_dofs = bending_dofs(fidelity.blade_modes)
@@ -381,13 +364,13 @@ def bending_dofs(counts: tuple[int, int, int]) -> tuple[int, ...]:
     return (0, 1, 2, 3, 4, 5) if counts[2] else (0, 1, 2, 3, 4)
 
 
-def _axis_at_stations(blade: Blade) -> NDArray[np.float64]:
+def _axis_at_stations(blade: Blade) -> Array:
     """Reference axis at the structural stations (n, 3)."""
     s = blade.structure.station
     return np.column_stack([np.interp(s, blade.axis_station, blade.axis[:, k]) for k in range(3)])
 
 
-def rotor_nacelle_inertia(turbine: Turbine, blade_inertia: BodyInertia) -> NDArray[np.float64]:
+def rotor_nacelle_inertia(turbine: Turbine, blade_inertia: BodyInertia) -> Array:
     """Mass matrix (6, 6) of everything on the tower top about the yaw bearing, symmetric about the x–z plane.
 
     Used only to shape the tower's modes: the blades enter by their rigid-body inertia averaged over the azimuth.
@@ -418,7 +401,7 @@ def rotor_nacelle_inertia(turbine: Turbine, blade_inertia: BodyInertia) -> NDArr
     return total
 
 
-def averaged_over_yaw(mass: NDArray[np.float64]) -> NDArray[np.float64]:
+def averaged_over_yaw(mass: Array) -> Array:
     """Mean of a mass matrix (6, 6) on the tower top over the yaw angle of the nacelle.
 
     With it the bending modes of a round tower have the same shapes in both planes, so that they span the same
@@ -427,8 +410,7 @@ def averaged_over_yaw(mass: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     quarter = np.kron(np.eye(2), [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
-    mean: NDArray[np.float64] = np.mean([turn @ mass @ turn.T for turn in turns], axis=0)
-    return mean
+    return np.mean([turn @ mass @ turn.T for turn in turns], axis=0)
 
 
 def tower_beam(tower: Tower, elements: int) -> Beam:
@@ -452,9 +434,7 @@ def tower_beam(tower: Tower, elements: int) -> Beam:
     return Beam(_upright(station, stiffness, inertia, below), nodes, support.foundation, support.added_mass_at, lumps)
 
 
-def _upright(
-    station: NDArray[np.float64], stiffness: NDArray[np.float64], inertia: NDArray[np.float64], below: float
-) -> BeamSections:
+def _upright(station: Array, stiffness: Array, inertia: Array, below: float) -> BeamSections:
     """Sections of a straight beam along z that begins below the origin [m]."""
     axis = np.zeros((len(station), 3))
     axis[:, 2] = station - below
@@ -468,7 +448,7 @@ def _deforms_linearly(fidelity: Fidelity) -> bool:
 
 def _tower(
     turbine: Turbine, fidelity: Fidelity, blade_body: FlexibleBody
-) -> tuple[FlexibleBody, Points, NDArray[np.float64], Points, tuple[Beam, NDArray[np.float64]], NDArray[np.float64]]:
+) -> tuple[FlexibleBody, Points, Array, Points, tuple[Beam, Array], Array]:
     """Tower body in plane bending and torsion modes shaped by the tower-top mass, with the support below."""
     _check_support(turbine, fidelity)
     tower, beam = turbine.tower, tower_beam(turbine.tower, fidelity.tower_elements)
@@ -487,7 +467,7 @@ def _tower(
     return body, points, radius, for_drag, (beam, basis), _first_modes(beam, basis, top)
 
 
-def _first_modes(beam: Beam, basis: NDArray[np.float64], top: NDArray[np.float64]) -> NDArray[np.float64]:
+def _first_modes(beam: Beam, basis: Array, top: Array) -> Array:
     """Coordinates of the first bending mode under the top mass in either plane (n, 2), for 1 m of the tower top.
 
     Of coordinates that do not span the mode, the nearest in displacement of the nodes; zero where there are none.
@@ -514,7 +494,7 @@ def _check_support(turbine: Turbine, fidelity: Fidelity) -> None:
             )
 
 
-def _axis_points(tower: Tower) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _axis_points(tower: Tower) -> tuple[Array, Array]:
     """Heights above the base [m] of points of the axis, with those of a support, and the radii there [m]."""
     height = np.linspace(0.0, tower.length, 13)
     radius = 0.5 * np.asarray(tower.diameter_at(height))
@@ -527,12 +507,12 @@ def _axis_points(tower: Tower) -> tuple[NDArray[np.float64], NDArray[np.float64]
     )
 
 
-def drag_heights(tower: Tower) -> NDArray[np.float64]:
+def drag_heights(tower: Tower) -> Array:
     """Distances from its base [m] at which the drag of a tower acts, the places of Simpson's rule."""
     return np.linspace(0.0, tower.length, DRAG_POINTS)
 
 
-def _tower_modes(beam: Beam, fidelity: Fidelity, top: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[str]]:
+def _tower_modes(beam: Beam, fidelity: Fidelity, top: Array) -> tuple[Array, list[str]]:
     """Plane modes or prescribed shapes of the tower under its top mass, and their names."""
     planes = {"fore_aft": (0, 4), "side_side": (1, 3), "torsion": (5,)}
     basis, names = [], []
@@ -553,7 +533,7 @@ def _tower_modes(beam: Beam, fidelity: Fidelity, top: NDArray[np.float64]) -> tu
     return np.hstack(basis), names
 
 
-def _polynomial_shapes(beam: Beam, plane: str, shapes: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+def _polynomial_shapes(beam: Beam, plane: str, shapes: Sequence[Sequence[float]]) -> Array:
     """Nodal displacements (n_dof, n) of bending shapes given by the coefficients of (z/H)², (z/H)³, …"""
     height = beam.nodes[-1]
     basis = np.zeros((beam.n_dof, len(shapes)))
@@ -643,7 +623,7 @@ class _Bearing(TypedDict):
     """A pitch bearing, as joint or constraint; see `Joint`."""
 
     axis: tuple[float, float, float]
-    rotation: NDArray[np.float64]
+    rotation: Array
     offset: tuple[float, float, float]
     servo_frequency: float
     servo_damping: float
@@ -675,8 +655,7 @@ def _add_blade(
 
     def add_root(body: FlexibleBody) -> int:
         if formulation != "constrained":
-            index: int = system.add(body, Joint("servo", **bearing), hub)
-            return index
+            return system.add(body, Joint("servo", **bearing), hub)
         root_body: int = system.add(body, Joint("free", name=f"{name}_frame"))
         system.add_constraint(Constraint("weld", **bearing), hub, root_body, second_marker="root")
         return root_body
@@ -687,7 +666,7 @@ def _add_blade(
     return add_sub_bodies(system, blade, add_root, name)
 
 
-def body_points(beam: Beam, basis: NDArray[np.float64], points: NDArray[np.float64]) -> Points:
+def body_points(beam: Beam, basis: Array, points: Array) -> Points:
     """Shapes of points (n, 3) carried rigidly by the beam section at the same height z of the body frame."""
     second = beam.second_order_field(basis)
     axis_z = beam.sections.axis[:, 2]
@@ -700,3 +679,138 @@ def body_points(beam: Beam, basis: NDArray[np.float64], points: NDArray[np.float
         np.ascontiguousarray([m.linear for m in markers]),
         np.ascontiguousarray([m.second for m in markers]),
     )
+
+
+class SubBodyNodes(NamedTuple):
+    """Which lattice nodes of a blade each of its n sub-bodies carries, and room for them; short rows end in zeros."""
+
+    count: Integers  # type: ignore[assignment]  # (n,); hides the method of tuples
+    node: Integers  # (n, n_most) among the nodes of a blade
+    position: Array  # (n_most, 3) scratch: of the nodes of one sub-body, or their forces
+    velocity: Array  # (n_most, 3) scratch
+
+
+def cut_blade(blade: Blade, beam: Beam, fidelity: Fidelity, dofs: tuple[int, ...]) -> tuple[SubBody, ...]:
+    """Sub-bodies of a blade, from root to tip.
+
+    Nodal sub-bodies have the displacements of their nodes as coordinates, modal ones the static shapes of their tip,
+    one for each degree of freedom.
+
+    The damping of a sub-body is in proportion to its stiffness, direction by direction, C_jk = K_jk √(β_j β_k), as in
+    geometrically exact beam codes (Wang et al., Wind Energy 20, 2017, 1439, section 2): β = 2 ζ/ω, with the lowest
+    frequency ω of the whole blade, clamped, for flap, edge and torsion. These modes then have the published ratio, and
+    higher ones more, in proportion to their frequencies.
+
+    Parameters
+    ----------
+    beam : Beam
+        Of the whole blade.
+    dofs : tuple of int
+        Degrees of freedom of a node that may move.
+
+    Raises
+    ------
+    SimulationError
+        If there are more sub-bodies than finite elements.
+    """
+    if fidelity.blade_bodies > fidelity.blade_elements:
+        raise SimulationError(
+            f"Fidelity.blade_bodies is {fidelity.blade_bodies}: Fidelity.blade_elements = {fidelity.blade_elements} "
+            f"make at most as many bodies"
+        )
+    if np.abs(beam.sections.axis[0]).max() > 1e-9:
+        raise SimulationError(
+            f"Fidelity.blade_bodies is {fidelity.blade_bodies}: the axis of the blade begins at "
+            f"{beam.sections.axis[0]} m from the pitch axis; sub-bodies need one that begins there"
+        )
+    sub_bodies = cut_beam(
+        "blade", beam.sections, beam.nodes, fidelity.blade_bodies, fidelity.blade_coordinates, dofs=dofs
+    )
+    by_dof = np.sqrt(_damping_times(blade, beam, dofs))
+    damped = []
+    for sub_body in sub_bodies:
+        scale = np.tile(by_dof[list(dofs)], sub_body.basis.shape[1] // len(dofs))
+        body = replace(sub_body.body, damping=scale[:, None] * sub_body.body.stiffness * scale)
+        damped.append(replace(sub_body, body=body))
+    return tuple(damped)
+
+
+def _damping_times(blade: Blade, beam: Beam, dofs: tuple[int, ...]) -> Array:
+    """β [s] of displacements and rotations along and about x, y, z (6,)."""
+    if blade.damping_ratio == 0.0:
+        return np.zeros(6)
+    torsion = int(5 in dofs)
+    modes = clamped_modes(beam, min(len(dofs) * beam.n_elements, 40), node_dofs=dofs)
+    flap, edge = ((0 in dofs), (1 in dofs))
+    chosen = select_modes(modes, flap=int(flap), edge=int(edge), torsion=torsion)
+    found = iter(blade.damping_ratio / (np.pi * modes.frequency[chosen]))
+    times = [next(found) if present else 0.0 for present in (flap, edge, torsion)]
+    return np.array([times[0], times[1], max(times[:2]), times[1], times[0], times[2]])
+
+
+def add_sub_bodies(
+    system: MultibodySystem, sub_bodies: Sequence[SubBody], add_root: Callable[[FlexibleBody], int], name: str
+) -> tuple[int, ...]:
+    """Add the sub-bodies of a blade, each fixed to the tip of the one before; returns their indices from the root on.
+
+    Parameters
+    ----------
+    sub_bodies : sequence of SubBody
+    add_root : callable
+        Adds the first body and returns its index.
+    name : str
+        Of the blade.
+    """
+    parts: list[int] = []
+    for k, sub_body in enumerate(sub_bodies, start=1):
+        own = f"{name}_piece_{k}"
+        names = tuple(f"{own}_{i + 1}" for i in range(sub_body.basis.shape[1]))
+        body = replace(sub_body.body, name=own, coordinate_names=names)
+        parts.append(system.add(body, Joint("fixed"), parts[-1], "tip") if parts else add_root(body))
+    return tuple(parts)
+
+
+def sub_body_points(sub_bodies: Sequence[SubBody], points: Array) -> tuple[Points, SubBodyNodes]:
+    """Shapes of points (n_points, 3) in the frame of the whole blade, shared out among its sub-bodies.
+
+    Returns
+    -------
+    points : Points
+        position (n_sub_bodies, n_most, 3), linear (n_sub_bodies, n_most, 3, n_f),
+        second (n_sub_bodies, n_most, 3, n_f, n_f).
+    nodes : SubBodyNodes
+    """
+    sections = sub_bodies[0].beam.sections
+    arc = np.interp(points[:, 2], sections.axis[:, 2], sections.station)
+    carrier = np.array([sub_body_at(sub_bodies, s) for s in arc])
+    count = np.bincount(carrier, minlength=len(sub_bodies))
+    most, n_f = int(count.max()), max(p.basis.shape[1] for p in sub_bodies)
+    node = np.zeros((len(sub_bodies), most), dtype=np.int64)
+    shapes = Points(np.zeros((len(sub_bodies), most, 3)), np.zeros((len(sub_bodies), most, 3, n_f)),
+                    np.zeros((len(sub_bodies), most, 3, n_f, n_f)))  # fmt: skip
+    for k, sub_body in enumerate(sub_bodies):
+        second, origin, n = (
+            sub_body.beam.second_order_field(sub_body.basis),
+            _origin(sub_bodies, k),
+            sub_body.basis.shape[1],
+        )
+        for row, i in enumerate(np.flatnonzero(carrier == k)):
+            node[k, row] = i
+            offset = points[i] - origin - sub_body.beam.sections.axis_at(arc[i])
+            marker = offset_marker(sub_body.beam, sub_body.basis, arc[i], offset, second)
+            shapes.position[k, row] = marker.position
+            shapes.linear[k, row, :, :n], shapes.second[k, row, :, :n, :n] = marker.linear, marker.second
+    return shapes, SubBodyNodes(count.astype(np.int64), node, np.zeros((most, 3)), np.zeros((most, 3)))
+
+
+def tip_of_last_sub_body(sub_bodies: Sequence[SubBody], tip: Array) -> Points:
+    """The tip of a blade (3,), given in its frame, as a point of the last sub-body."""
+    last = sub_bodies[-1]
+    offset = tip - _origin(sub_bodies, -1) - last.beam.sections.axis_at(last.end)
+    marker = offset_marker(last.beam, last.basis, last.end, offset)
+    return Points(marker.position[None], np.ascontiguousarray(marker.linear[None]), marker.second[None].copy())
+
+
+def _origin(sub_bodies: Sequence[SubBody], k: int) -> Array:
+    """Origin of the frame of sub-body k in the frame of the blade (3,) [m]: all are parallel to it."""
+    return sub_bodies[0].beam.sections.axis_at(sub_bodies[k].start)
