@@ -1,6 +1,5 @@
 """The environment with a dial, rewards as vectors, and limits that cost."""
 
-import copy
 import math
 
 import gymnasium as gym
@@ -119,41 +118,6 @@ def test_the_dial_is_turned_from_the_next_observation_on(shaken):
         env.set_dial(wear=2.0)
     with pytest.raises(ValueError, match="the environment must have dial_weights"):
         WindTurbineEnv(inflow="steady", wind_speed=12.0).set_dial(travel=4.0)
-
-
-@pytest.mark.parametrize("copied", [False, True])
-def test_snapshots_and_copies_carry_the_dial(copied):
-    env = WindTurbineEnv(**STEADY, dial_weights="simplex", dial_interval=1.0)
-    env.reset(seed=2)
-    action = np.full(3, 0.3)
-    for _ in range(12):
-        env.step(action)
-    env.set_dial(fatigue=0.3, travel=2.0)
-    kept = env.snapshot()
-    other = copy.deepcopy(env) if copied else env
-    expected = [env.step(action)[:2] for _ in range(15)]
-    if not copied:
-        env.set_dial(power=9.0)
-        env.restore(kept)
-    for observation, reward in expected:
-        found, paid, *_ = other.step(action)
-        np.testing.assert_array_equal(found, observation)
-        assert paid == reward
-
-
-def test_turbines_of_a_vector_environment_have_dials_of_their_own(shaken):
-    vec = gym.make_vec(DIAL, num_envs=3, start="steady", relative_reward=False, dial_interval=1.0)
-    vec.reset(seed=5)
-    for _ in range(15):
-        _, rewards, _, _, infos = vec.step(np.full((3, 3), 0.5, dtype=np.float32))
-    for k in range(3):
-        env = gym.make(DIAL, start="steady", relative_reward=False, dial_interval=1.0)
-        env.reset(seed=5 + k)
-        for _ in range(15):
-            _, reward, _, _, info = env.step(np.full(3, 0.5, dtype=np.float32))
-        assert rewards[k] == reward
-        assert {name: infos["dial"][name][k] for name in DIAL_NAMES} == info["dial"]
-    vec.close()
 
 
 def test_a_relative_reward_needs_one_record_for_all_dials(tmp_path, monkeypatch):

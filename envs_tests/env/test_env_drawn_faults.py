@@ -10,7 +10,7 @@ from scripted_simulator import ScriptedSimulator, use
 from wt_gym.control.design import reference_flap_moment
 from wt_gym.envs.faults import FAULT_KINDS, SIZE_RANGES, FaultOptions, FaultTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.turbines import BladeIce, load_turbine
+from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")
@@ -202,30 +202,6 @@ def test_stuck_and_slow_blades_are_in_the_simulator():
         moved = np.abs(env.signals.pitch - before)
         assert least <= moved[1] <= most
         assert moved[[0, 2]].min() > 0.01
-
-
-def test_snapshots_and_vectors_go_on_alike():
-    env = WindTurbineEnv(**MADE)
-    env.reset(seed=3, options={"fault": FAULT})
-    kept = env.snapshot()
-    course = play(env, 20, np.array([0.2, -0.1, 0.3]))
-    env.reset(seed=4, options={"fault": {"kind": "iced_blade", "size": 0.6, "blade": 3}})
-    assert env.simulator.turbine.ice == BladeIce(3, 0.6)
-    iced = env.snapshot()
-    frozen = play(env, 10)
-    env.restore(kept)
-    assert [type(fault).__name__ for fault in env.operation.faults] == ["StuckPitch"]
-    assert env.simulator.turbine.ice is None
-    assert same(course, play(env, 20, np.array([0.2, -0.1, 0.3])))
-    env.restore(iced)
-    assert same(frozen, play(env, 10))
-    several = gym.make_vec("wt_gym/NREL5MW-Steady-v1", num_envs=2, **MADE | {"inflow": "steady", "wind_speed": 15.0})
-    single = gym.make("wt_gym/NREL5MW-Steady-v1", **MADE | {"inflow": "steady", "wind_speed": 15.0})
-    several.reset(seed=[3, 4])
-    single.reset(seed=3)
-    rows = [several.step(np.zeros((2, 3)))[0][0] for _ in range(10)]
-    assert np.array_equal(rows, [single.step(np.zeros(3))[0] for _ in range(10)])
-    several.close()
 
 
 def test_ice_lasts_and_only_blades_without_it_take_the_motion_of_a_record():

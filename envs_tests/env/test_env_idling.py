@@ -183,7 +183,7 @@ def test_the_evaluation_of_a_training_says_so(make_env, caplog):
 
 
 def test_simulate_and_compare_controllers_say_so(monkeypatch, capsys):
-    monkeypatch.setattr("wt_gym.envs.simulators.simulation.Simulator", Standing)
+    monkeypatch.setattr("wt_gym.envs.operation.Simulator", Standing)
     simulate.main(["--wind-speed", "8", "--duration", "30"])
     assert capsys.readouterr().out.count(f"The baseline controller {SENTENCE}") == 1
     compare_controllers.main(["discon", "--wind-speed", "8", "--wind-seeds", "--duration", "28", "--skip", "2"])

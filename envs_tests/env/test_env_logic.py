@@ -229,6 +229,13 @@ def test_a_broken_controller_beneath_is_named_and_ends_the_episode(make_env, pit
     env.step(HOLD)
 
 
+def test_a_feature_that_is_off_has_no_term(make_env):
+    on = {"dial_weights": "simplex", "fault_kinds": "all", "power_reference": "steps", "relative_reward": True}
+    assert set(make_env().terms) == {"lidar", "idle"}
+    terms = make_env(**on, variation="train", start="steady").terms
+    assert list(terms) == ["lidar", "idle", "variation", "fault", "power_reference", "twin", "dial"]
+
+
 def test_step_needs_reset(make_env):
     with pytest.raises(ResetNeeded):
         make_env().step(HOLD)

@@ -189,24 +189,6 @@ def test_running_starts_are_those_of_the_nearest_demanded_power(level, nearest, 
     assert levels == [nearest]
 
 
-def test_snapshots_and_vectors_go_on_alike():
-    given = TRACKED | {"power_reference": ("steps", "regulation"), "observation": ("power", "power_reference")}
-    env = WindTurbineEnv(**given)
-    env.reset(seed=3)
-    kept, reference = env.snapshot(), env.operation.reference
-    course = [env.step([0.2, -0.1])[:2] for _ in range(20)]
-    env.reset(seed=4)
-    env.restore(kept)
-    assert env.operation.reference == reference
-    again = [env.step([0.2, -0.1])[:2] for _ in range(20)]
-    assert all(np.array_equal(a[0], b[0]) and a[1] == b[1] for a, b in zip(course, again, strict=True))
-    several = gym.make_vec("wt_gym/NREL5MW-Steady-v1", num_envs=2, **given)
-    several.reset(seed=[3, 4])
-    observations = [several.step(np.full((2, 2), [0.2, -0.1]))[0] for _ in range(20)]
-    assert np.array_equal([row[0] for row in observations], [row for row, _ in course])
-    several.close()
-
-
 def test_runs_have_the_demanded_and_the_available_power():
     env = WindTurbineEnv(**TRACKED, power_reference=[[0.0, 4e6], [1.0, 4.5e6]])
 

@@ -329,6 +329,14 @@ def test_vector_reward_has_the_terms_and_a_space():
     np.testing.assert_allclose(reward[:-1], [info["reward_terms"][n] for n in env.reward_names[:-1]], rtol=1e-6)
 
 
+def test_a_vector_reward_needs_no_warning_of_gymnasium():
+    env = gym.make("wt_gym/NREL5MW-Steady-v1", vector_reward=True)
+    env.reset(seed=0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert env.step(np.zeros(3, dtype=np.float32))[1].shape == env.unwrapped.reward_space.shape
+
+
 # ---- observations ----
 
 

@@ -1,6 +1,5 @@
 """Plants, sensors and winds that differ from episode to episode."""
 
-import json
 import math
 import re
 from pathlib import Path
@@ -12,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 from wt_gym.base.errors import ActionError, InflowError
 from wt_gym.control.controllers.names import make_controller
-from wt_gym.envs import WindTurbineVectorEnv, reward_store
+from wt_gym.envs import reward_store
 from wt_gym.envs.instruments import DRIFTING
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.variation import CHOICES, HELD_BACK, PRESETS, RANGES, STRUCTURAL, TRAIN, Plants, Variation
@@ -70,17 +69,6 @@ def test_draws_follow_the_seed_and_stay_in_their_ranges():
     env.terms["variation"].seed(7)
     assert first == [env.terms["variation"].drawn().values for _ in range(3)]
     assert first[0] != first[1]
-
-
-def test_a_reset_with_a_seed_repeats_the_draw_and_says_it():
-    env = make(variation=FEW)
-    first, info = course(env)
-    other = env.reset()[1]["variation"]
-    again, same = course(env)
-    assert info["variation"] == same["variation"] != other
-    assert np.array_equal(first, again)
-    assert json.loads(json.dumps(info["variation"])) == info["variation"]
-    assert set(info["variation"]) == {*TRAIN.given, "plant"}
 
 
 def test_every_quantity_has_its_own_draw():
@@ -393,24 +381,6 @@ def test_check_env():
     check_env(make(variation=FEW), skip_render_check=True)
 
 
-def test_a_snapshot_continues_bit_for_bit():
-    env = make(variation=FEW, reward={"blade_fatigue": 1.0}, relative_reward=True, episode_length=8.0)
-    env.reset(seed=11)
-    for _ in range(3):
-        env.step(env.action_space.sample() * 0)
-    kept = env.snapshot()
-    first = [env.step(np.full(env.action_space.shape, 0.2)) for _ in range(4)]
-    after = env.reset()
-    env.restore(kept)
-    second = [env.step(np.full(env.action_space.shape, 0.2)) for _ in range(4)]
-    again = env.reset()
-    for one, other in zip(first, second, strict=True):
-        assert np.array_equal(one[0], other[0])
-        assert one[1] == other[1]
-    assert np.array_equal(after[0], again[0])
-    assert after[1]["variation"] == again[1]["variation"]
-
-
 def test_the_twin_has_the_same_plant_and_sensors():
     env = make(variation=FEW, relative_reward=True, reward={"power": 1.0, "blade_fatigue": 1.0}, control_dt=0.1)
     env.reset(seed=4)
@@ -451,23 +421,6 @@ def test_random_numbers_from_outside_begin_a_stream():
     env = make(variation=FEW)
     env.np_random = np.random.default_rng(3)
     assert env.reset()[1]["variation"] == first
-
-
-def test_a_vector_of_turbines_is_single_ones():
-    arguments = QUICK | {"variation": FEW}
-    many = WindTurbineVectorEnv(2, **arguments)
-    observations, infos = many.reset(seed=20)
-    singles = [WindTurbineEnv(**arguments) for _ in range(2)]
-    for k, env in enumerate(singles):
-        observation, info = env.reset(seed=20 + k)
-        assert np.array_equal(observations[k], observation)
-        assert infos["variation"]["pitch_gain"][k] == info["variation"]["pitch_gain"]
-        assert infos["variation"]["sensor_offset"]["yaw_error"][k] == info["variation"]["sensor_offset"]["yaw_error"]
-    for _ in range(3):
-        observations, *_ = many.step(np.zeros(many.action_space.shape))
-        for k, env in enumerate(singles):
-            assert np.array_equal(observations[k], env.step(np.zeros(env.action_space.shape))[0])
-    many.close()
 
 
 @pytest.mark.parametrize(

@@ -103,7 +103,7 @@ def test_digests_are_the_same_without_a_cache_and_with_a_damaged_one(tree, monke
 
 def test_an_episode_loads_the_control_loop_and_the_agents(episode):
     names = (
-        "envs.operation", "envs.ending", "envs.fault_draws", "envs.rewards.fatigue", "agents.training.policy_arrays",
+        "envs.operation", "envs.terminations", "envs.faults", "envs.fatigue", "agents.training.policy_arrays",
         "agents.constant", "control.residual", "control.controllers.linear_optimal", "wind.kaimal", "runs.playing",
         "simulation.step.coupled_step_kernels", "analysis.metrics", "tasks", "turbine_records",
     )  # fmt: skip
@@ -124,8 +124,8 @@ def test_an_episode_loads_nothing_that_only_weighs_or_prints(episode):
 
 CHANGES = {
     "wt_gym/envs/operation.py": ("residual.acting(wanted,", "residual.acting(2.0 * wanted,"),
-    "wt_gym/envs/ending.py": ("reward - self.penalty", "reward + self.penalty"),
-    "wt_gym/envs/fault_draws.py": ("own.uniform()", "own.uniform(0.5)"),
+    "wt_gym/envs/terminations.py": ("reward - self.penalty", "reward + self.penalty"),
+    "wt_gym/envs/faults.py": ("own.uniform()", "own.uniform(0.5)"),
     "wt_gym/experiment/policy_arrays.py": ("np.tanh", "np.sin"),
 }
 

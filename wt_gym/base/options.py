@@ -371,7 +371,8 @@ def _declared(cls: Any) -> tuple[Option, ...]:
             text = one.type.__name__ if isinstance(one.type, type) else str(one.type)
             annotation, kind = text.replace(" ", ""), said.kind or _kind_text(text, said)
             values = said.__dict__ | {
-                "name": one.name, "flat": said.flat or f"{cls.prefix}{one.name}", "kind": kind, "annotation": annotation,
+                "name": one.name, "flat": said.flat or f"{cls.prefix}{one.name}", "kind": kind,
+                "annotation": annotation,
             }  # fmt: skip
             found.append(Option(**values))
     return tuple(found)

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.turbines import Turbine
 
-__all__ = ["FAULT_KINDS", "NO_FAULT", "SIZE_RANGES", "FaultOptions", "FaultTerm", "check_faults"]
+__all__ = ["FAULT_KINDS", "NO_FAULT", "SIZES", "SIZE_RANGES", "FaultOptions", "FaultTerm", "check_faults"]
 
 NO_FAULT, ALL = "none", "all"
 """Kind of an episode in which nothing breaks, and what stands for all kinds."""
@@ -63,7 +63,7 @@ FAULT_KINDS = (
 """What may break."""
 GRID_KINDS = ("voltage_dip",)
 """What may happen to the grid; "all" does not stand for it."""
-_SIZES = ("train", "held_back")
+SIZES = ("train", "held_back")
 """Ranges that the sizes of faults are drawn from."""
 
 
@@ -92,7 +92,7 @@ class FaultOptions(Options):
     sizes: str = option(
         "Range that the size of a fault is drawn from: that for training, or one beyond it for tests",
         default="train",
-        choices=_SIZES,
+        choices=SIZES,
     )
     time: float | tuple[float, float] = option(
         "When the fault begins; a range is drawn from. Ice is there from the start of the episode",

@@ -88,7 +88,7 @@ class InstrumentTable:
     ----------
     channels : mapping
         Channel of the observation by the name of the signal that it reads, "wind_speed" and the means of the blades
-        (``root_flap_moment_mean``) among them (`wt_gym.envs.observable.Observable.of_signals`).
+        (``root_flap_moment_mean``) among them (`wt_gym.envs.channels.Observable.of_signals`).
     lidar_noise : float
         Of a reading of the lidar [m/s].
 

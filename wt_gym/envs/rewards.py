@@ -37,7 +37,7 @@ class FunctionTerm:
     Parameters
     ----------
     function : callable
-        Takes a `wt_gym.envs.rewards.Transition`, gives a rate [1/s].
+        Takes a `wt_gym.envs.terms.Transition`, gives a rate [1/s].
     weight : float
         Factor on the rate.
     name : str, optional

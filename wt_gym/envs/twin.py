@@ -12,7 +12,7 @@ import pickle
 import platform
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import llvmlite
 import llvmlite.binding
@@ -37,19 +37,15 @@ from wt_gym.wind import (
 )
 
 if TYPE_CHECKING:
-    from wt_gym.envs.layout import EnvLayout
-    from wt_gym.envs.operation import Operation
     from wt_gym.envs.running_record import Start
-    from wt_gym.envs.terminations import Limits
     from wt_gym.envs.terms import Beginning, RewardTerm
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import EpisodeWind
-    from wt_gym.simulation.fidelity import Fidelity
-    from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow, TurbulenceBox
 
 __all__ = ["Twin"]
 
-_OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs.rewards")
+_OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")
 """Whose objects are told from others by what they remember, and whose sources are known."""
 
 
@@ -75,43 +71,12 @@ class TwinSnapshot:
     state: EnvSnapshot | None
 
 
-class ControllerAlone(Protocol):
-    """The turbine under the base controller alone, as `wt_gym.envs.turbine_env.WindTurbineEnv` is one."""
-
-    turbine: Turbine
-    operation: Operation
-    reward_terms: tuple[RewardTerm, ...]
-    layout: EnvLayout
-    limits: Limits
-    fidelity: str | Fidelity
-    control_dt: float
-    _running: bool
-
-    def _begin(self, beginning: Beginning) -> None: ...
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Advance by one control step."""
-        ...
-
-    def snapshot(self) -> EnvSnapshot:
-        """Where it is."""
-        ...
-
-    def restore(self, snapshot: EnvSnapshot) -> object:
-        """Continue from a snapshot."""
-        ...
-
-    def close(self) -> None:
-        """Release the simulator."""
-        ...
-
-
 class Twin(Term):
     """Rewards of the controller alone, from the beginnings of the episodes of an environment.
 
     Parameters
     ----------
-    env : ControllerAlone
+    env : WindTurbineEnv
         The turbine under the controller alone: it gets the winds that are drawn elsewhere, and has none itself.
     wind_key : tuple
         What decides on turbulence made here beside its speed, seed and time.
@@ -124,7 +89,7 @@ class Twin(Term):
 
     course: Course
 
-    def __init__(self, env: ControllerAlone, wind_key: tuple[Any, ...]):
+    def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
         self._identity = _identity(env)
         self._beginning: Beginning | None = None
@@ -210,7 +175,7 @@ class Twin(Term):
         self._simulated = None
 
 
-def _identity(env: ControllerAlone) -> str | None:
+def _identity(env: WindTurbineEnv) -> str | None:
     """What decides on the rewards of a turbine under its controller beside the beginning and the limits.
 
     None where something is from outside of this package: it may do another thing tomorrow, or draw numbers.

@@ -89,7 +89,7 @@ class Case:
 class ControllerRuns:
     """Metrics of one controller by case; a run that failed has none, its message stands in ``failures``.
 
-    ``idle`` has the time in which the turbine made no power without a reason [s], see `wt_gym.envs.idling`.
+    ``idle`` has the time in which the turbine made no power without a reason [s], see `wt_gym.envs.terminations`.
     """
 
     name: str
