@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_text_whole
-from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Reference:
     definition : str
         Digest of the task for which they were made.
     fingerprint : dict
-        See `wt_gym.benchmark.fingerprint`.
+        See `wt_gym.benchmark.benchmark_fingerprint`.
     baseline : dict
         From the label of a wind to the metrics of the baseline controller.
     best_agent : str
@@ -49,12 +49,12 @@ class Reference:
     """
 
     definition: str
-    fingerprint: dict[str, str]
+    fingerprint: dict[str, Any]
     baseline: dict[str, dict[str, float]]
     best_agent: str
     best_improvement: float
     improvements: dict[str, float | None]
-    equal: list[dict[str, str]] = field(default_factory=list)
+    equal: list[dict[str, Any]] = field(default_factory=list)
 
     def check(self, task: BenchmarkTask, definition: Mapping[str, Any]) -> None:
         """Refuse a result that cannot be compared with these numbers.
@@ -139,7 +139,7 @@ def confirm_reference(
     reference: Reference,
     baseline: Mapping[str, Mapping[str, Any]],
     best: Mapping[str, Mapping[str, Any]],
-    fingerprint: Mapping[str, str],
+    fingerprint: Mapping[str, Any],
 ) -> Reference:
     """Reference numbers for sources that have changed in a way that changes no number.
 
