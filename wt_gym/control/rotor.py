@@ -9,9 +9,9 @@ lattice of the simulator makes up to a tenth more power than blade-element theor
 Power and thrust coefficients of a rotor over tip-speed ratio and pitch, as the simulator makes them.
 
 Controllers that estimate the wind or limit the thrust need the quasi-steady rotor. The tables of the catalogue's
-turbines stand in their records and were made by ``scripts/studies/rotor_table.py``: the rotor of the coupled simulator
+turbines stand in their records and were made by ``scripts/rotor_table.py``: the rotor of the coupled simulator
 (lattice, wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a steady uniform
-wind until the wake has settled. Any other turbine gets its table by blade elements
+wind until the wake has settled (`rotor_measurement.measure_rotor`). Any other turbine gets its table by blade elements
 (`blade_element_table`) in about a second; below rated wind the simulator's rotor makes up to a tenth more power. A
 table measured by the script goes before it: put into the folder ``rotor`` of the user's cache (`measured_table_path`).
 """
@@ -427,7 +427,7 @@ def rotor_table(turbine: Turbine) -> RotorTable:
     -------
     RotorTable
     """
-    from wt_gym.simulation.contract import fingerprint  # the simulator is heavy, and rarely needed here
+    from wt_gym.simulation.contract import fingerprint
 
     home = at_controller_density(turbine)
     if home.rotation != "clockwise":  # a rotor and its mirror image have the same coefficients
@@ -477,7 +477,7 @@ def _stored(turbine: Turbine) -> RotorTable | None:
 
 
 def measured_table_path(turbine: Turbine) -> Path | None:
-    """File of a table measured by ``scripts/studies/rotor_table.py`` for this turbine; None without a cache."""
+    """Where a table of this turbine, measured by ``scripts/rotor_table.py``, is looked for; None without a cache."""
     from wt_gym.simulation.contract import fingerprint
 
     folder = user_cache()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.fields import counting_fields
 from wt_gym.simulation.channels import Signals
 from wt_gym.simulation.drivetrain.faults import DriveFault
 from wt_gym.simulation.fidelity import Fidelity
@@ -118,16 +117,13 @@ SimulatorMaker: TypeAlias = "Callable[[Turbine, Inflow, str | Fidelity], Turbine
 
 
 def fingerprint(*parts: object) -> str:
-    """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text.
-
-    A field declared by `wt_gym.base.fields.later_field` counts only where it has another value than its default.
-    """
+    """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text."""
     digest = hashlib.sha256()
 
     def feed(value: object) -> None:
         if is_dataclass(value) and not isinstance(value, type):
             digest.update(type(value).__name__.encode())
-            for f in counting_fields(value):
+            for f in fields(value):
                 digest.update(f.name.encode())
                 feed(getattr(value, f.name))
         elif isinstance(value, np.ndarray):

@@ -78,7 +78,7 @@ class Support(ArrayRecord):
     foundation: Annotated[NDArray[np.float64] | None, Table(6, 6)] = None
     """Stiffness (6, 6) that the ground has against the displacement and rotation of the base (axes of a tower: x
     downwind, y left, z up) [N/m, N, N m]; None: the base is clamped. See
-    `wt_gym.structure.beam.pile_head_stiffness`."""
+    `wt_gym.structure.foundation.pile_head_stiffness`."""
     top_mass: Annotated[float, Range(0.0, 1e9)] = 0.0
     """Transition piece at the base of the tower [kg]."""
     water_density: Annotated[float, Range(0.0, 2000.0)] = SEA_WATER
@@ -123,9 +123,13 @@ class Tower(ArrayRecord):
     diameter: _Diameters
     """Outer diameter (n,) [m]."""
     structure: BeamStations
-    damping_ratio: float
-    drag_coefficient: float
+    """From the base (station 0) to the top."""
+    damping_ratio: _Damping
+    """Structural damping of every tower mode, fraction of critical (TwrFADmp / 100)."""
+    drag_coefficient: Annotated[float, Range(0.0, 5.0)]
+    """Of the cross-section, based on the diameter (TwrCd)."""
     support: Support | None = None
+    """Monopile under the base."""
 
     def _check(self) -> None:
         base, support = self.base_height, self.support
@@ -251,13 +255,22 @@ class Drivetrain(ArrayRecord):
     rated_rotor_speed: Annotated[float, Range(0.0, 1000.0, above=True)]
     """[rad/s]."""
     min_rotor_speed: float
-    max_generator_torque: float
-    max_torque_rate: float
-    generator_damping: float = 0.0
+    """[rad/s], at most the rated one."""
+    max_generator_torque: _Positive
+    """High-speed shaft [N m] (VS_MaxTq)."""
+    max_torque_rate: _NotNegative
+    """High-speed shaft [N m/s] (VS_MaxRat); 0 for a generator that takes no demand, a linear damper."""
+    generator_damping: _NotNegative = 0.0
+    """Torque over speed of a generator that is, or may run as, a linear damper, low-speed shaft [N m s/rad]; 0 if it
+    cannot."""
     gearbox_reverses: bool = False
-    torque_lag: float = 0.0
+    """Whether the high-speed shaft turns against the low-speed shaft (GBRevers)."""
+    torque_lag: Annotated[float, Range(0.0, LONGEST_LAG)] = 0.0
+    """Time constant with which the torque follows its demand [s]; 0: at once (`wt_gym.turbines.variants`)."""
     losses: LossShares | None = None
+    """Losses over speed and torque; None: ``generator_efficiency`` holds everywhere."""
     shaft_damper: ShaftDamper | None = None
+    """Torque of the converter against the torsion of the shaft."""
 
     @property
     def speed_ratio(self) -> float:
@@ -296,7 +309,7 @@ class PitchSystem(ArrayRecord):
     2 ζ ω θ̇. None, the default: an ideal drive, which follows the demand at up to ``max_rate``. windIO files say nothing
     about it, and the baseline controller of the NREL 5-MW is published without dynamics of the actuators
     (NREL/TP-500-38060, section 7)."""
-    servo_damping: Annotated[float, Range(0.1, 10.0)] = later_field(1.0)
+    servo_damping: Annotated[float, Range(0.1, 10.0)] = 1.0
     """Damping ratio ζ of that servo (ROSCO's PA_Damping), by default 1; behind a moving demand its lag is 2 ζ/ω."""
 
     def _check(self) -> None:
@@ -320,11 +333,81 @@ class ControlData(ArrayRecord):
     convention in which more pitch and more torque slow the rotor down, so all are positive.
     """
 
-    min_pitch: float
-    max_pitch: float
-    max_rate: float
-    servo_frequency: float | None = None
-    servo_damping: float = 1.0
+    fine_pitch: _Angle = None
+    """Pitch of optimal power below rated [rad]."""
+    optimal_tip_speed_ratio: Annotated[float | None, Range(0.1, 50.0)] = None
+    """[-]."""
+    peak_power_coefficient: Annotated[float | None, Range(0.01, 0.7)] = None
+    """Aerodynamic power coefficient at fine pitch and optimal tip-speed ratio [-]."""
+    region_2_gain: _Gain = None
+    """Generator torque over the square of the generator speed below rated [N m/(rad/s)^2]."""
+    air_density: Annotated[float | None, Range(0.1, 10.0)] = None
+    """For which the region-2 gain is made [kg/m^3]; None for the standard atmosphere at sea level."""
+    cut_in_generator_speed: _Speed = None
+    """Generator speed at which torque begins [rad/s] (VS_CtInSp)."""
+    region_2_speed: _Speed = None
+    """Generator speed at which region 2 begins [rad/s] (VS_Rgn2Sp)."""
+    region_3_speed: _Speed = None
+    """Generator speed from which on region 3 holds [rad/s] (VS_RtGnSp)."""
+    slip: Annotated[float | None, Range(0.0, 1.0)] = None
+    """Slip of region 2 1/2 as a fraction (VS_SlPc / 100)."""
+    rated_mechanical_power: Annotated[float | None, Range(0.0, 1e9)] = None
+    """Power on the high-speed shaft that region 3 holds [W] (VS_RtPwr)."""
+    torque_proportional_gain: _Gain = None
+    """From generator speed error to generator torque [N m s/rad]."""
+    torque_integral_gain: _Gain = None
+    """Of its integral [N m/rad]."""
+    constant_power: bool | None = None
+    """Whether region 3 holds power (True) or torque (False). A held torque makes more than rated power while the rotor
+    is faster than rated, as in ROSCO."""
+    gain_pitch: Annotated[NDArray[np.float64] | None, Table("gains", low=-np.pi, high=np.pi, ascending=1)] = None
+    """Pitch of the gain schedule, ascending (n,) [rad]; the two columns below come with it."""
+    pitch_proportional_gain: Annotated[NDArray[np.float64] | None, Table("gains", low=-_BIG_GAIN)] = None
+    """From generator speed error [rad/s] to pitch [rad] at ``gain_pitch`` (n,) [s]. It may turn negative at a large
+    pitch, where the air damps more than is required."""
+    pitch_integral_gain: Annotated[NDArray[np.float64] | None, Table("gains", low=0.0)] = None
+    """Of its integral (n,) [-]."""
+    reference_generator_speed: _Speed = None
+    """Generator speed that the pitch controller holds [rad/s] (PC_RefSpd)."""
+    speed_filter_frequency: Annotated[float | None, Range(1e-3, 1e3)] = None
+    """Corner frequency of the low-pass filter on the generator speed [rad/s]."""
+    speed_filter_damping: _Zeta = None
+    """Its damping ratio where the filter is of second order [-]; None for first order."""
+    gain_doubling_pitch: Annotated[float | None, Range(1e-4, 10.0)] = None
+    """Pitch at which the gains are half of those at zero pitch [rad] (PC_KK); ``gain_pitch`` is then the one value
+    0."""
+    power_per_pitch: Annotated[float | None, Range(-_BIG_GAIN, 0.0)] = None
+    """Change of the aerodynamic power with the pitch at rated and fine pitch [W/rad], negative."""
+    min_pitch_wind: Annotated[NDArray[np.float64] | None, Table("winds", low=-200.0, high=200.0, ascending=1)] = None
+    """Wind speed at hub height, ascending (m,) [m/s]: peak shaving and power below rated."""
+    min_pitch: Annotated[NDArray[np.float64] | None, Table("winds", low=-np.pi)] = None
+    """Least pitch there (m,) [rad]. Both or neither."""
+    pitch_actuator_frequency: Annotated[float | None, Range(1e-2, 1e3)] = None
+    """Natural frequency of the pitch actuator as a second-order system [rad/s]."""
+    pitch_actuator_damping: _Zeta = None
+    """Its damping ratio [-]."""
+    natural_frequency: Annotated[float | None, Range(1e-3, 100.0)] = None
+    """Of the speed loop for which the pitch gains were made [rad/s]."""
+    damping_ratio: _Zeta = None
+    """Of that loop [-]."""
+    region_3_min_pitch: _Angle = None
+    """Pitch from which on the torque controller is in region 3 [rad] (VS_Rgn3MP)."""
+    max_pitch: _Angle = None
+    """Limit of the pitch controller where it is not that of the drives [rad] (PC_MaxPit)."""
+    max_pitch_rate: Annotated[float | None, Range(1e-6, 10.0)] = None
+    """The same for the rate [rad/s] (PC_MaxRat)."""
+    trim_wind: Annotated[NDArray[np.float64] | None, Table("trims", low=-200.0, high=200.0, ascending=1)] = None
+    """Wind speed at hub height from rated on, ascending (k,) [m/s]."""
+    trim_pitch: Annotated[NDArray[np.float64] | None, Table("trims", low=-np.pi)] = None
+    """Steady pitch there (k,) [rad]. Both or neither."""
+    speed_shift_per_pitch: _Share = None
+    """Fall of the speed that the torque law tracks, over rated speed, per pitch above the least pitch [1/rad]: the
+    set-point smoother (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.4)."""
+    speed_shift_per_power: _Share = None
+    """Rise of the speed that the pitch law holds, over rated speed, per power missing to rated, over rated power
+    [-]."""
+    speed_shift_frequency: Annotated[float | None, Range(1e-4, 1e3)] = None
+    """Corner frequency of the low-pass filter on both shifts [rad/s]."""
 
     def _check(self) -> None:
         for grid, *columns in (
@@ -370,10 +453,17 @@ class Turbine(ArrayRecord):
     turbulence_class: Annotated[str, OneOf("A+", "A", "B", "C")]
     """Of IEC 61400-1."""
     notes: tuple[str, ...] = ()
+    """Assumptions of the reader where the file does not say it, in plain words."""
     control: ControlData | None = None
-    design_air_density: float | None = None
-    rotation: str = "clockwise"
+    """Published numbers of the turbine's own controller."""
+    design_air_density: Annotated[float | None, Range(0.1, 10.0)] = None
+    """Of the air for which the turbine's controller is designed [kg/m^3], where it is not ``air_density``."""
+    rotation: Annotated[str, OneOf("clockwise", "counter-clockwise")] = "clockwise"
+    """Direction in which the rotor turns, seen looking downwind. Blade data are in the frame of the blade, z to the
+    tip, x to the suction side, y to the trailing edge, which is left-handed where the rotor turns counter-clockwise
+    (`wt_gym.turbines.variants.mirrored`)."""
     ice: BladeIce | None = None
+    """On one of the blades."""
 
     def _check(self) -> None:
         if self.ice is not None and self.ice.blade > self.n_blades:
