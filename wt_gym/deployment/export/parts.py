@@ -152,13 +152,7 @@ class Parts:
         }
 
     def take_lidar(self, lidar: Lidar, apart: bool = False) -> None:
-        """Take the lidar that a controller or an agent reads, its beams apart or not.
-
-        Raises
-        ------
-        ValueError
-            For more gates, or beams apart, than the interface has records for.
-        """
+        """Take the lidar that a controller or an agent reads, its beams apart or not."""
         lidar = replace(lidar, apart=apart)
         if lidar.n_readings > MOST_LIDAR_POINTS:
             what = "beams over all gates" if apart else "gates"
@@ -179,13 +173,7 @@ _FLAGS = (
 
 
 def controller_parts(controller: Controller, turbine: Turbine, step: float) -> Parts:
-    """Take a controller with a step [s] apart.
-
-    Raises
-    ------
-    ValueError
-        For a part, or a turbine, that cannot be exported.
-    """
+    """Take a controller with a step [s] apart."""
     if not turbine.drivetrain.takes_torque:
         raise ValueError(f"the generator must take a torque to be exported, that of {turbine.name} is a damper")
     if turbine.n_blades > 3:
@@ -517,11 +505,6 @@ def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
     ----------
     hold_missing : bool
         Whether channels that the interface does not have are held at the middle of their scale.
-
-    Raises
-    ------
-    ValueError
-        If there are such channels and they are not held.
     """
     found = [
         replace(_seen(channel, layout), washed=channel.name in layout.washed)
@@ -569,11 +552,6 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         Changed.
     env : WindTurbineEnv
         In which it was trained.
-
-    Raises
-    ------
-    ValueError
-        If its actions are not residual.
     """
     layout, action, residual = env.layout, env.layout.action, env.operation.residual
     if action.mode != "residual":
