@@ -39,7 +39,7 @@ from wt_gym.benchmark import (
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
 from wt_gym.control.bladed import rosco_library
-from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import benchmark_runs
 from wt_gym.experiment.benchmark_runs import definition_of, entries_of, entry_of, jobs_of
 from wt_gym.experiment.names import LEVELS, controller_of
