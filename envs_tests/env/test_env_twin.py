@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.envs import reward_store
+from wt_gym.envs import twin as reward_store
 from wt_gym.envs.rewards import FunctionTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.pool import Environments
