@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
 
 __all__ = [
-    "GROUPS", "RENDER_MODES", "ActionOptions", "ControllerOptions", "DialOptions", "EnvOptions", "FaultOptions",
-    "GridOptions", "LimitOptions", "ObservationOptions", "RewardOptions", "Variation", "WindOptions",
+    "GROUPS", "RENDER_MODES", "ActionOptions", "ControllerOptions", "DialOptions", "ElectricalOptions", "EnvOptions",
+    "FaultOptions", "GridOptions", "LimitOptions", "ObservationOptions", "RewardOptions", "Variation", "WindOptions",
     "argument_default", "documentation", "env_arguments", "flat_arguments", "named_arguments", "plain_spec",
     "registered_arguments", "signature", "wind_files_of", "with_whole_paths",
 ]  # fmt: skip
