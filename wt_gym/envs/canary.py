@@ -14,7 +14,8 @@ import numpy as np
 from wt_gym.base.canary import Canary, cached_canary, canary_text
 from wt_gym.base.errors import InflowError, SimulationError
 from wt_gym.control import Demand
-from wt_gym.control.controllers import WithDemandedPower, make_controller, readings_of
+from wt_gym.control.controllers import WithDemandedPower, readings_of
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs.faults import FAULT_KINDS, GRID_KINDS, SIZES, FaultOptions, FaultTerm
 from wt_gym.envs.record_store import user_record_digest
 from wt_gym.envs.running_record import time_scale
