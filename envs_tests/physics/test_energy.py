@@ -9,13 +9,13 @@ import pytest
 
 from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.integrators.schemes import make_integrator
-from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_frame_from_system
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.system import Joint
 from wt_gym.multibody.tree import output_kernels
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.model.turbine_structure import build_structure
+from wt_gym.simulation.turbine_structure import build_structure
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow
 
@@ -41,6 +41,9 @@ FORMS = {
     "observer": ({"formulation": "observer"}, "observer", 0.01, 5e-5, 3e-4, 1e-4),
     "observer, linear": (LINEAR, "observer", 0.01, 5e-5, 3e-4, 1e-4),
 }
+
+
+MARKS = dict.fromkeys(FORMS, ()) | {"mixed": pytest.mark.slow}
 
 
 def undamped(turbine):
@@ -138,7 +141,7 @@ def momenta_of(system, y):
     return out
 
 
-@pytest.mark.parametrize("form", [pytest.param(f, marks=pytest.mark.slow) if f == "mixed" else f for f in FORMS])
+@pytest.mark.parametrize("form", [pytest.param(form, marks=marks) for form, marks in MARKS.items()])
 def test_energy_of_a_turning_turbine(form):
     run = Run(form, 20.0)
     assert run.exchanged() > 5e-4, "the test must move energy between its forms"
@@ -154,7 +157,8 @@ def test_energy_of_a_turning_turbine_over_ten_minutes(form):
 
 
 @pytest.mark.parametrize(
-    ("form", "reverses"), [(form, False) for form in FORMS] + [("embedded", True), ("observer", True)]
+    ("form", "reverses"),
+    [*(pytest.param(form, False, marks=m) for form, m in MARKS.items()), ("embedded", True), ("observer", True)],
 )
 def test_momentum_and_angular_momentum_of_a_turbine_afloat(form, reverses):
     """Nothing from outside: all six stay, while rotor, nacelle and tower exchange them."""

@@ -21,7 +21,6 @@ from wt_gym.wind import (
     TurbulenceBox,
     TurbulentInflow,
     TurningInflow,
-    box_cache,
     kaimal,
     turbulence_box,
 )
@@ -33,8 +32,8 @@ from wt_gym.wind.mann import (
     life_time,
     one_point_spectra,
     spectral_tensor,
-    synthesize_mann,
 )
+from wt_gym.wind.turbulence_box import load
 from wt_gym.wind.turbulent import coherence_along, evolved_boxes
 
 # ---- Kaimal ---------------------------------------------------------------------------------------------------------
@@ -54,13 +53,11 @@ BANDS = np.array([0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0])
 STANDARD_ERRORS = 4.0
 
 
-def formula(frequency):
-    """Kaimal spectra written out for a hub above 60 m, shape (n, 3)."""
-    columns = []
-    for sigma, length in ((SIGMA, 8.1 * 42.0), (0.8 * SIGMA, 2.7 * 42.0), (0.5 * SIGMA, 0.66 * 42.0)):
-        n = frequency * length / SPEED
-        columns.append(sigma**2 / frequency * 4.0 * n / (1.0 + 6.0 * n) ** (5.0 / 3.0))
-    return np.stack(columns, axis=-1)
+def formula(frequency, speed=SPEED, sigma=SIGMA):
+    """Kaimal spectra of IEC 61400-1 written out for a hub above 60 m, shape (n, 3)."""
+    ratios, lengths = np.array([1.0, 0.8, 0.5]), np.array([8.1, 2.7, 0.66]) * 42.0
+    n = frequency[:, None] * lengths / speed
+    return (ratios * sigma) ** 2 * 4.0 * lengths / speed / (1.0 + 6.0 * n) ** (5.0 / 3.0)
 
 
 @pytest.fixture(scope="module")
@@ -360,13 +357,6 @@ FINE = 16
 """Readings in one interval of a box."""
 
 
-def iec_spectrum(frequency, speed, sigma):
-    """Kaimal spectra of IEC 61400-1 written out for a hub above 60 m, shape (n, 3)."""
-    ratios, lengths = np.array([1.0, 0.8, 0.5]), np.array([8.1, 2.7, 0.66]) * 42.0
-    n = frequency[:, None] * lengths / speed
-    return (ratios * sigma) ** 2 * 4.0 * lengths / speed / (1.0 + 6.0 * n) ** (5.0 / 3.0)
-
-
 def read_at_hub(inflow, fine=FINE):
     """Wind at the hub over one period [m/s], shape (n, 3), and the interval [s]: points upwind meet it at once."""
     box = inflow.box
@@ -388,7 +378,7 @@ def test_the_spectrum_at_the_hub_is_the_standards_up_to_one_hertz(speed, seed):
     sigma = 0.14 * (0.75 * speed + 5.6)
     for low, high in ((0.005, 0.1), (0.1, 0.45), (0.45, 0.55), (0.65, 0.75), (0.85, 0.95)):
         inside = (frequency > low) & (frequency < high) & (np.arange(frequency.size) > 1)
-        ratio = read[inside] / iec_spectrum(frequency[inside], speed, sigma)
+        ratio = read[inside] / formula(frequency[inside], speed, sigma)
         np.testing.assert_allclose(ratio, 1.0, rtol=0.01)
     np.testing.assert_allclose(wind.std(axis=0), sigma * np.array([1.0, 0.8, 0.5]), rtol=2e-3)
 
@@ -434,7 +424,7 @@ def test_mann_boxes_make_up_for_it_too(scaling):
         "duration": 600.0, "time_step": 0.25, "grid": None, "width": None, "turbulence": "NTM", "turbine_class": "I",
         "scaling": scaling,
     }  # fmt: skip
-    parameters = MannParameters.resolve(None, 3.9, **options)
+    parameters = MannParameters(**options)
     n = parameters.n_times
     read = parameters.harmonic_variance * (np.sinc(np.arange(1, n // 2) / n) ** 4)[:, None]
     wave = parameters.wave_number
@@ -459,13 +449,13 @@ def parameters(seed=1, shear=3.9, **changes):
         **SITE, "seed": seed, "duration": 100.0, "time_step": 0.5, "grid": (5, 5), "width": 80.0, "turbulence": "NTM",
         "turbine_class": "I", "scaling": "none", "spectrum_of": "samples",
     }  # fmt: skip
-    return MannParameters.resolve(None, shear, **{**arguments, **changes})
+    return MannParameters(shear=shear, **{**arguments, **changes})
 
 
 @pytest.fixture(scope="module")
 def waves():
     """Fourier coefficients, (n_seeds, n_frequencies, n_z, n_y, 3), whose squares are the variances of the harmonics."""
-    boxes = np.array([synthesize_mann(parameters(seed)) for seed in range(MANN_SEEDS)], dtype=np.float64)
+    boxes = np.array([parameters(seed).synthesize() for seed in range(MANN_SEEDS)], dtype=np.float64)
     return np.fft.rfft(boxes, axis=1)[:, 1:-1] * math.sqrt(2.0) / boxes.shape[1]
 
 
@@ -570,9 +560,7 @@ def test_boxes_are_made_once_and_repeat(tmp_path, monkeypatch):
     (file,) = (tmp_path / "turbulence").iterdir()
     assert file.name.startswith("mann-")
     np.testing.assert_array_equal(TurbulenceBox.mann(**small, cache=False).fluctuation, box.fluctuation)
-    kept = box_cache.load(MannParameters.resolve(
-        None, 3.9, **small, time_step=0.25, width=None, turbulence="NTM", turbine_class="I", scaling="low_frequency"
-    ))  # fmt: skip
+    kept = load(MannParameters(**small))
     np.testing.assert_array_equal(kept, box.fluctuation)
     assert not np.array_equal(TurbulenceBox.mann(**small, shear=0.0, cache=False).fluctuation, box.fluctuation)
     assert np.abs(box.fluctuation.mean(axis=0)).max() < 1e-5

@@ -325,9 +325,8 @@ def measure_turbulence(fidelity: str, wall: float) -> dict[str, Any]:
 
 def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
     """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
-    from validation import mixed_coordinates, observer_frame
-
-    from wt_gym.multibody.system import HammingIntegrator
+    from envs_tests.physics.cases import observer_frame, small_turbine
+    from wt_gym.multibody.integrators.schemes import HammingIntegrator
 
     figures = {}
     for form in ("embedded", "constrained"):
@@ -337,8 +336,8 @@ def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
         integrator = HammingIntegrator(simulator.structure.system, 0.01)
         integrator.start(simulator.coupling.integrator.state.copy())
         figures[f"turbine, {form}"] = structural_cost(integrator, wall / 5)
-    small = mixed_coordinates.small_turbine(speed=mixed_coordinates.Disc().speed)
-    integrator = HammingIntegrator(small.system, mixed_coordinates.STEP)
+    small = small_turbine.small_turbine(speed=small_turbine.Disc().speed)
+    integrator = HammingIntegrator(small.system, small_turbine.STEP)
     integrator.start(small.start)
     figures["mixed coordinates"] = structural_cost(integrator, wall / 5)
     load = observer_frame.ramp(observer_frame.FLAP_LOAD, observer_frame.edge_load()[0], 3.0)

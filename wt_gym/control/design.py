@@ -115,7 +115,7 @@ def slower_than_reference(turbine: Turbine) -> float:
 
 def same_rotor(one: Turbine, other: Turbine) -> bool:
     """Whether two turbines have the same rotor and drive train, whatever tower or monopile these stand on."""
-    from wt_gym.simulation.state import fingerprint  # the simulator is heavy, and rarely needed here
+    from wt_gym.simulation.contract import fingerprint
 
     def rotor(turbine: Turbine) -> str:
         return fingerprint(turbine.n_blades, turbine.rotor_diameter, turbine.blade, turbine.hub, turbine.drivetrain)

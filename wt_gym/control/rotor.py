@@ -368,7 +368,7 @@ def rotor_table(turbine: Turbine) -> RotorTable:
     -------
     RotorTable
     """
-    from wt_gym.simulation.state import fingerprint  # the simulator is heavy, and rarely needed here
+    from wt_gym.simulation.contract import fingerprint
 
     home = at_controller_density(turbine)
     if home.rotation != "clockwise":  # a rotor and its mirror image have the same coefficients
@@ -414,7 +414,7 @@ def _stored(turbine: Turbine) -> RotorTable | None:
 
 def measured_table_path(turbine: Turbine) -> Path | None:
     """Path of a table of this turbine measured by ``scripts/studies/rotor_table.py``; None without a cache."""
-    from wt_gym.simulation.state import fingerprint
+    from wt_gym.simulation.contract import fingerprint
 
     folder = user_cache()
     return folder / "rotor" / f"{fingerprint(turbine)[:20]}-{_MEASUREMENT}.json" if folder is not None else None

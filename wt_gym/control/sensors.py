@@ -25,7 +25,6 @@ import numpy as np
 from scipy.linalg import expm
 
 from wt_gym.base.angles import wrapped
-from wt_gym.base.fields import later_field
 from wt_gym.wind.inflow import velocity_ahead
 
 if TYPE_CHECKING:
@@ -266,7 +265,7 @@ class Lidar:
     half_angle: float = math.radians(15.0)
     n_beams: int = 4
     frozen: bool = False
-    apart: bool = later_field(False)
+    apart: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", tuple(map(float, self.ranges)))

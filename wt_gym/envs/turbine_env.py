@@ -53,8 +53,8 @@ from wt_gym.envs.twin import Twin
 from wt_gym.envs.variation import VariationDraws, check_winds
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.simulation.drivetrain.drives import pitch_delay
+from wt_gym.simulation.fidelity import choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.model import with_site
 from wt_gym.turbines.variants import LossShares, with_electrical, with_generator

@@ -110,14 +110,7 @@ def panels_of(planform: LatticePlanform) -> dict[str, int]:
 def steady_wing(
     planform: LatticePlanform, alpha: float, **options: Any
 ) -> tuple[VortexLattice, AeroState, UniformStream]:
-    """Lattice and state of a half wing, mirrored at z = 0, with a straight wake of one row, two thousand spans long.
-
-    Returns
-    -------
-    lattice : VortexLattice
-    state : AeroState
-    stream : UniformStream
-    """
+    """Lattice and state of a half wing, mirrored at z = 0, with a straight wake of one row, two thousand spans long."""
     chosen = INVISCID | MIRRORED | panels_of(planform) | {"wake_rows": 1} | options
     lattice = VortexLattice(planform, 1, AeroOptions(**chosen), 1.0)
     stream = UniformStream.at_incidence(alpha)
@@ -156,8 +149,6 @@ class WingFlow:
 
     Parameters
     ----------
-    planform : LatticePlanform
-    stream : UniformStream
     n_steps : int
         Number of steps for which wake rows are kept.
     dt : float

@@ -14,7 +14,7 @@ from scipy.special import hankel2, jv
 from envs_tests.physics.cases.airfoils import theodorsen
 from envs_tests.physics.cases.rotor import RigidRotor
 from wt_gym.aerodynamics import AeroOptions
-from wt_gym.simulation.model.blade_lattice import N_ALPHA
+from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 
@@ -48,7 +48,6 @@ class Ramp:
 
     Attributes
     ----------
-    before, after : float
     start, duration : float
         Of the ramp [s].
     back : float
@@ -123,7 +122,6 @@ class TwoExponentials:
 
     Attributes
     ----------
-    settled, fast, slow : float
     fast_time, slow_time : float
         [s].
     residual : float
@@ -239,7 +237,6 @@ def respond(
 
     Parameters
     ----------
-    rotor : RigidRotor
     options : AeroOptions
         The time step turns the rotor by ``azimuth_step_deg`` at ``rotor_speed``.
     wind, pitch : callable or float
@@ -257,10 +254,6 @@ def respond(
         Distance from the axis at which the flap moment is taken [m].
     dt : float, optional
         Time step [s] instead of that of the options.
-
-    Returns
-    -------
-    Response
     """
     wind, pitch = (x if callable(x) else (lambda time, x=x: x + 0.0 * time) for x in (wind, pitch))
     dt = dt or np.radians(options.azimuth_step_deg) / rotor_speed
@@ -306,7 +299,6 @@ def five_megawatt_step(
 
     Parameters
     ----------
-    options : AeroOptions
     wind, pitch : callable or float
         [m/s], [rad].
     coupled : bool
@@ -417,7 +409,6 @@ class DynamicRotor:
 
     Parameters
     ----------
-    rotor : BladeElementRotor
     n_span : int
         Sections, of equal length.
     """
@@ -471,10 +462,6 @@ class DynamicRotor:
             Mean state [m/s], [rad/s], [rad].
         gust : float
             Step of the derivatives [m/s].
-
-        Returns
-        -------
-        GustResponse
         """
         omega = 2.0 * np.pi * frequency
         induced = self.equilibrium(wind, speed, pitch)

@@ -26,10 +26,6 @@ def boundary_layer(wind_speed, reference_height=None):
         Reference value [m/s].
     reference_height : float, optional
         Where the wind has this speed [m]; by default the gradient height.
-
-    Returns
-    -------
-    SteadyInflow
     """
     profile = gebhardt_data()["inferred"]["wind_profile"]
     return SteadyInflow(wind_speed, reference_height or profile["reference_height_m"], profile["exponent"])
@@ -133,7 +129,6 @@ def make_simulator(
         Weight of all bodies (only the embedded form can do without).
     tower : float
         Factor on the bending stiffness of the tower.
-    lattice : AeroOptions
     fidelity : str
         "gebhardt", or "gebhardt-full" with tower and nacelle as bodies that move.
     forward : float, optional
@@ -696,7 +691,7 @@ def rest_frequencies(simulator):
 
 def frequencies_in(simulator):
     """Frequencies [Hz] of the turning, loaded blades in the fixed basis: Rayleigh–Ritz with the tangent matrices."""
-    from wt_gym.simulation.model.deformed_basis import DeformedBasis
+    from wt_gym.simulation.deformed_basis import DeformedBasis
 
     coupling, structure = simulator.coupling, simulator.structure
     present = DeformedBasis(coupling.models)

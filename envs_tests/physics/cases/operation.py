@@ -78,12 +78,10 @@ def steady_point(
 
     Parameters
     ----------
-    turbine : Turbine
     wind : float
         Uniform and steady [m/s].
     rotor_speed, pitch : float
         Where to start: the nearer to the steady state, the sooner it is reached [rad/s], [rad].
-    fidelity : str or Fidelity
     settling, average : float
         Time before the mean and time of the mean [s].
     """

@@ -13,7 +13,7 @@ from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.simulation import FIDELITIES
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 
@@ -89,7 +89,6 @@ class RotorRun:
     ----------
     power, thrust : ndarray, shape (n_steps,)
         [W], [N] at every step.
-    steps_per_turn : int
     reference_power, reference_thrust : float
         rho A V^3 / 2 [W] and rho A V^2 / 2 [N].
     span : ndarray, shape (n_span,)
@@ -142,7 +141,6 @@ class RigidRotor:
     ----------
     planform : LatticePlanform
         One blade, z from its root.
-    n_blades : int
     root_radius : float
         Distance of the blade root from the axis along the blade [m].
     radius : float
@@ -195,7 +193,6 @@ class RigidRotor:
 
         Parameters
         ----------
-        options : AeroOptions
         inflow : object with ``velocity(points (..., 3), time) -> (..., 3)``
         rotor_speed : float
             At the start [rad/s].
@@ -203,7 +200,6 @@ class RigidRotor:
             Pitch [rad] at a time [s].
         dt : float
             [s].
-        n_steps : int
         acceleration : callable, optional
             ``acceleration(torque, rotor_speed)`` [rad/s^2], given the torque of the air [N m]; by default none.
         """
@@ -232,7 +228,6 @@ class RigidRotor:
 
         Parameters
         ----------
-        options : AeroOptions
         wind : float
             [m/s].
         rotor_speed : float
@@ -245,10 +240,6 @@ class RigidRotor:
             Angle of the axis to the wind [rad].
         steps_per_turn : int, optional
             By default those of ``options.azimuth_step_deg``.
-
-        Returns
-        -------
-        RotorRun
         """
         steps = steps_per_turn or round(360.0 / options.azimuth_step_deg)
         dt = 2.0 * np.pi / rotor_speed / steps

@@ -30,7 +30,7 @@ from wt_gym.aerodynamics import (
     tower_perturbation,
 )
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.model.blade_lattice import N_ALPHA
+from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.blade_element import BladeElementRotor
@@ -273,7 +273,6 @@ def gust_response(options: AeroOptions, wind: float, settling: float = 40.0, dur
 
     Parameters
     ----------
-    options : AeroOptions
     wind : float
         One of `STATES` [m/s].
     settling, duration : float
@@ -421,7 +420,6 @@ def ring_wake_step(rotor: DynamicRotor, wind: Ramp, speed: float, carried: float
     ----------
     rotor : DynamicRotor
         Gives the thrust before the step and its slopes with wind and induced velocity there.
-    wind : Ramp
     speed : float
         [rad/s].
     carried : float

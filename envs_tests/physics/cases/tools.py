@@ -187,7 +187,6 @@ class ChainPoints:
 
     Parameters
     ----------
-    system : MultibodySystem
     sub_bodies : sequence of SubBody
     bodies : sequence of int
         Body index of each piece.

@@ -26,7 +26,7 @@ from envs_tests.physics.cases.rotor import RigidRotor
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.aerodynamics import AeroOptions, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING
-from wt_gym.simulation.model.blade_lattice import TOWARDS_ENDS, TOWARDS_TIP
+from wt_gym.simulation.models import TOWARDS_ENDS, TOWARDS_TIP
 from wt_gym.turbines import load_turbine
 
 # ---- wings ----------------------------------------------------------------------------------------------------------
@@ -153,7 +153,6 @@ def sudden_acceleration(aspect: float, alpha: float = SMALL, n_chord: int = 6, c
     -------
     travel : ndarray
         In semi-chords, from the middle of the first step, over which the lattice spreads the start.
-    lift : ndarray
     """
     n_strip = round(1.25 * aspect)
     n_steps = round(chords * n_chord)
@@ -407,7 +406,6 @@ def helix_induction(radius, helix: float, pitch: float, n_blades: int):
         Radius of the helices [m].
     pitch : float
         Advance of the helices over their angle [m/rad].
-    n_blades : int
     """
     y0, y = helix / pitch, radius / pitch
     root0, root = np.sqrt(1.0 + y0**2), np.sqrt(1.0 + y**2)
@@ -597,8 +595,6 @@ def blade_strips(edges, n_chord, chord, angle: Callable[..., Any] | None = None,
     Parameters
     ----------
     edges : ndarray, shape (n_span + 1,)
-    n_chord : int
-    chord : float
     angle : callable, optional
         Angle against the helices along the span; by default one, given by the blades' pitch. If given, by the
         polars of the strips, since the twist of a strip is the mean of its edges.

@@ -271,10 +271,10 @@ def _load(file: Path, changed: int, size: int) -> LinearDesign:
         with np.load(file, allow_pickle=False) as found:
             head = json.loads(str(found["head"][()]))
             parts: dict[str, Any] = {name: found[name] for name in _ARRAYS}
-        if head["format"] not in (1, FORMAT):
+        if head["format"] != FORMAT:
             raise ControllerError(f"{file} must have format {FORMAT}, got {head['format']!r}")
         parts |= {name: float(head[name]) for name in _NUMBERS}
-        fine_speed = head["fine_speed"] if head["format"] == FORMAT else None
+        fine_speed = head["fine_speed"]
         parts["fine_speed"] = None if fine_speed is None else (float(fine_speed[0]), float(fine_speed[1]))
         return LinearDesign(**parts, record=head["record"])
     except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
