@@ -39,7 +39,7 @@ from wt_gym.commands import loadcases
 from wt_gym.commands.loads import main as loads_command
 from wt_gym.control import Lidar
 from wt_gym.control.operating_point import operating_point
-from wt_gym.envs.simulators import simulator_maker
+from wt_gym.envs.operation import simulator_maker
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import StuckPitch
 from wt_gym.structure.beam import Beam, BeamSections

@@ -48,7 +48,7 @@ from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, pitch
 from wt_gym.control.design import drive_mode, flap_moment_sensitivity, tower_top
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.sensors import BandLimitedIntegrator, harmonic_of_blades, to_blades, to_fixed_frame
-from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment.tuning import Cost, TuningTask, _defaults
 from wt_gym.simulation.turbine_structure import tower_beam
 from wt_gym.structure.beam import Beam, BeamSections

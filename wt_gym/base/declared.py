@@ -25,7 +25,7 @@ class Rule:
         return Rule(lambda value: value is None or self.fits(value), f"None or {self.allowed}", self.names)
 
 
-def count(value: object, least: int = 0) -> bool:
+def count(value: Any, least: int = 0) -> bool:
     """Whether a value is a whole number, no truth value, of at least the least."""
     return not isinstance(value, bool) and isinstance(value, numbers.Integral) and int(value) >= least
 

@@ -16,11 +16,10 @@ from wt_gym.base.errors import InflowError, SimulationError
 from wt_gym.control import Demand
 from wt_gym.control.controllers import WithDemandedPower, make_controller, readings_of
 from wt_gym.envs.fault_draws import FaultDraws
-from wt_gym.envs.options.faults import FAULT_KINDS, GRID_KINDS, SIZES, FaultOptions
-from wt_gym.envs.options.wind import WindOptions
+from wt_gym.envs.faults import FAULT_KINDS, GRID_KINDS, SIZES, FaultOptions
 from wt_gym.envs.record_store import user_record_digest
 from wt_gym.envs.running_record import time_scale
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind.inflow import fill_velocity
