@@ -14,12 +14,11 @@ from wt_gym.deployment.export.policy import (
     check_onnx,
     export_onnx,
     network_of,
-    training_layout,
+    training_environment,
     write_onnx,
 )
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, TrainedAgent
-from wt_gym.experiment.trained_environment import trained_arguments
 
 onnxruntime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed: the extra export brings it")
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"
@@ -31,9 +30,13 @@ def test_a_shipped_agent_acts_alike_in_an_episode(tmp_path):
     agent = TrainedAgent.load(TRAINED / "load_reduction_on_linear_optimal")
     made = export_onnx(str(TRAINED / "load_reduction_on_linear_optimal"), tmp_path)
     session = onnxruntime.InferenceSession(made["files"][0])
-    steady = {"inflow": "steady", "wind_speed": 15.0, "relative_reward": False, "starts": None, "start": "steady"}
-    env = WindTurbineEnv(**trained_arguments(agent.record) | steady)
-    layout = training_layout(agent, {})
+    env = WindTurbineEnv(
+        "nrel_5mw", inflow="steady", wind_speed=15.0, action_mode="residual", pitch="fixed-frame",
+        action_components=["pitch"],
+    )  # fmt: skip
+    env = training_environment(agent, {})
+    layout = env.layout
+    env.close()
     assert env.layout.observation.names == layout.observation.names
     observation, _ = env.reset(seed=1)
     for _ in range(20):

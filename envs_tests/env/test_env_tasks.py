@@ -145,9 +145,9 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
     """Made with episode_length=120 a task of 60 s stays at 60 s, which shows when its first episode has ended there."""
     use(monkeypatch, ScriptedSimulator)
 
-    def warned(steps=300, **kwargs):
+    def warned(steps=600, **kwargs):
         make = partial(gym.make_vec, num_envs=2) if vector else gym.make
-        env = make("wt_gym/LoadReduction-v2", **kwargs)
+        env = make("wt_gym/LoadReduction-v2", relative_reward=False, starts=None, **kwargs)
         with warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always")
             for seed in range(3):
@@ -160,12 +160,12 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
         return [str(w.message) for w in found if "max_episode_steps" in str(w.message)]
 
     (message,) = warned(episode_length=120.0)
-    assert "the limit of wt_gym/LoadReduction-v2 ends episodes after 300 steps, 60 s, before the" in message
-    assert "episode_length of 120 s: make it with max_episode_steps=600 instead" in message
-    for quiet in ({"max_episode_steps": 600}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
+    assert "the limit of wt_gym/LoadReduction-v2 ends episodes after 600 steps, 60 s, before the" in message
+    assert "episode_length of 120 s: make it with max_episode_steps=1200 instead" in message
+    for quiet in ({"max_episode_steps": 1200}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
         assert warned(**quiet) == []
-    assert warned(600, episode_length=120.0, max_episode_steps=600) == []
-    assert vector or warned(299, episode_length=120.0) == []  # ended by its user
+    assert warned(1200, episode_length=120.0, max_episode_steps=1200) == []
+    assert vector or warned(599, episode_length=120.0) == []  # ended by its user
 
 
 def test_evaluations_take_the_limit_away_without_a_warning(monkeypatch):
@@ -553,8 +553,9 @@ def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
 
 
 def test_yaw_task_is_on_top_of_the_dead_band():
-    env = gym.make("wt_gym/Yaw-v3", sensor_noise=0.0, wind_direction=0.3, wind_wander=None).unwrapped
+    relative = {"relative_reward": False, "starts": None}
+    env = gym.make("wt_gym/Yaw-v3", sensor_noise=0.0, wind_direction=0.3, wind_wander=None, **relative).unwrapped
     env.reset(seed=0)
-    for _ in range(600):
+    for _ in range(1200):
         env.step(np.zeros(1))
     assert env.signals["yaw"] > 0.1  # towards the wind, within two minutes

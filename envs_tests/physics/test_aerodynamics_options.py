@@ -26,7 +26,7 @@ from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.aerodynamics.wake.sheet_kernels import LAMB, build_wake_sheet
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -339,7 +339,7 @@ def test_refused_options():
         AeroOptions(trailing_edge_wake=False, tip_wake=False)
     with pytest.raises(AerodynamicsError, match="sparse_from is 135; must be None or more than full_rows, 135"):
         AeroOptions(sparse_from=135)
-    with pytest.raises(AerodynamicsError, match="sparse_stride is 6; it must be a multiple of coarse_stride, 4"):
+    with pytest.raises(AerodynamicsError, match="sparse_stride is 6; must be a multiple of coarse_stride, 4"):
         AeroOptions(full_rows=8, coarse_stride=4, sparse_from=20, sparse_stride=6)
     with pytest.raises(AerodynamicsError, match="wind_stride is 0"):
         AeroOptions(wind_stride=0)

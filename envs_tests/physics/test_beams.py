@@ -12,9 +12,8 @@ from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.simulation import Fidelity
-from wt_gym.simulation.model.turbine_structure import averaged_over_yaw, build_structure, rotor_nacelle_inertia
+from wt_gym.simulation.turbine_structure import averaged_over_yaw, build_structure, rotor_nacelle_inertia
 from wt_gym.structure.beam import Beam, BeamSections, SecondOrderField, skew
-from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import (
     BodyInertia,
     FlexibleBody,
@@ -22,7 +21,14 @@ from wt_gym.structure.flexible_body import (
     particle_fields,
     without_second_order,
 )
-from wt_gym.structure.modes import clamped_modes, lowest_modes, select_modes, spin_stiffness
+from wt_gym.structure.modes import (
+    body_from_beam,
+    circular_sections,
+    clamped_modes,
+    lowest_modes,
+    select_modes,
+    spin_stiffness,
+)
 from wt_gym.structure.substructure import add_chain, cut_beam, sub_body_at, tip_and_interior_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import inertia_matrix

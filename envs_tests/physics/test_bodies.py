@@ -7,9 +7,16 @@ from envs_tests.physics.cases.airfoils import UniformStream
 from envs_tests.physics.cases.bodies import box_body
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.bodies import body_kernels
-from wt_gym.aerodynamics.bodies.body_set import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
-from wt_gym.aerodynamics.bodies.lagally import convective_force, impulse
-from wt_gym.aerodynamics.bodies.tower_flow import TowerFlow
+from wt_gym.aerodynamics.bodies.body_set import (
+    BodySet,
+    BodySurface,
+    TowerFlow,
+    convective_force,
+    ellipsoid_body,
+    impulse,
+    revolution_body,
+    tower_body,
+)
 from wt_gym.aerodynamics.bodies.tower_kernels import flag_wake_segments
 
 # ---- bodies and towers ----------------------------------------------------------------------------------------------

@@ -11,16 +11,17 @@ from scipy.spatial.transform import Rotation
 from wt_gym.base.errors import ActionError, SimulationError, TurbineDefinitionError, WtGymError
 from wt_gym.control.operating_point import operating_point, rotor_inertia
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.multibody.observer_frame.frame import ObserverFrameError
+from wt_gym.multibody.arrays import MultibodyError
+from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError
 from wt_gym.multibody.observer_frame.observer_frame_from_system import Translation, observer_frame_from_system
 from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations, hold_velocities
-from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree import output_kernels
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.drivetrain.drives import DampingTorque, Drives, LaggedTorque, TorqueCommand
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, VoltageDip
 from wt_gym.simulation.fidelity import fidelity
-from wt_gym.simulation.model.turbine_structure import build_structure
+from wt_gym.simulation.turbine_structure import build_structure
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.model import LossShares

@@ -13,8 +13,8 @@ from envs_tests.physics.cases.stall import (
     s809_polar,
 )
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions
+from wt_gym.aerodynamics.lattice.planform import separation_tables
 from wt_gym.aerodynamics.lattice.section_kernels import ATTACHED, DRAG, POINT, SEPARATED
-from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.lattice.separation_kernels import advance_separation, separation_drag
 from wt_gym.aerodynamics.options import TRAINING
 from wt_gym.base.attached_flow import attached_lift

@@ -8,9 +8,10 @@ import pytest
 from envs_tests.physics.cases import formulations as module
 from envs_tests.physics.cases.gebhardt import RPM, boundary_layer, make_simulator, published, simulate
 from wt_gym.base.errors import SimulationError
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.model.deformed_basis import TangentBlade
+from wt_gym.simulation.deformed_basis import TangentBlade
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes

@@ -11,7 +11,7 @@ from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, span_di
 from wt_gym.base.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.channels import channel_table, parities
-from wt_gym.simulation.model.turbine_structure import averaged_over_yaw, rotor_axial_inertia
+from wt_gym.simulation.turbine_structure import averaged_over_yaw, rotor_axial_inertia
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import mirrored
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow

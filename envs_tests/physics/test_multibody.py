@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.constraints.descriptor import descriptor_form
-from wt_gym.multibody.integrators.schemes import INTEGRATORS, make_integrator
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodyError, MultibodySystem
+from wt_gym.multibody.integrators.schemes import INTEGRATORS, HammingIntegrator, make_integrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.flexible_body import FlexibleBody, particle_fields

@@ -17,6 +17,7 @@ from envs_tests.physics.cases.mechanisms import (
 )
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import SimulationError
+from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import (
     INTEGRATORS,
@@ -27,7 +28,7 @@ from wt_gym.multibody.integrators.schemes import (
     method_of,
 )
 from wt_gym.multibody.integrators.stability import hamming_matrix, predicted_growth
-from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.simulation import Fidelity
 from wt_gym.structure.flexible_body import FlexibleBody
 

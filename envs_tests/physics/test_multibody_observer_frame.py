@@ -9,17 +9,18 @@ from envs_tests.physics.cases import rotating_beams
 from envs_tests.physics.cases.beams import exact_rod
 from envs_tests.physics.cases.tools import upward_crossings
 from wt_gym.base.constants import GRAVITY
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
-from wt_gym.multibody.observer_frame.frame import (
+from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
+from wt_gym.multibody.observer_frame.observer_frame_body import (
     DISPLACEMENTS,
     REFERENCE_CONDITIONS,
     ObserverFrameError,
-    ObserverFrameIntegrator,
-    ObserverFrameSystem,
     Substructure,
 )
 from wt_gym.multibody.observer_frame.observer_frame_from_system import mass_points, observer_frame_from_system
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.flexible_body import FlexibleBody, without_second_order
 from wt_gym.structure.modes import clamped_modes

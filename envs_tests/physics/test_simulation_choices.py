@@ -14,8 +14,7 @@ from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Fidelity, Simulator
-from wt_gym.simulation.fidelity import ELASTODYN_NREL_5MW_TOWER
-from wt_gym.simulation.tip_twist import choose_fidelity, rated_tip_twist, tip_twist
+from wt_gym.simulation.fidelity import ELASTODYN_NREL_5MW_TOWER, choose_fidelity, rated_tip_twist, tip_twist
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.substructure import add_chain, cut_beam
 from wt_gym.turbine_records import RECORDS

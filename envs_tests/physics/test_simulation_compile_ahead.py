@@ -11,8 +11,14 @@ from pathlib import Path
 import pytest
 
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.compilation import announce_compilation, compile_once, compiling
-from wt_gym.simulation.compile_ahead import _HELPER, _compile_structure, compile_ahead
+from wt_gym.simulation.compilation import (
+    _HELPER,
+    _compile_structure,
+    announce_compilation,
+    compile_ahead,
+    compile_once,
+    compiling,
+)
 from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -74,7 +80,7 @@ def test_a_turbine_that_no_other_process_can_know_is_compiled_by_one(plain, told
 
 
 def test_without_an_interpreter_one_process_compiles_everything(plain, told, monkeypatch):
-    monkeypatch.setattr("wt_gym.simulation.compile_ahead.get_executable", lambda: "/nowhere/python")
+    monkeypatch.setattr("wt_gym.simulation.compilation.get_executable", lambda: "/nowhere/python")
     compile_ahead(Simulator, *plain)
     assert [text[:24] for text in told.messages] == ["nobody helps to compile:"]
 
@@ -90,7 +96,7 @@ def test_without_an_interpreter_one_process_compiles_everything(plain, told, mon
     ],
 )
 def test_a_helper_that_fails_leaves_the_work_to_one_process(plain, told, monkeypatch, code, says):
-    monkeypatch.setattr("wt_gym.simulation.compile_ahead._HELPER", code)
+    monkeypatch.setattr("wt_gym.simulation.compilation._HELPER", code)
     compile_ahead(Simulator, *plain)
     assert told.messages == says
 
@@ -100,7 +106,7 @@ def test_a_helper_may_print_and_finds_what_this_process_finds(plain, told, monke
     (tmp_path / "scipy.py").write_text("raise SystemExit(5)")
     monkeypatch.setattr("sys.path", [Path("ignored"), *sys.path])
     code = "print('x' * 200_000, flush=True)\n" + _HELPER + "print('x' * 200_000, flush=True)"
-    monkeypatch.setattr("wt_gym.simulation.compile_ahead._HELPER", code)
+    monkeypatch.setattr("wt_gym.simulation.compilation._HELPER", code)
     monkeypatch.chdir(tmp_path)
     compile_ahead(Simulator, *plain)
     assert not told.messages

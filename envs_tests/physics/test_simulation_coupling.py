@@ -15,8 +15,7 @@ from wt_gym.multibody.tree.tree_kernels import OK
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
 from wt_gym.simulation.channels import channel_table
-from wt_gym.simulation.model.blade_lattice import blade_planform
-from wt_gym.simulation.model.turbine_bodies import turbine_bodies
+from wt_gym.simulation.models import blade_planform, turbine_bodies
 from wt_gym.simulation.step.coupled_step_kernels import OVERSPEED, check_range
 from wt_gym.simulation.step.structure_motion_kernels import move_structure, restore_motion, save_motion
 from wt_gym.turbines import load_turbine

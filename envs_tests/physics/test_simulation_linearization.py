@@ -16,9 +16,9 @@ from envs_tests.physics.cases.turbine_modes import (
 from wt_gym.base.errors import SimulationError
 from wt_gym.commands.campbell import parse_arguments
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.linear.campbell import campbell
-from wt_gym.simulation.linear.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
-from wt_gym.simulation.linear.linearization import linearize
+from wt_gym.simulation.campbell import campbell
+from wt_gym.simulation.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
+from wt_gym.simulation.linearization import linearize
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow
 

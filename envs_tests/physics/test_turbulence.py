@@ -21,7 +21,6 @@ from wt_gym.wind import (
     TurbulenceBox,
     TurbulentInflow,
     TurningInflow,
-    box_cache,
     kaimal,
     turbulence_box,
 )
@@ -33,8 +32,8 @@ from wt_gym.wind.mann import (
     life_time,
     one_point_spectra,
     spectral_tensor,
-    synthesize_mann,
 )
+from wt_gym.wind.turbulence_box import load
 from wt_gym.wind.turbulent import coherence_along, evolved_boxes
 
 # ---- Kaimal ---------------------------------------------------------------------------------------------------------
@@ -425,7 +424,7 @@ def test_mann_boxes_make_up_for_it_too(scaling):
         "duration": 600.0, "time_step": 0.25, "grid": None, "width": None, "turbulence": "NTM", "turbine_class": "I",
         "scaling": scaling,
     }  # fmt: skip
-    parameters = MannParameters.resolve(None, 3.9, **options)
+    parameters = MannParameters(**options)
     n = parameters.n_times
     read = parameters.harmonic_variance * (np.sinc(np.arange(1, n // 2) / n) ** 4)[:, None]
     wave = parameters.wave_number
@@ -450,13 +449,13 @@ def parameters(seed=1, shear=3.9, **changes):
         **SITE, "seed": seed, "duration": 100.0, "time_step": 0.5, "grid": (5, 5), "width": 80.0, "turbulence": "NTM",
         "turbine_class": "I", "scaling": "none", "spectrum_of": "samples",
     }  # fmt: skip
-    return MannParameters.resolve(None, shear, **{**arguments, **changes})
+    return MannParameters(shear=shear, **{**arguments, **changes})
 
 
 @pytest.fixture(scope="module")
 def waves():
     """Fourier coefficients, (n_seeds, n_frequencies, n_z, n_y, 3), whose squares are the variances of the harmonics."""
-    boxes = np.array([synthesize_mann(parameters(seed)) for seed in range(MANN_SEEDS)], dtype=np.float64)
+    boxes = np.array([parameters(seed).synthesize() for seed in range(MANN_SEEDS)], dtype=np.float64)
     return np.fft.rfft(boxes, axis=1)[:, 1:-1] * math.sqrt(2.0) / boxes.shape[1]
 
 
@@ -561,9 +560,7 @@ def test_boxes_are_made_once_and_repeat(tmp_path, monkeypatch):
     (file,) = (tmp_path / "turbulence").iterdir()
     assert file.name.startswith("mann-")
     np.testing.assert_array_equal(TurbulenceBox.mann(**small, cache=False).fluctuation, box.fluctuation)
-    kept = box_cache.load(MannParameters.resolve(
-        None, 3.9, **small, time_step=0.25, width=None, turbulence="NTM", turbine_class="I", scaling="low_frequency"
-    ))  # fmt: skip
+    kept = load(MannParameters(**small))
     np.testing.assert_array_equal(kept, box.fluctuation)
     assert not np.array_equal(TurbulenceBox.mann(**small, shear=0.0, cache=False).fluctuation, box.fluctuation)
     assert np.abs(box.fluctuation.mean(axis=0)).max() < 1e-5

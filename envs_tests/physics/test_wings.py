@@ -38,7 +38,7 @@ from envs_tests.physics.cases.wings import (
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.lattice.planform import section_lattice
 from wt_gym.aerodynamics.options import TRAINING
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
 
 # ---- wings and sections ---------------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from load_travel_front import (
     write_csv,
 )
 
+from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import (
     INTERFACE,
@@ -35,7 +36,6 @@ from wt_gym.benchmark import (
     to_markdown,
     write_reference,
 )
-from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
 from wt_gym.control.bladed import rosco_library

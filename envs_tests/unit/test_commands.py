@@ -341,7 +341,7 @@ def test_a_stopped_recording_keeps_its_episodes(monkeypatch, tmp_path, capsys):
 
 
 def test_a_stopped_diagram_leaves_no_files(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("wt_gym.simulation.linear.campbell.campbell", broken_off)
+    monkeypatch.setattr("wt_gym.simulation.campbell.campbell", broken_off)
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
     stopped_in_one_line(["campbell", "--csv", str(tmp_path / "new" / "table.csv")], capsys)
     assert not list((tmp_path / "new").iterdir())

@@ -50,7 +50,7 @@ from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.sensors import BandLimitedIntegrator, harmonic_of_blades, to_blades, to_fixed_frame
 from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
 from wt_gym.experiment.tuning import Cost, TuningTask, _defaults
-from wt_gym.simulation.model.turbine_structure import tower_beam
+from wt_gym.simulation.turbine_structure import tower_beam
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.turbines import catalogue, load_turbine
 
@@ -240,9 +240,8 @@ def test_a_fade_by_its_end(turbine):
             AboveRated.of_turbine(turbine, fade)
     for end in (0.001, 0.5):
         assert AboveRated.of_turbine(turbine, end).parameters.pitch == pytest.approx((end / 6.0, end))
-    for name, pair in (("pitch", (0.02, 0.02)), ("speed", (0.9, 0.8))):
-        with pytest.raises(ValueError, match=f"fade {name} must be two rising numbers"):
-            FadeParameters(**{name: pair})
+    with pytest.raises(ValueError, match="fade pitch must be two rising numbers"):
+        FadeParameters(pitch=(0.02, 0.02))
     early = make_controller("ipc+tower_dampers", turbine, ipc__fade=0.01, fore_aft_damper__fade=False)
     assert early.additions[0].fade.parameters.pitch[1] == 0.01
     assert early.additions[1].fade is None
@@ -369,8 +368,6 @@ def test_individual_pitch_leads_by_the_delay_of_the_drive(turbine, frequency, da
     own.start(readings())
     made = own.step(readings(), 0.1, demand())
     assert made.pitch == pytest.approx(0.2 + from_harmonic(*own.harmonics[0].pitch, 0.4 + RATED * 0.3))
-    with pytest.raises(ValueError, match="lead must be finite"):
-        IndividualPitch.of_turbine(turbine, lead=math.nan)
 
 
 def test_parameters_of_individual_pitch_by_rule(turbine):
@@ -392,22 +389,9 @@ def test_parameters_of_individual_pitch_by_rule(turbine):
     assert len(IndividualPitch.of_turbine(turbine).harmonics) == 1
 
 
-@pytest.mark.parametrize("step", [0.0, -1.0, math.inf, math.nan])
-def test_the_step_of_the_simulator_must_be_positive(turbine, step):
-    with pytest.raises(ValueError, match="simulator_step must be finite and positive"):
-        IndividualPitch.of_turbine(turbine, simulator_step=step)
-    assert IndividualPitch.of_turbine(turbine, simulator_step=0.5).simulator_step == 0.5
-
-
 def test_individual_pitch_needs_three_blades(turbine):
     with pytest.raises(ValueError, match="at least 3 blades"):
         IndividualPitch([HarmonicPitchParameters()], None, turbine.pitch, n_blades=2)
-
-
-@pytest.mark.parametrize(("name", "value"), [("harmonic", 3), ("integral_gain", -1.0), ("limit", math.nan)])
-def test_individual_pitch_refuses_nonsense(name, value):
-    with pytest.raises(ValueError, match=name):
-        HarmonicPitchParameters(**{name: value})
 
 
 # ---- tower ----
@@ -555,11 +539,10 @@ def test_a_yaw_drive_that_stopped_rests_until_the_error_is_large_again(turbine):
         assert drive.step(readings(yaw_error=0.1), 0.1, demand()).yaw_rate == 0.0
 
 
-@pytest.mark.parametrize(("dead_band", "stop"), [(0.1, 0.1), (0.1, -0.01), (0.1, math.nan)])
-def test_a_yaw_drive_stops_within_its_dead_band(dead_band, stop):
-    with pytest.raises(ValueError, match="0 <= stop < dead_band"):
-        YawByDeadBand(0.005, dead_band, stop)
-    assert YawByDeadBand(0.005, dead_band, 0.0).stop == 0.0
+def test_a_yaw_drive_stops_within_its_dead_band():
+    with pytest.raises(ValueError, match=r"stop must be at least 0 and below dead_band, got 0.1 and 0.1 rad"):
+        YawByDeadBand(0.005, dead_band=0.1, stop=0.1)
+    assert YawByDeadBand(0.005, dead_band=0.1, stop=0.0).stop == 0.0
 
 
 def test_yaw_waits_turns_and_stops(turbine):

@@ -140,7 +140,7 @@ def test_copies_go_on_alike_and_other_bases_are_refused():
         make_controller("discon+derate_torque+derate_speed", TURBINE)
     with pytest.raises(ValueError, match=r"power_level of controller 'derate_torque' must be a number from 0.2 to 1"):
         make_controller("derate_torque:power_level=1.2", TURBINE)
-    with pytest.raises(ValueError, match="must be among speed, torque, pitch"):
+    with pytest.raises(ValueError, match="must be one of speed, torque, pitch"):
         make_controller("rosco:derate=yaw", TURBINE)
 
 

@@ -14,6 +14,7 @@ from wt_gym.control.controllers import (
     Combined,
     DisconController,
     Supervisor,
+    lidar_of,
     make_controller,
     supervisor_of,
 )
@@ -267,7 +268,7 @@ def test_its_place_is_around_the_base_and_before_the_additions():
     controller = supervised("discon+ipc+supervisor+lidar")
     assert isinstance(controller, Combined)
     assert isinstance(controller.base, Supervisor)
-    assert controller.lidar is controller.base.base.lidar is not None
+    assert lidar_of(controller) is controller.base.base.lidar is not None
     assert supervisor_of(controller) is controller.base
     assert supervisor_of(make_controller("ipc", TURBINE)) is None
     assert set(STATES) == {"parked", "start_up", "production", "soft_cut_out", "shut_down"}

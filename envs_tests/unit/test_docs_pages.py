@@ -57,7 +57,12 @@ def text_of(page):
 TRAINING, YAML = re.findall(r"```yaml\n(.*?)```", text_of("docs/training.md"), re.DOTALL)
 
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "agents" / "trained" / "README.md"]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "agents" / "README.md",
+    ROOT / "agents" / "trained" / "README.md",
+]
 PAGES += sorted((ROOT / "docs").rglob("*.md"))
 ROOMS_WITH_NAMES = ("wt_gym", "agents", "envs_tests", "docs", "scripts")
 READ = {
@@ -381,6 +386,8 @@ def test_first_commands_are_accepted(line):
     if program.startswith("scripts/"):
         assert (ROOT / program).stat().st_mode & 0o100
         assert not words
+    elif program == "python":
+        assert (ROOT / words[0]).is_file()
     elif program == "wt-gym":
         assert words == ["--help"] or import_module(f"wt_gym.commands.{module_of(words[0])}").parse_arguments(words[1:])
     else:

@@ -15,8 +15,7 @@ from wt_gym.analysis.replay import kept_filaments
 from wt_gym.analysis.replay_section import opening_agent, shown_agents
 from wt_gym.analysis.scene import Camera, Scene, filament_weights, line_look, smooth_curves
 from wt_gym.base.picture_style import COLORS, LINE_STYLES, MARKERS, baseline, label_points
-from wt_gym.simulation.linear.campbell import CampbellDiagram
-from wt_gym.simulation.linear.campbell_figure import FAMILIES, campbell_figure, mode_family, mode_label, spread
+from wt_gym.simulation.campbell import FAMILIES, CampbellDiagram, campbell_figure, mode_family, mode_label, spread
 from wt_gym.turbines import load_turbine
 
 ROOT = Path(__file__).resolve().parents[2]

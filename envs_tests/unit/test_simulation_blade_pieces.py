@@ -10,9 +10,8 @@ from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.multibody.tree.point_kernels import point_motion
 from wt_gym.simulation import Fidelity
-from wt_gym.simulation.model.blade_lattice import blade_planform
-from wt_gym.simulation.model.blade_sub_bodies import add_sub_bodies, cut_blade
-from wt_gym.simulation.model.turbine_structure import build_structure
+from wt_gym.simulation.models import blade_planform
+from wt_gym.simulation.turbine_structure import add_sub_bodies, build_structure, cut_blade
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import load_turbine

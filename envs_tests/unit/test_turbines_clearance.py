@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wt_gym.simulation.model.turbine_structure import rotation_x, rotation_y
 from wt_gym.simulation.step.coupling_kernels import signed_clearance, view_from_tower
+from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import unloaded_clearance
 

@@ -9,7 +9,7 @@ from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.commands.site_options import site_word
 from wt_gym.control.controllers.additions import SideSideDamper
 from wt_gym.control.rotor import rotor_table
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import clockwise_image, mirrored
 from wt_gym.turbines.windio_writer import require_same, write_windio

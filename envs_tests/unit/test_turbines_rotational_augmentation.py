@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbines import Polar, RotationalAugmentation, load_turbine
 
 RADIUS, RATIO = 5.0, 5.4

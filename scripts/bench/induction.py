@@ -1,10 +1,10 @@
-"""Measure the induction kernels: share of the processor's peak, single-precision error, direct sums against the tree.
+"""Measure the induction kernels: segments a second, single-precision error, direct sums against the tree.
 
     python scripts/bench/induction.py
     python scripts/bench/induction.py --segments 1000 10000 --tolerance 1e-4 --json
 
-All of it runs in one process on one thread (but for the two-thread ratios). What is compared runs in turns; times are
-processor time, and the shortest of several runs counts, because other load on the machine only ever adds time.
+Numbers of docs/performance.md. All of it runs in one process on one thread. Calls that are compared run in turns; times
+are processor time, and the shortest of several runs counts, because other load on the machine only adds time.
 """
 
 import argparse
@@ -12,17 +12,11 @@ import json
 import time
 
 import numpy as np
-from numba import njit
 
-from wt_gym.aerodynamics.induction.aligned import aligned_zeros
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
-from wt_gym.aerodynamics.induction.simd_kernels import WIDTH, load, store
-from wt_gym.aerodynamics.induction.tree_induction import TreeInduction, split_direct
+from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.induction.tree_induction import TreeInduction
 
-# Operations at one node, that is for two segments, with multiplication, addition, square root and division as one
-# each: vector 3, distance 6, products of distances 2, two denominators 16, their product and its reciprocal 2, two
-# factors 8, their sum of vectors 9, cross product added to the velocity 12.
-FLOPS_PER_SEGMENT = 58 / 2
 # Rows, nodes of one blade and azimuth step [deg] of the wakes, by number of segments.
 WAKES = {
     1_000: (23, 8, 15.0),
@@ -114,50 +108,6 @@ def exact_velocity(sheet: np.ndarray, points: np.ndarray) -> np.ndarray:
 # ---- measurements ----
 
 
-@njit(error_model="numpy")
-def multiply_add(numbers, n):
-    """Run ``n`` rounds of 16 independent multiply-adds of 16 float32 numbers: more than any latency needs."""
-    factor = load(numbers, 0)
-    term = load(numbers, WIDTH)
-    a0 = load(numbers, 2 * WIDTH)
-    a1, a2, a3, a4, a5, a6, a7, a8, a9 = a0, a0, a0, a0, a0, a0, a0, a0, a0
-    # Different starts keep the compiler from computing one sum for all.
-    a1 = a1 + factor
-    a2 = a2 + term
-    a3 = a1 + a1
-    a4 = a2 + a2
-    a5 = a3 + factor
-    a6 = a3 + term
-    a7 = a4 + factor
-    a8 = a4 + term
-    a9 = a5 + a5
-    b0 = a5 + a6
-    b1 = a6 + a6
-    b2 = a7 + a7
-    b3 = a7 + a8
-    b4 = a8 + a8
-    b5 = a9 + factor
-    for _ in range(n):
-        a0 = a0 * factor + term
-        a1 = a1 * factor + term
-        a2 = a2 * factor + term
-        a3 = a3 * factor + term
-        a4 = a4 * factor + term
-        a5 = a5 * factor + term
-        a6 = a6 * factor + term
-        a7 = a7 * factor + term
-        a8 = a8 * factor + term
-        a9 = a9 * factor + term
-        b0 = b0 * factor + term
-        b1 = b1 * factor + term
-        b2 = b2 * factor + term
-        b3 = b3 * factor + term
-        b4 = b4 * factor + term
-        b5 = b5 * factor + term
-    a0 = ((a0 + a1) + (a2 + a3)) + ((a4 + a5) + (a6 + a7))
-    store(numbers, 2 * WIDTH, a0 + ((a8 + a9) + (b0 + b1)) + ((b2 + b3) + (b4 + b5)))
-
-
 def shortest(calls: dict, repeats: int, clock=time.thread_time) -> dict:
     """Shortest time of each call [s]; the calls take turns."""
     best = dict.fromkeys(calls, np.inf)
@@ -172,28 +122,22 @@ def shortest(calls: dict, repeats: int, clock=time.thread_time) -> dict:
 
 
 def measure_kernels() -> dict:
-    """Peak of the processor, speed of the direct kernels and their error against double precision."""
+    """Speed of the direct kernels and their error against double precision."""
     sheet = helical_wake(100, 13, np.radians(7.5))
     targets = nodes_as_targets(sheet, WIDTH)[:, : 60 * WIDTH].copy()
     velocity = np.zeros_like(targets)
     scratch = np.zeros(8 * 13 * WIDTH, dtype=np.float32)
-    numbers = np.repeat(np.float32([0.5, 1.0, 3.0]), WIDTH)
-    rounds = 100_000
     calls = {
-        "multiply_add": lambda: multiply_add(numbers, rounds),
         "direct": lambda: direct_induction(sheet, targets, velocity, 0, targets.shape[1], scratch),
     }
     best = shortest(calls, 200)
     interactions = segment_count(sheet) * targets.shape[1]
-    peak = rounds * 16 * WIDTH * 2 / best["multiply_add"]
-    figures = {"multiply_add_peak_flops": peak}
+    figures = {"direct_segments_per_s": interactions / best["direct"]}
     picked = np.ascontiguousarray(targets[:, ::3])
     exact = exact_velocity(sheet, picked)
     velocity[:] = 0.0
     calls["direct"]()
     error = velocity[:, ::3] - exact
-    figures["direct_segments_per_s"] = interactions / best["direct"]
-    figures["direct_share_of_peak"] = interactions / best["direct"] * FLOPS_PER_SEGMENT / peak
     figures["direct_relative_rms_error"] = float(np.sqrt((error**2).sum() / (exact**2).sum()))
     return figures
 
@@ -238,33 +182,12 @@ def measure_tree(n_segments: int, tolerance: float) -> dict:
     }
 
 
-def measure_threads() -> dict:
-    """How much faster two threads are than one, by the clock: other load on the machine spoils it."""
-    n_row, n_node, step = WAKES[30_000]
-    sheet = helical_wake(n_row, n_node, np.radians(step))
-    targets = nodes_as_targets(sheet, WIDTH)
-    velocity = np.zeros_like(targets)
-    scratch = [aligned_zeros(8 * WIDTH * n_node, np.float32) for _ in range(2)]
-    trees = [TreeInduction(n_row, 3, n_node, targets.shape[1], n) for n in (1, 2)]
-    limit = 3e-3
-    calls = {
-        "direct_1": lambda: split_direct(sheet, targets, velocity, scratch[:1]),
-        "direct_2": lambda: split_direct(sheet, targets, velocity, scratch),
-        "tree_1": lambda: trees[0].add_velocity(sheet, targets, velocity, limit),
-        "tree_2": lambda: trees[1].add_velocity(sheet, targets, velocity, limit),
-    }
-    best = shortest(calls, 20, time.perf_counter)
-    return {kind: best[f"{kind}_1"] / best[f"{kind}_2"] for kind in ("direct", "tree")}
-
-
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments()
     kernels = measure_kernels()
-    print(f"multiply-add peak of one core, float32: {kernels['multiply_add_peak_flops'] / 1e9:.0f} Gflop/s")
     print(
         f"direct kernel: {kernels['direct_segments_per_s'] / 1e9:.2f}e9 segments/s,"
-        f" {100 * kernels['direct_share_of_peak']:.0f} % of the peak at {FLOPS_PER_SEGMENT:.0f} flop a segment,"
         f" error {kernels['direct_relative_rms_error']:.1e} relative rms against float64"
     )
     rows = []
@@ -284,10 +207,8 @@ def main() -> None:
         "(time of one evaluation at all nodes of the wake; direct sums above"
         f" {ALL_TARGETS} segments are timed on {SAMPLE} targets; errors by the mean induced velocity)"
     )
-    threads = measure_threads()
-    print(f"two threads against one, by the clock: direct {threads['direct']:.2f}x, tree {threads['tree']:.2f}x")
     if arguments.json:
-        print(json.dumps({"kernels": kernels, "tree": rows, "threads": threads}))
+        print(json.dumps({"kernels": kernels, "tree": rows}))
 
 
 if __name__ == "__main__":

@@ -326,7 +326,7 @@ def measure_turbulence(fidelity: str, wall: float) -> dict[str, Any]:
 def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
     """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
     from envs_tests.physics.cases import observer_frame, small_turbine
-    from wt_gym.multibody.system import HammingIntegrator
+    from wt_gym.multibody.integrators.schemes import HammingIntegrator
 
     figures = {}
     for form in ("embedded", "constrained"):

@@ -3,19 +3,16 @@
     python scripts/bench/sweeps.py scaling --workers 2
     python scripts/bench/sweeps.py overhead --nodes 20 --tasks 1000
 
-The first prints wall and processor time of each executor for the same evaluation, start of the processes included, and
-whether its files are those of the first; on a machine with other work the processor time is the better measure. The
-second starts a cluster of many small nodes on this machine (Ray's own test utility: real schedulers, no network) and
-gives it tasks that do nothing. Both need the extra "ray".
+Numbers of docs/ray.md. The first prints the wall time of each executor for the same evaluation, start of the processes
+included, and whether its files are those of the first, on a machine without other work. The second starts a cluster of
+many small nodes on this machine (Ray's own test utility: real schedulers, no network) and gives it tasks that do
+nothing. Both need the extra "ray".
 """
 
 import argparse
 import json
-import os
 import shutil
-import sys
 import tempfile
-import threading
 import time
 from pathlib import Path
 
@@ -23,48 +20,6 @@ from wt_gym.analysis.results import Wind
 from wt_gym.base.process_memory import peak_memory
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.runs.executors import ProcessExecutor, SerialExecutor, executor_for
-
-if not Path("/proc/self/stat").exists():
-    sys.exit("error: processor times are read from /proc, which only Linux has")
-_TICKS = os.sysconf("SC_CLK_TCK")
-
-
-def cpu_below() -> dict[int, float]:
-    """Processor time [s] of this process and of all below it, by process."""
-    times, children = {}, {}
-    for entry in Path("/proc").glob("[0-9]*"):
-        try:
-            fields = (entry / "stat").read_text().rpartition(")")[2].split()
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-        pid = int(entry.name)
-        children.setdefault(int(fields[1]), []).append(pid)
-        times[pid] = (int(fields[11]) + int(fields[12])) / _TICKS
-    found, left = {}, [os.getpid()]
-    while left:
-        pid = left.pop()
-        found[pid] = times.get(pid, 0.0)
-        left += children.get(pid, [])
-    return found
-
-
-class CpuTime(threading.Thread):
-    """Adds up the processor time of this process and of those that it starts, while it runs."""
-
-    def __init__(self):
-        super().__init__(daemon=True)
-        self._first, self._last, self._ended = cpu_below(), {}, threading.Event()
-        self.start()
-
-    def run(self) -> None:
-        while not self._ended.wait(0.5):
-            self._last |= cpu_below()
-
-    def end(self) -> float:
-        """Processor time since the start [s]; a process that ends loses its last half second at most."""
-        self._last |= cpu_below()
-        self._ended.set()
-        return sum(seconds - self._first.get(pid, 0.0) for pid, seconds in self._last.items())
 
 
 def scaling(arguments: argparse.Namespace) -> dict:
@@ -84,17 +39,16 @@ def scaling(arguments: argparse.Namespace) -> dict:
             {"a": "baseline"}, EvaluationConfig(arguments.env, winds=winds[:1], duration=5.0, skip=1.0), progress=False
         )
         for name, make in executors.items():
-            clock, cpu = time.monotonic(), CpuTime()
+            clock = time.monotonic()
             with make() as executor:
                 evaluate({"a": "baseline"}, config, folder=folder / name, executor=executor, progress=False)
                 wall = time.monotonic() - clock
-                seconds = cpu.end()
             files = sorted((folder / name / "runs").iterdir())
             found = {file.name: file.read_bytes() for file in files}
             reference = reference or found
             stamps = [file.stat().st_mtime for file in files]
             figures[name] = {
-                "wall_seconds": round(wall, 1), "cpu_seconds": round(seconds, 1),
+                "wall_seconds": round(wall, 1),
                 "first_to_last_run_seconds": round(max(stamps) - min(stamps), 1), "same_files": found == reference,
             }  # fmt: skip
             print(name, figures[name], flush=True)

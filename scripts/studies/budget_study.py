@@ -18,16 +18,24 @@ import math
 import re
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gymnasium as gym
 import numpy as np
+from scipy.stats import binomtest
+
+from wt_gym.analysis.metrics import damage_equivalent_load
+from wt_gym.base.files import write_text_whole
+from wt_gym.envs import SafetyFilter
+from wt_gym.envs.costs import violated
+from wt_gym.envs.options.environment import registered_arguments
+from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, TrainedAgent, model_digests, read_record
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORD = ROOT / "docs" / "data" / "budget_study.json"
@@ -59,21 +67,12 @@ FLAP_EXPONENT = 10.0
 @lru_cache
 def loaded(agent: Path) -> Any:
     """The agent of a folder, once in a process."""
-    from wt_gym.experiment.trained_agent import TrainedAgent
-
     return TrainedAgent.load(agent)
 
 
 @lru_cache
 def environment(policy: str, agent: Path) -> Any:
     """Environment of a policy, once in a process; controllers alone have the cheapest observation."""
-    import gymnasium as gym
-
-    import wt_gym  # noqa: F401 - registers the environments
-    from wt_gym.envs import SafetyFilter
-    from wt_gym.envs.options.environment import registered_arguments
-    from wt_gym.experiment.trained_agent import RECORD_FILE, read_record
-
     config = read_record(agent / RECORD_FILE)["config"]
     kwargs = config["env_kwargs"] | {
         "relative_reward": False, "starts": None, "wind_seeds": WIND_SEEDS, "episode_length": DURATION,
@@ -106,9 +105,6 @@ def play(policy: str, agent: Path, episode: int) -> dict[str, Any]:
     dict
         As JSON values.
     """
-    from wt_gym.analysis.metrics import damage_equivalent_load
-    from wt_gym.envs.costs import violated
-
     env, model = environment(policy, agent), loaded(agent)
     plain = env.unwrapped
     observation, info = env.reset(seed=FIRST_SEED + episode)
@@ -148,8 +144,6 @@ def play(policy: str, agent: Path, episode: int) -> dict[str, Any]:
 
 def setup(agent: Path) -> dict[str, Any]:
     """What all results of a folder have in common."""
-    from wt_gym.experiment.trained_agent import MODEL_FILE, model_digests
-
     return {
         "limits": LIMITS, "first_seed": FIRST_SEED, "wind_seeds": [WIND_SEEDS[0], WIND_SEEDS[-1]], "duration": DURATION,
         "fault_time": FAULT_TIME, "horizon": HORIZON, "watch": WATCH, "model": model_digests(agent)[MODEL_FILE],
@@ -176,8 +170,6 @@ def run(folder: Path, agent: Path, episodes: int, paired: int, jobs: int) -> Non
     ValueError
         If the folder holds results of another agent, or with other limits.
     """
-    from wt_gym.base.files import write_text_whole
-
     folder.mkdir(parents=True, exist_ok=True)
     mine, head = setup(agent), folder / "setup.json"
     if head.is_file() and (theirs := json.loads(head.read_text(encoding="utf-8"))) != mine:
@@ -185,7 +177,8 @@ def run(folder: Path, agent: Path, episodes: int, paired: int, jobs: int) -> Non
         raise ValueError(f"the results in {folder} have another {other}: give --out another folder")
     write_text_whole(head, json.dumps(mine) + "\n")
     found = read(folder)
-    with players(jobs) as each:
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        play_each = pool.map if jobs > 1 else map
         for first in range(0, episodes, CHUNK):
             chunk = range(first, min(first + CHUNK, episodes))
             for policy in (PLAIN, BASE, FILTERED, TASK):
@@ -195,27 +188,12 @@ def run(folder: Path, agent: Path, episodes: int, paired: int, jobs: int) -> Non
                     if policy == PLAIN or k < paired or (policy != TASK and found[PLAIN][k]["violated"])
                 ]
                 missing = [k for k in wanted if k not in found[policy]]
-                rows = each([(policy, agent, k) for k in missing])
+                rows = list(play_each(play, [policy] * len(missing), [agent] * len(missing), missing))
                 found[policy] |= {row["episode"]: row for row in rows}
                 append(folder / f"{policy}.jsonl", rows)
             if (first // CHUNK) % 10 == 0:
                 beyond = sum(bool(row["violated"]) for row in found[PLAIN].values())
                 print(f"{len(found[PLAIN])} of {episodes} episodes, {beyond} with a violation", flush=True)
-
-
-@contextmanager
-def players(jobs: int) -> Iterator[Callable[[list[tuple[str, Path, int]]], list[dict[str, Any]]]]:
-    """Play episodes, given as arguments of `play`, in this process or in several."""
-    if jobs == 1:
-        yield lambda many: [played(one) for one in many]
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield lambda many: list(pool.map(played, many))
-
-
-def played(one: tuple[str, Path, int]) -> dict[str, Any]:
-    """As `play`, of a tuple."""
-    return play(*one)
 
 
 def append(path: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -284,8 +262,6 @@ def counted(rows: Iterable[dict[str, Any]]) -> dict[str, Any]:
 
 def interval(count: int, n: int) -> tuple[float, float]:
     """Exact 95 % interval of a share (Clopper and Pearson, 1934)."""
-    from scipy.stats import binomtest
-
     found = binomtest(count, n).proportion_ci(0.95, method="exact")
     return float(found.low), float(found.high)
 
@@ -383,8 +359,6 @@ def record_of(folder: Path | None) -> dict[str, Any]:
 
 def main(words: list[str] | None = None) -> int:
     """Play, or renew the page."""
-    from wt_gym.base.files import write_text_whole
-
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("command", choices=("run", "pages", "show"))
     parser.add_argument("--out", type=Path, help="folder of the results; without it show and pages take the record")
@@ -392,20 +366,17 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--episodes", type=int, default=10_000, help="of the agent")
     parser.add_argument("--paired", type=int, default=1_000, help="first ones that all policies play")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    given = parser.parse_args(words)
-    if min(given.episodes, given.jobs) < 1 or given.paired < 0:
-        parser.error("--episodes and --jobs must be at least 1, --paired not negative")
-    if given.command == "run":
-        folder = given.out or ROOT / "runs" / "budget_study"
-        run(folder, given.agent, given.episodes, given.paired, given.jobs)
-        given.out = folder
-    record = record_of(given.out)
+    arguments = parser.parse_args(words)
+    if arguments.command == "run":
+        arguments.out = arguments.out or ROOT / "runs" / "budget_study"
+        run(arguments.out, arguments.agent, arguments.episodes, arguments.paired, arguments.jobs)
+    record = record_of(arguments.out)
     text = tables(record)
-    if given.command == "pages":
+    if arguments.command == "pages":
         write_text_whole(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
         write_text_whole(PAGE, with_tables(PAGE.read_text(encoding="utf-8"), record))
-    elif given.out is not None:
-        write_text_whole(given.out / "table.md", text + "\n")
+    elif arguments.out is not None:
+        write_text_whole(arguments.out / "table.md", text + "\n")
     print(text)
     return 0
 

@@ -33,7 +33,7 @@ from wt_gym.benchmark.run import make_env
 from wt_gym.commands.benchmark import KEPT, chosen
 from wt_gym.commands.engine_options import add_engine_options, executor_of
 from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
-from wt_gym.control.controllers import Combined
+from wt_gym.control.controllers import Combined, lidar_of
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, PitchOffsets
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
@@ -132,7 +132,7 @@ class _Recorder:
 
     @property
     def lidar(self) -> Any:
-        return self._combined.lidar
+        return lidar_of(self._combined)
 
     def start(self, signals: Readings, demand: Demand) -> None:
         self._combined.start(signals, demand)
@@ -389,7 +389,7 @@ def _ladder(
     plants: dict[float, Plant],
     turbine: Turbine,
     winds: Sequence[BenchmarkWind],
-    fingerprint: dict[str, str],
+    fingerprint: dict[str, Any],
     say: Callable[[str], None],
 ) -> list[dict[str, Any]]:
     """What linear laws with more and more information are forecast to reach in the winds of the task."""

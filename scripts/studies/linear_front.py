@@ -12,9 +12,18 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
 from wt_gym.analysis.change import relative_change
+from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
+from wt_gym.benchmark import load_task
+from wt_gym.control.controllers.linear_optimal import save_design
+from wt_gym.experiment.comparison import Case, run_cases
+from wt_gym.learning.linear_design.design import LinearDesignTask, default_speeds, design
+from wt_gym.learning.linear_design.recording import Recording, RecordingStore
+from wt_gym.turbines import load_turbine
 
 ROOT = Path(__file__).resolve().parents[2]
 SHOWN = ("captured_power", "blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
@@ -43,10 +52,6 @@ def parse_arguments(words=None):
 
 def designs(arguments, turbine):
     """File of the design of each weight."""
-    from wt_gym.control.controllers.linear_optimal import save_design
-    from wt_gym.learning.linear_design.design import LinearDesignTask, default_speeds, design
-    from wt_gym.learning.linear_design.recording import Recording, RecordingStore
-
     store = RecordingStore(arguments.folder / "recordings", Recording)
     task = LinearDesignTask(tuple(arguments.speeds or default_speeds(turbine)))
     found = {}
@@ -60,9 +65,6 @@ def designs(arguments, turbine):
 
 def rows_of(turbine, controllers, arguments):
     """Mean change of each controller against the first in the same winds, with the standard error of the cost."""
-    from wt_gym.benchmark import load_task
-    from wt_gym.experiment.comparison import Case, run_cases
-
     task = load_task("load-reduction-15")
     cases = [Case(arguments.wind_speed, seed) for seed in arguments.seeds]
     runs = run_cases(
@@ -92,11 +94,6 @@ def rows_of(turbine, controllers, arguments):
 
 def draw(rows, path):
     """Improvement of the cost over the pitch duty cycle."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
-
     figure = Figure(figsize=(7.4, 4.6), layout="constrained")
     axis = figure.subplots()
     plain(axis, "pitch duty cycle [%]", "improvement of the cost of energy [%]",
@@ -129,8 +126,6 @@ def draw(rows, path):
 
 def main(words=None):
     """Design, run, write."""
-    from wt_gym.turbines import load_turbine
-
     arguments = parse_arguments(words)
     table = arguments.out / "linear_front.csv"
     if arguments.draw_only:

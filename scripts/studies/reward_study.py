@@ -6,8 +6,8 @@
 
 The rate of every reward term at weight 1, averaged over a run, stands beside the damage-equivalent loads, the power and
 the actuator use of the same run. All comparisons are differences to the baseline controller in the same wind, so that
-the wind's share drops out. The runs in the folder stay: the same command goes on where it was stopped. With --json the
-figures are printed as one JSON object last.
+the wind's share drops out. The runs in the folder stay: the same command resumes where it was stopped. The record
+docs/data/reward_study.csv has controllers that are not in the library; with --out the figure is written.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import csv
 import itertools
-import json
 import math
 import sys
 from pathlib import Path
@@ -89,7 +88,6 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--skip", type=float, default=20.0, help="start left out [s] (default: %(default)s)")
     parser.add_argument("--weights", nargs="+", default=[], metavar="TERM=W", help="other weights than the defaults")
     parser.add_argument("--out", type=Path, help="folder for the figure reward_study.svg")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON at the end")
     return parser.parse_args(words)
 
 
@@ -255,9 +253,8 @@ def analyze(rows: list[dict], weights: dict[str, float]) -> dict:
     known = [row for row in rows if row["controller"] not in apart]
     unseen = [row for row in rows if row["controller"] in (BASELINE, *apart) and row["seed"] == first]
     runs, lifetimes, library = differences(known), lifetime(known), lifetime(unseen)
-    by_seed = {seed: lifetime(row for row in known if row["seed"] == seed) for seed in {r["seed"] for r in known}}
     recorded = "former_power" in rows[0]
-    for row in (*runs, *lifetimes, *library, *itertools.chain(*by_seed.values())):
+    for row in (*runs, *lifetimes, *library):
         row["total"] = total_rate(row, weights)
         row["former_total"] = total_rate(row, FORMER_WEIGHTS) if recorded else math.nan
     columns = (*LOADS, "mean_power", "pitch_duty", "cost")
@@ -285,18 +282,10 @@ def analyze(rows: list[dict], weights: dict[str, float]) -> dict:
             found[key] = {c: correlation(totals, [row[c] for row in chosen]) for c in compared}
         return found
 
-    def mild(chosen: list[dict]) -> dict:
-        kept = sorted(chosen, key=lambda row: row["cost"])[: 2 * len(chosen) // 3 + 1]
-        costs = [row["cost"] for row in kept]
-        return {"count": len(kept)} | {
-            name: correlation([row[name] for row in kept], costs) for name in ("total", "former_total")
-        }
-
     return {
         "runs": runs,
         "lifetimes": lifetimes,
         "library": library,
-        "by_seed": {seed: against_cost(chosen) for seed, chosen in by_seed.items()},
         "other_weights": {
             f"{name} x {factor:g}": correlation(
                 [total_rate(row, weights | {name: factor * weights[name]}) for row in lifetimes],
@@ -306,15 +295,12 @@ def analyze(rows: list[dict], weights: dict[str, float]) -> dict:
             if weights[name] > 0
             for factor in (0.5, 2.0)
         },
-        "with_library": against_cost([*lifetimes, *library]),
-        "mild": mild(lifetimes),
         "other_costs": {
             f"{key} x {factor:g}": against_cost(lifetimes, **{key: factor})
             for key in COST_WEIGHTS
             for factor in (0.5, 2.0)
         },
         "all_runs": table(runs),
-        "by_wind": {wind: table(at_wind(wind)) for wind in winds},
         "lifetime": table(lifetimes),
         "tasks": {name: by_task(own) for name, own in task_weights().items()},
     }
@@ -328,12 +314,7 @@ def show(result: dict, weights: dict[str, float]) -> None:
         print(f"\nSpearman correlation, {title}\n{'':26s}" + "".join(f"{column:>11s}" for column in columns))
         for rate, values in result[key].items():
             print(f"{rate:26s}" + "".join(f"{value:+11.2f}" for value in values.values()))
-    by_wind = ((f"{wind:g} m/s", table["total"]["cost"]) for wind, table in sorted(result["by_wind"].items()))
-    by_seed = ((f"seed {seed}", value) for seed, value in sorted(result["by_seed"].items()))
-    with_library = ("with the library's", result["with_library"])
     for title, values in (
-        ("runs of one wind", by_wind),
-        ("lifetimes", (*by_seed, with_library)),
         ("lifetimes, other weights in the cost", result["other_costs"].items()),
         ("lifetimes, other weights in the reward", result["other_weights"].items()),
     ):
@@ -345,11 +326,6 @@ def show(result: dict, weights: dict[str, float]) -> None:
             for kind, with_them in found.items()
         )
         print(f"{name:26s}" + ", ".join(values))
-    mild = result["mild"]
-    print(
-        f"\nwithout the costliest, {mild['count']} controllers: {mild['total']:+.2f}, "
-        f"earlier weights {mild['former_total']:+.2f}"
-    )
     columns = ("flap", "edge", "fore_aft", "side_side", "mean_power", "pitch_duty", "cost")
     for title, key in (("varied", "lifetimes"), ("of the library, first seed", "library")):
         print(
@@ -421,8 +397,6 @@ def main() -> int:
     show(result, weights)
     if arguments.out is not None:
         print(f"\nfigure: {draw(result, arguments.out)}")
-    if arguments.json:
-        print(json.dumps({key: value for key, value in result.items() if key != "runs"}))
     return 0
 
 

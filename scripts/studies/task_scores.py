@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import wt_gym
+from envs_tests.physics.validation import source_commit
 from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
@@ -40,7 +41,6 @@ from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the tests are no part of the installed package
-from envs_tests.physics.validation import source_commit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -378,7 +378,7 @@ def _row(study: Study, agent: str, runs: Sequence[Mapping[str, Any]]) -> list[st
         for wind, run in own.items()
     ]
     cells = [_cell(study, column, own, base, first) for column in study.columns]
-    return [agent_label(agent, first), *cells, _signed(np.mean(returns), 1),
+    return [agent_label(agent, first), *cells, signed(np.mean(returns), 1),
             f"{survived} of {len(own)}"]  # fmt: skip
 
 
@@ -404,9 +404,9 @@ def _cell(study: Study, column: Column, own: Mapping[Any, Any], base: Mapping[An
         return _level(column, mine)
     if column.how == "change":
         changes = relative_change(mine, theirs)
-        return f"{_signed(100.0 * changes.mean(), 1)} ± {100.0 * half_width(changes):.1f} %"
+        return f"{signed(100.0 * changes.mean(), 1)} ± {100.0 * half_width(changes):.1f} %"
     digits = 2 if column.how in ("total", "climate") else 1
-    return f"{_signed(100.0 * relative_change(mine.sum(), theirs.sum()), digits)} %"
+    return f"{signed(100.0 * relative_change(mine.sum(), theirs.sum()), digits)} %"
 
 
 def _weights(study: Study, speeds: list[float]) -> np.ndarray:
@@ -428,7 +428,7 @@ def _level(column: Column, values: np.ndarray) -> str:
         return f"{math.degrees(value):.1f}°"
     metric = METRICS[column.key]
     unit = "°" if metric.unit == "deg" else f" {metric.unit}"
-    return f"{_signed(value * metric.factor, metric.digits, plus=False)}{unit}"
+    return f"{signed(value * metric.factor, metric.digits, plus=False)}{unit}"
 
 
 def kinds_table(name: str, key: str, runs: Sequence[Mapping[str, Any]]) -> str:
@@ -451,7 +451,7 @@ def _markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _signed(value: float, digits: int, plus: bool = True) -> str:
+def signed(value: float, digits: int, plus: bool = True) -> str:
     """Number with the minus sign of text; one that rounds to zero has no sign."""
     text = f"{value:+.{digits}f}" if plus else f"{value:.{digits}f}"
     return (text.lstrip("+-") if float(text) == 0.0 else text).replace("-", "−")

@@ -1,8 +1,8 @@
 """The figures of the page docs/validation.md, from runs of validation cases and from their record.
 
     python scripts/studies/validation_pictures.py                      # draw again
-    python scripts/studies/validation_pictures.py --run all              # run the cases first, some minutes
-    python scripts/studies/validation_pictures.py --run uae-phase-vi     # run some of them first
+    python scripts/studies/validation_pictures.py --run all            # run the cases first, some minutes
+    python scripts/studies/validation_pictures.py --run uae-phase-vi   # run some of them first
 
 A run replaces the curves of its own case in the file. The bars of the cases come from docs/data/validation.json. All
 reference data are in the repository.
@@ -13,11 +13,19 @@ import io
 import json
 import math
 import re
-import sys
 from pathlib import Path
 
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from envs_tests.physics.validation import Figure as CaseFigure
+from envs_tests.physics.validation import bounds_of, load_cases, read_record, run_case
+from wt_gym.base.picture_style import BLUE, COLORS, GRAY, GREEN, INK, LINE_STYLES, ORANGE, SVG, plain
+
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
 DATA = ROOT / "docs" / "data"
 CURVES, RECORD = "validation_figures.json", "validation.json"
 MOST_POINTS = 240  # of a curve
@@ -68,13 +76,9 @@ def cases_of_pictures():
 
 def curves_of(result):
     """Figures of a case as plain data: few points, four digits."""
-    import numpy as np
-
-    from envs_tests.physics.validation import Figure
-
     figures = {}
     for title, figure in result.figures.items():
-        if not isinstance(figure, Figure):
+        if not isinstance(figure, CaseFigure):
             continue
         curves = []
         for curve in figure.curves:
@@ -88,8 +92,6 @@ def curves_of(result):
 
 def run(names, path):
     """Run cases and keep their curves, each when it is done."""
-    from envs_tests.physics.validation import load_cases, run_case
-
     known = load_cases()
     for name in names:
         result = run_case(known[name])
@@ -147,8 +149,6 @@ def number(title):
 
 def look(style, k, over_time=False):
     """Marker, line style and color of the curve number k of a panel from matplotlib's short form; over time, a line."""
-    from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES
-
     marker = next((m for m in "osx+*^." if m in style), None)
     line: object = next((text for text in ("--", "-.", "-", ":") if text in style), "")
     if over_time and marker:
@@ -163,11 +163,6 @@ def look(style, k, over_time=False):
 
 def draw_panels(shown, columns=2):
     """Figure with a panel for each pair of a title and its data."""
-    import numpy as np
-    from matplotlib.figure import Figure
-
-    from wt_gym.base.picture_style import plain
-
     rows = -(-len(shown) // columns)
     figure = Figure(figsize=(9.2, 2.7 * rows), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False)
@@ -195,8 +190,6 @@ def margin(case):
     A bound that is missed counts as 1 and by how much, in parts of the bound or of the width of the interval; a sign
     that is missed as 2.
     """
-    from envs_tests.physics.validation import bounds_of
-
     worst = None
     for check in case["checks"]:
         error, tolerance = (math.inf if isinstance(check[key], str) else check[key] for key in ("error", "tolerance"))
@@ -215,12 +208,6 @@ def margin(case):
 
 def draw_cases(cases):
     """A bar a case: its largest error in tolerances."""
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    from wt_gym.base.picture_style import BLUE, GRAY, GREEN, INK, ORANGE, plain
-
     margins = {name: margin(case) for name, case in cases.items()}
     order = sorted(margins, key=lambda name: (margins[name] is not None, margins[name] or 0.0), reverse=True)
     half = -(-len(order) // 2)
@@ -259,11 +246,6 @@ def draw_cases(cases):
 
 def draw(folder):
     """Draw all pictures whose data are there; gives their paths."""
-    import matplotlib as mpl
-
-    from envs_tests.physics.validation import read_record
-    from wt_gym.base.picture_style import SVG
-
     written, figures = [], {}
     stored = json.loads((folder / CURVES).read_text(encoding="utf-8")) if (folder / CURVES).exists() else {}
     record = read_record(folder / RECORD) if (folder / RECORD).exists() else {}

@@ -106,6 +106,14 @@ class Option:
         Allowed values in words where the declaration does not say all.
     annotation : str
         Of the field, without spaces.
+    kinds : tuple of type
+        Classes of the objects that the annotation allows; without them objects are not checked here.
+    otherwise : str
+        Meaning of the default None.
+    in_use : callable or None
+        From a subject, as a turbine, to the value that it has where the default is None; None where it has none.
+    only_of : callable or None
+        From a subject to whether it has this option; None: every subject does.
     """
 
     name: str
@@ -122,6 +130,10 @@ class Option:
     check: Callable[[Any], Any] | None = None
     allowed_text: str = ""
     annotation: str = ""
+    kinds: tuple[type, ...] = ()
+    otherwise: str = ""
+    in_use: Callable[[Any], Any] | None = None
+    only_of: Callable[[Any], bool] | None = None
 
     @property
     def takes_none(self) -> bool:
@@ -154,7 +166,7 @@ class Option:
             return self.allowed_text
         words = [word for part in self._parts if (word := self._words_of(part))]
         if self.takes_none:
-            words.append("None")
+            words.append(f"None ({self.otherwise})" if self.otherwise else "None")
         return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}" if words else ""
 
     def _words_of(self, part: str) -> str:
@@ -170,7 +182,15 @@ class Option:
             "str": "a text", "Path": "a path", "tuple[float,float]": f"two numbers (low, high) {numbers_text}",
             "tuple[int,...]": f"whole numbers {numbers_text}", "tuple[float,...]": f"numbers {numbers_text}",
         }  # fmt: skip
-        return simple.get(part, "").strip()
+        return simple.get(part, f"a {part}" if part.isidentifier() and part != "None" else "").strip()
+
+    def default_of(self, subject: Any) -> Any:
+        """Default; where it is None, the value that a subject has by itself; None without a subject."""
+        return self.in_use(subject) if self.default is None and self.in_use and subject is not None else self.default
+
+    def belongs_to(self, subject: Any) -> bool:
+        """Whether a subject has this option; without one, whether any does."""
+        return subject is None or self.only_of is None or self.only_of(subject)
 
     @property
     def default_text(self) -> str:
@@ -184,7 +204,8 @@ class Option:
         text = f"{self.meaning} [{self.unit}]." if self.unit else f"{self.meaning}."
         range_text = self.allowed_text or (self.range_text if not self.range_text.startswith("in ") else "")
         allowed = f" Allowed: {range_text}." if range_text else ""
-        return f"{text}{allowed} Default: ``{self.default_text}``."
+        default = self.otherwise if self.default is None and self.otherwise else f"``{self.default_text}``"
+        return f"{text}{allowed} Default: {default}."
 
     def checked(self, value: Any) -> Any:
         """Return the value as it is stored: numbers as float or int, sequences as tuples.
@@ -217,6 +238,10 @@ class Option:
                 known = True
                 if (result := form(self, value)) is not None:
                     return result
+            elif self.kinds:
+                known = True
+                if isinstance(value, self.kinds):
+                    return value
             elif part != "None":
                 return value
         return None if known else value
@@ -288,7 +313,8 @@ _FORMS: dict[str, Callable[[Option, Any], Any]] = {
 def option(
     meaning: str, *, default: Any, unit: str = "", low: float = -math.inf, high: float = math.inf, above: bool = False,
     below: bool = False, choices: Iterable[str] = (), check: Callable[[Any], Any] | None = None, flat: str = "",
-    kind: str = "", allowed: str = "",
+    kind: str = "", allowed: str = "", kinds: tuple[type, ...] = (), otherwise: str = "",
+    in_use: Callable[[Any], Any] | None = None, only_of: Callable[[Any], bool] | None = None,
 ) -> Any:  # fmt: skip
     """Field of a record.
 
@@ -305,8 +331,13 @@ def option(
         Type for documentation; "" for the annotation.
     allowed : str
         Allowed values in words, in place of those that follow from the declaration.
+    kinds, otherwise, in_use, only_of
+        As of `Option`.
     """
-    declared = Option("", flat, kind, meaning, default, unit, low, high, above, below, tuple(choices), check, allowed)
+    declared = Option(
+        "", flat, kind, meaning, default, unit, low, high, above, below, tuple(choices), check, allowed, "", kinds,
+        otherwise, in_use, only_of,
+    )  # fmt: skip
     return field(default=default, metadata={_KEY: declared})
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_text_whole
-from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class Reference:
     definition : str
         Digest of the task for which they were made.
     fingerprint : dict
-        See `wt_gym.benchmark.fingerprint`.
+        See `wt_gym.benchmark.benchmark_fingerprint`.
     baseline : dict
         From the label of a wind to the metrics of the baseline controller.
     best_agent : str
@@ -42,7 +42,7 @@ class Reference:
     """
 
     definition: str
-    fingerprint: dict[str, str]
+    fingerprint: dict[str, Any]
     baseline: dict[str, dict[str, float]]
     best_agent: str
     best_improvement: float

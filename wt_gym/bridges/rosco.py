@@ -1,10 +1,8 @@
-"""The messages of ROSCO's ZeroMQ interface (``ZMQ_Mode`` 1), as of its version 2.10.
+"""ROSCO's ZeroMQ interface (``ZMQ_Mode`` 1), as of its version 2.10: its messages, and a server that answers them.
 
 A turbine sends its readings as numbers in text, separated by commas, with a null behind them, and waits for the set
 points in the same form. Order and units follow ROSCO's ``ZeroMQInterface.f90``, ``ReadSetParameters.f90`` and
 ``wfc_interface.yaml`` (github.com/NREL/ROSCO); numbers come with seven digits.
-
-A server for turbines under ROSCO: each of their messages is answered with set points.
 """
 
 from __future__ import annotations
@@ -34,15 +32,7 @@ class MessageError(WtGymError, ValueError):
 
 @dataclass(frozen=True)
 class Field:
-    """One number of a message.
-
-    Attributes
-    ----------
-    name : str
-        Of ROSCO's registry.
-    neutral : float
-        Of a set point: the value with which ROSCO acts alone.
-    """
+    """One number of a message: name in ROSCO's registry, unit, meaning, and the value with which ROSCO acts alone."""
 
     name: str
     unit: str
@@ -69,6 +59,7 @@ READINGS = (
     Field("NacIMU_FA_RAcc", "rad/s²", "angular acceleration of the nacelle, fore-aft"),
     Field("Azimuth", "rad", "azimuth of blade 1"),
 )
+"""Fields of `Message`, whose moments are one of three."""
 SET_POINTS = (
     Field("ZMQ_TorqueOffset", "N m", "torque offset; ROSCO 2.10 takes it and does not apply it", 0.0),
     Field("ZMQ_YawOffset", "deg", "offset of the yaw error that ROSCO's yaw control aims at", 0.0),
@@ -79,36 +70,13 @@ SET_POINTS = (
     Field("ZMQ_R_Torque", "-", "factor on the rated torque, likewise", 1.0),
     Field("ZMQ_R_Pitch", "-", "power rating by the fine pitch, likewise", 1.0),
 )
+"""Fields of `SetPoints`."""
 _GREATEST_ID = 9999
 
 
 @dataclass(frozen=True)
 class Message:
-    """Readings of a turbine at an instant, in SI units and radians.
-
-    Attributes
-    ----------
-    time : float
-        [s]
-    shaft_power, generator_power : float
-        [W]
-    generator_speed, rotor_speed : float
-        [rad/s]
-    generator_torque : float
-        [N m]
-    yaw, yaw_error : float
-        Of the nacelle, and wind direction minus it [rad].
-    wind_speed : float
-        [m/s]
-    out_of_plane_moments : tuple of float
-        Of three blades [N m].
-    acceleration_fore_aft : float
-        [m/s²]
-    angular_acceleration : float
-        [rad/s²]
-    azimuth : float
-        [rad]
-    """
+    """Readings of a turbine at an instant, in SI units and radians, in the order of `READINGS`."""
 
     turbine_id: int
     status: int
@@ -129,19 +97,7 @@ class Message:
 
 @dataclass(frozen=True)
 class SetPoints:
-    """What a turbine is asked for; by default ROSCO acts alone.
-
-    Attributes
-    ----------
-    torque_offset : float
-        [N m]; ROSCO 2.10 does not apply it.
-    yaw_offset : float
-        [rad]
-    pitch_offset_1, pitch_offset_2, pitch_offset_3 : float
-        [rad]
-    speed_rating, torque_rating, pitch_rating : float
-        [-]
-    """
+    """Demands on a turbine, in SI units and radians, in the order of `SET_POINTS`; by default ROSCO acts alone."""
 
     torque_offset: float = 0.0
     yaw_offset: float = 0.0
@@ -154,13 +110,7 @@ class SetPoints:
 
 
 def read_numbers(message: bytes) -> list[float]:
-    """Numbers of a message in the order of `READINGS` and in ROSCO's units; what is left out is not a number.
-
-    Raises
-    ------
-    MessageError
-        If it is not text, holds anything but numbers, or not as many as ROSCO sends.
-    """
+    """Numbers of a message in the order of `READINGS` and in ROSCO's units; what is left out is not a number."""
     text = message.partition(b"\0")[0].decode("ascii", errors="replace")
     words = [word.strip() for word in text.split(",")]
     if len(words) != len(READINGS):
@@ -175,18 +125,7 @@ def read_numbers(message: bytes) -> list[float]:
 
 
 def read_message(message: bytes) -> Message:
-    """Read what a turbine sends.
-
-    Returns
-    -------
-    Message
-        A reading that is left out or no number is nan.
-
-    Raises
-    ------
-    MessageError
-        If it is not one of ROSCO's, or has no number of a turbine, no status or no time.
-    """
+    """Read what a turbine sends; a reading that is left out or no number is nan."""
     values = read_numbers(message)
     given, status, time = values[:3]
     if not (given.is_integer() and 0 <= given <= _GREATEST_ID):
@@ -195,29 +134,19 @@ def read_message(message: bytes) -> Message:
         raise MessageError(f"iStatus must be a whole number, got {status!r}")
     if not math.isfinite(time):
         raise MessageError(f"Time must be finite, got {time!r}")
-    first, second, third = values[11:14]
-    return Message(
-        turbine_id=int(given), status=int(status), time=time, shaft_power=values[3], generator_power=values[4],
-        generator_speed=values[5], rotor_speed=values[6], generator_torque=values[7], yaw=math.radians(values[8]),
-        yaw_error=math.radians(values[9]), wind_speed=values[10], out_of_plane_moments=(first, second, third),
-        acceleration_fore_aft=values[14], angular_acceleration=values[15], azimuth=values[16],
-    )  # fmt: skip
+    si = [math.radians(v) if field.unit == "deg" else v for field, v in zip(READINGS, values, strict=True)]
+    return Message(int(given), int(status), *si[2:11], tuple(si[11:14]), *si[14:])  # type: ignore[arg-type, call-arg]
 
 
 def write_set_points(points: SetPoints) -> bytes:
     """Write what a turbine is to get.
 
     ROSCO's client does not end the text itself, so the message ends with a null; it has room for 357 characters.
-
-    Raises
-    ------
-    ValueError
-        If a set point is not finite.
     """
-    values = list(astuple(points))
-    if not all(map(math.isfinite, values)):
+    if not all(map(math.isfinite, astuple(points))):
         raise ValueError(f"set points must be finite, got {points}")
-    values[1] = math.degrees(values[1])
+    pairs = zip(SET_POINTS, astuple(points), strict=True)
+    values = [math.degrees(v) if field.unit == "deg" else v for field, v in pairs]
     return ",".join(format(value, ".15g") for value in values).encode("ascii") + b"\0"
 
 
@@ -299,13 +228,6 @@ class RoscoServer:
         -------
         int
             Messages answered.
-
-        Raises
-        ------
-        wt_gym.base.errors.ServerError
-            If no message comes for too long.
-        ValueError
-            If the number of turbines is below 1.
         """
         if turbines < 1:
             raise ValueError(f"turbines must be 1 or more, got {turbines!r}")

@@ -86,7 +86,7 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.learning.linear_design.design import LinearDesignTask, default_speeds, design
         from wt_gym.learning.linear_design.feedback import FeedbackOptions
         from wt_gym.learning.linear_design.recording import Excitation, Recording, RecordingStore
-        from wt_gym.simulation.tip_twist import suited_fidelity
+        from wt_gym.simulation.fidelity import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.model import with_site
 

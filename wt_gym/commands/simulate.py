@@ -234,7 +234,7 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(hint):
         check(arguments)
         from wt_gym.analysis.metrics import idle_sentence, idle_time
-        from wt_gym.simulation.tip_twist import suited_fidelity
+        from wt_gym.simulation.fidelity import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.model import with_site
 

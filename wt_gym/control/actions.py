@@ -1,31 +1,26 @@
-"""From a normalized action to the demands on pitch drives, yaw drive and generator, and back.
-
-What of a residual pitch reaches the blades: offsets that last, and those below rated wind, can be kept from them.
-"""
+"""From a normalized action to the demands on pitch drives, yaw drive and generator, and back."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.base.errors import ActionError, did_you_mean
 from wt_gym.control.operating_point import operating_point, torque_curve
-from wt_gym.control.sensors import FIXED_FRAME, LowPass, harmonic_of_blades, to_blades
+from wt_gym.control.sensors import FIXED_FRAME, harmonic_of_blades, to_blades
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from wt_gym.control.controllers.additions import AboveRated
     from wt_gym.turbines import Turbine
 
 __all__ = [
     "ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "RESIDUAL_FORMS", "ActionMap", "AgentSetpoint", "Demand",
-    "ResidualPitch",
 ]  # fmt: skip
 
 ACTION_MODES = ("rate", "absolute", "residual")
@@ -60,43 +55,21 @@ MARGIN = math.radians(5.0)
 
 @dataclass(frozen=True)
 class Demand:
-    """What the actuators are asked for.
+    """What the actuators are asked for."""
 
-    Attributes
-    ----------
-    pitch : numpy.ndarray, shape (n_blades,)
-        Blade pitch [rad].
-    yaw_rate : float
-        Rate of the nacelle about the vertical, counter-clockwise from above [rad/s].
-    generator_torque : float
-        Torque on the high-speed shaft [N m].
-    """
-
-    pitch: NDArray[np.float64]
-    yaw_rate: float
-    generator_torque: float
+    pitch: NDArray[np.float64]  #: blade pitch [rad], shape (n_blades,)
+    yaw_rate: float  #: rate of the nacelle about the vertical, counter-clockwise from above [rad/s]
+    generator_torque: float  #: torque on the high-speed shaft [N m]
 
 
 @dataclass(frozen=True)
 class AgentSetpoint:
-    """What the actions of an agent ask for, in the coordinates of its action; offsets in mode "residual".
+    """What the actions of an agent ask for, in the coordinates of its action; offsets in mode "residual"."""
 
-    Attributes
-    ----------
-    pitch : numpy.ndarray, shape (n_pitch,)
-        Of all blades, of each, mean, tilt and yaw, or tilt and yaw [rad].
-    yaw_rate : float
-        [rad/s]
-    generator_torque : float
-        [N m]
-    set_point : float
-        Of the rotor speed, over rated [-]; an offset from that of a supervisor.
-    """
-
-    pitch: NDArray[np.float64]
-    yaw_rate: float
-    generator_torque: float
-    set_point: float = 0.0
+    pitch: NDArray[np.float64]  #: of all blades, of each, mean, tilt and yaw, or tilt and yaw [rad], shape (n_pitch,)
+    yaw_rate: float  #: [rad/s]
+    generator_torque: float  #: [N m]
+    set_point: float = 0.0  #: of the rotor speed, over rated [-]; an offset from that of a supervisor
 
 
 class ActionMap:
@@ -357,17 +330,10 @@ class ActionMap:
     # ---- from actions to demands ----
 
     def validate(self, action: ArrayLike) -> NDArray[np.float64]:
-        """Return an action as float64, or refuse it.
+        """Return an action (size,) as a copy in float64, or refuse it.
 
-        Parameters
-        ----------
-        action : array_like, shape (size,)
-
-        Returns
-        -------
-        numpy.ndarray, shape (size,)
-            A copy; values beyond the bounds by rounding (`ROUNDING`, 6.1e-5) are put on them exactly. Nothing farther
-            beyond is clipped.
+        Values beyond the bounds by rounding (`ROUNDING`, 6.1e-5) are put on them exactly. Nothing farther beyond is
+        clipped.
 
         Raises
         ------
@@ -401,19 +367,7 @@ class ActionMap:
         return AgentSetpoint(pitch.copy(), 0.0, demand.generator_torque)
 
     def decode(self, action: NDArray[np.float64], previous: AgentSetpoint) -> AgentSetpoint:
-        """Setpoint at the end of the next control step.
-
-        Parameters
-        ----------
-        action : numpy.ndarray, shape (size,)
-            A validated action.
-        previous : AgentSetpoint
-            At the end of the step before.
-
-        Returns
-        -------
-        AgentSetpoint
-        """
+        """Setpoint at the end of the next control step, from a validated action (size,) and the setpoint before."""
         physical = [
             low + 0.5 * (value + 1.0) * span for value, (low, span) in zip(action.tolist(), self._ranges, strict=True)
         ]
@@ -462,17 +416,8 @@ class ActionMap:
     ) -> Demand:
         """Demand on the drives.
 
-        Parameters
-        ----------
-        setpoint : AgentSetpoint
-        base : Demand, optional
-            Of the base controller; needed where `needs_controller`.
-        azimuth, rotor_speed : float
-            Of blade 1 [rad] and of the rotor [rad/s], for pitch in the fixed frame.
-
-        Returns
-        -------
-        Demand
+        It needs the demand of the base controller where `needs_controller` says so, and for pitch in the fixed frame
+        the azimuth of blade 1 [rad] and the rotor speed [rad/s].
         """
         # numbers one by one: arrays of three are slow
         pitch, yaw_rate, torque = setpoint.pitch.tolist(), setpoint.yaw_rate, setpoint.generator_torque
@@ -511,17 +456,9 @@ class ActionMap:
         return min(base + offset, max(base, self._most_shaft_power / rotor_speed))
 
     def encode(self, demand: Demand, previous: Demand | AgentSetpoint) -> NDArray[np.float64]:
-        """Give the action with a given demand, or the nearest one that the spans allow.
+        """Action (size,) with a given demand, or the nearest one that the spans allow, within [-1, 1].
 
-        Parameters
-        ----------
-        demand, previous : Demand
-            Collective maps take the mean of the blades' pitch.
-
-        Returns
-        -------
-        numpy.ndarray, shape (size,)
-            Within [-1, 1].
+        Collective maps take the mean of the blades' pitch.
 
         Raises
         ------
@@ -548,77 +485,3 @@ class ActionMap:
         """Rows (name, unit, value at -1, value at +1) of the action vector, for documentation and reports."""
         rows = zip(self.names, self.units, self.low, self.high, strict=True)
         return [{"name": n, "unit": u, "min": float(low), "max": float(high)} for n, u, low, high in rows]
-
-
-class ResidualPitch:
-    """Residual pitch behind a fade and a washout.
-
-    The fade multiplies all offsets by the share of `AboveRated`. The washout lets the mean of the blades' offsets pass
-    a high-pass filter, tau s / (1 + tau s): what lasts is the business of the base controller, whose integrator
-    takes it back above rated wind, so that there no reward depends on it, while below it only costs power. Tilt and
-    yaw, or the differences of the blades from their mean, pass as they are.
-
-    Parameters
-    ----------
-    fade : AboveRated or None
-    washout : float or None
-        tau [s].
-    n_mean : int
-        Of how many coordinates, the first ones, the mean is that of the blades; with none there is nothing to wash out.
-
-    Attributes
-    ----------
-    share : float
-        Of the fade [-].
-    mean : float
-        Mean offset that acts, the share included, where there is a washout [rad].
-    fades, washes : bool
-
-    Raises
-    ------
-    ValueError
-        If tau is not positive.
-    """
-
-    def __init__(self, fade: AboveRated | None, washout: float | None, n_mean: int):
-        if washout is not None and not 0.0 < washout < math.inf:
-            raise ValueError(f"residual_washout must be a positive time in s or None, got {washout!r}")
-        self.fades, self.washes = fade is not None, washout is not None and n_mean > 0
-        self._fade, self._n_mean = fade, n_mean
-        self._lasting = LowPass(cast(float, washout)) if self.washes else None
-        self.share, self.mean = 1.0, 0.0
-
-    def start(self, pitch: float, rotor_speed: float, dt: float) -> None:
-        """Start without offset, in steady state at a pitch [rad] and a rotor speed [rad/s]."""
-        self.mean = 0.0
-        if self._fade is not None:
-            self._fade.start(pitch)
-            self.share = self._fade.update((pitch,), rotor_speed, dt)
-        if self._lasting is not None:
-            self._lasting.reset(0.0)
-
-    def acting(
-        self, offsets: NDArray[np.float64], base_pitch: NDArray[np.float64], rotor_speed: float, dt: float
-    ) -> NDArray[np.float64]:
-        """Offsets that act in a step.
-
-        Parameters
-        ----------
-        offsets : numpy.ndarray, shape (n_pitch,)
-            That the agent asks for, in its coordinates [rad].
-        base_pitch : numpy.ndarray, shape (n_blades,)
-            Demand of the base controller [rad].
-        rotor_speed : float
-            [rad/s].
-        dt : float
-            [s].
-        """
-        if self._fade is not None:
-            self.share = self._fade.update(base_pitch.tolist(), rotor_speed, dt)
-        if self._lasting is not None:
-            own = offsets[: self._n_mean]
-            mean = float(np.add.reduce(own)) / len(own)
-            lasting = self._lasting.update(mean, dt)
-            self.mean = self.share * (mean - lasting)
-            offsets = np.concatenate((own - lasting, offsets[self._n_mean :]))
-        return self.share * offsets

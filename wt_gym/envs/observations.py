@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from wt_gym.control import ActionMap
-    from wt_gym.control.actions import ResidualPitch
-    from wt_gym.control.controllers.additions import YawByDeadBand
+    from wt_gym.control.controllers.additions import ResidualPitch, YawByDeadBand
     from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
     from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.envs.readers import Quantity

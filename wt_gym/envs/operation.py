@@ -20,8 +20,8 @@ from wt_gym.simulation.fidelity import fidelity as fidelity_of
 
 if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Lidar
-    from wt_gym.control.actions import ResidualPitch
     from wt_gym.control.controllers import Controller, Readings
+    from wt_gym.control.controllers.additions import ResidualPitch
     from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.envs.episode_start import Beginning
     from wt_gym.envs.fault_draws import DrawnFault

@@ -14,8 +14,7 @@ from wt_gym.control.sensors import to_fixed_frame
 
 if TYPE_CHECKING:
     from wt_gym.control import AgentSetpoint, Channel, Demand, Lidar
-    from wt_gym.control.actions import ResidualPitch
-    from wt_gym.control.controllers.additions import YawByDeadBand
+    from wt_gym.control.controllers.additions import ResidualPitch, YawByDeadBand
     from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.control.controllers.tsr_tracking import WindEstimator
     from wt_gym.simulation import Signals

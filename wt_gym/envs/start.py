@@ -116,7 +116,7 @@ class Start:
     trail: Trail | None = None
 
     def mirrored(self, n_blades: int) -> Start:
-        """Start of the mirror image of the turbine in the mirrored wind, see `wt_gym.simulation.reflection`.
+        """Start of the mirror image of the turbine in the mirrored wind, see `wt_gym.simulation.channels`.
 
         The motion stays: it is that of the clockwise image, as in snapshots. So does the memory of a controller that
         acts on rotor and pitch alone.

@@ -13,9 +13,8 @@ from gymnasium.error import ResetNeeded
 
 from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.control import ActionMap, Lidar
-from wt_gym.control.actions import ResidualPitch
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller, starting_part
-from wt_gym.control.controllers.additions import yaw_drive_of
+from wt_gym.control.controllers.additions import ResidualPitch, yaw_drive_of
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE
@@ -54,8 +53,8 @@ from wt_gym.envs.twin import Twin
 from wt_gym.envs.variation import VariationDraws, check_winds
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.simulation.drivetrain.drives import pitch_delay
+from wt_gym.simulation.fidelity import choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.model import with_site
 from wt_gym.turbines.variants import LossShares, with_electrical, with_generator

@@ -24,7 +24,7 @@ from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.playing import play, run_controller
 from wt_gym.runs.table import make_runs
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.tip_twist import suited_fidelity
+from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:

@@ -9,17 +9,18 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.controllers.catalogue import compiled_files
 from wt_gym.control.controllers.names import (
     ALIASES,
     BASELINE,
     PREFIX,
     Name,
+    compiled_files,
     is_agent_class,
+    load_class,
     name_and_parameters,
     parse_name,
+    source_digest,
 )
-from wt_gym.control.controllers.own_class import load_class, source_digest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

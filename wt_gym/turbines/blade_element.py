@@ -29,33 +29,25 @@ _BISECTIONS = 46
 
 @dataclass(frozen=True)
 class BladeElementRotor:
-    """A rotor as blade-element theory sees it.
-
-    Attributes
-    ----------
-    root_radius, length : float
-        Distance of the blade root from the axis, and length of the blade [m].
-    radius : float
-        Radius of the disc to which coefficients refer [m].
-    cone : float
-        [rad].
-    air_density : float
-        [kg/m^3].
-    chord_at, twist_at : callable
-        Chord [m] and twist [rad] at a distance from the root [m].
-    polar_at : callable
-        `Polar` at a distance from the root [m].
-    """
+    """A rotor as blade-element theory sees it."""
 
     n_blades: int
     root_radius: float
+    """Distance of the blade root from the axis [m]."""
     length: float
+    """Of the blade [m]."""
     radius: float
+    """Radius of the disc to which coefficients refer [m]."""
     cone: float
+    """[rad]."""
     air_density: float
+    """[kg/m^3]."""
     chord_at: Callable[[ArrayLike], NDArray[np.float64]]
+    """Chord [m] at a distance from the root [m]."""
     twist_at: Callable[[ArrayLike], NDArray[np.float64]]
+    """Twist [rad] likewise."""
     polar_at: Callable[[float], Polar]
+    """`Polar` at a distance from the root [m]."""
 
     @classmethod
     def of_turbine(cls, turbine: Turbine) -> BladeElementRotor:
@@ -69,53 +61,38 @@ class BladeElementRotor:
 
 @dataclass(frozen=True)
 class BladeElementResult:
-    """Blade-element momentum solution; arrays are of shape (n_span,).
-
-    Attributes
-    ----------
-    power, thrust : float
-        [W], [N] of the rotor.
-    cp, ct : float
-        Referred to the nominal diameter.
-    span : ndarray
-        Distance of the sections from the axis, along the blade [m].
-    alpha : ndarray
-        Angle of attack [rad].
-    speed : ndarray
-        In the section plane [m/s].
-    axial, tangential : ndarray
-        Induction factors a and a'.
-    cl, cd : ndarray
-    force : ndarray, shape (n_span, 2)
-        Force per length along the axis and in the direction of motion [N/m].
-    """
+    """Blade-element momentum solution; arrays are of shape (n_span,)."""
 
     power: float
+    """Of the rotor [W]."""
     thrust: float
+    """Of the rotor [N]."""
     cp: float
+    """Referred to the nominal diameter."""
     ct: float
     span: NDArray[np.float64]
+    """Distance of the sections from the axis, along the blade [m]."""
     alpha: NDArray[np.float64]
+    """Angle of attack [rad]."""
     speed: NDArray[np.float64]
+    """In the section plane [m/s]."""
     axial: NDArray[np.float64]
+    """Induction factor a."""
     tangential: NDArray[np.float64]
+    """Induction factor a'."""
     cl: NDArray[np.float64]
     cd: NDArray[np.float64]
     force: NDArray[np.float64]
+    """Force per length along the axis and in the direction of motion [N/m], shape (n_span, 2)."""
 
 
 @dataclass(frozen=True)
 class BladeElements:
-    """The sections of a rotor, ready to be solved.
-
-    Parameters
-    ----------
-    n_span : int
-        Sections, of equal length.
-    """
+    """The sections of a rotor, ready to be solved."""
 
     rotor: BladeElementRotor
     n_span: int = 60
+    """Sections, of equal length."""
 
     @cached_property
     def _middle(self) -> NDArray[np.float64]:

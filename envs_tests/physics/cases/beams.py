@@ -11,11 +11,12 @@ from scipy.integrate import solve_ivp
 from envs_tests.physics.cases.tools import ChainPoints, body_pose, frequencies, static_balance, upward_crossings
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.base.errors import WtGymError
-from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodyError, MultibodySystem
+from wt_gym.multibody.arrays import MultibodyError
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections, skew
-from wt_gym.structure.coordinates import ALL_DOFS, body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import FlexibleBody
-from wt_gym.structure.modes import clamped_modes, select_modes
+from wt_gym.structure.modes import ALL_DOFS, body_from_beam, circular_sections, clamped_modes, select_modes
 from wt_gym.structure.substructure import add_chain, cut_beam
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import inertia_matrix

@@ -8,9 +8,16 @@ from scipy.integrate import quad
 from envs_tests.physics.cases.airfoils import UniformStream
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.aerodynamics import AeroOptions, VortexLattice
-from wt_gym.aerodynamics.bodies.body_set import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
-from wt_gym.aerodynamics.bodies.tower_flow import TowerFlow, tower_perturbation
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.aerodynamics.bodies.body_set import (
+    BodySet,
+    BodySurface,
+    TowerFlow,
+    ellipsoid_body,
+    revolution_body,
+    tower_body,
+    tower_perturbation,
+)
+from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
 
 LAMB = "Lamb 1932, Hydrodynamics, §§ 92, 114–115"

@@ -14,7 +14,7 @@ from scipy.special import hankel2, jv
 from envs_tests.physics.cases.airfoils import theodorsen
 from envs_tests.physics.cases.rotor import RigidRotor
 from wt_gym.aerodynamics import AeroOptions
-from wt_gym.simulation.model.blade_lattice import N_ALPHA
+from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 

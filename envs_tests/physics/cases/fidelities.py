@@ -25,10 +25,9 @@ import numpy as np
 from envs_tests.physics.validation import DATA, CaseResult, Check, Curve, Figure, case
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.analysis.metrics import damage_equivalent_load
-from wt_gym.base.fields import counting_fields
 from wt_gym.simulation import Simulator
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import Fidelity, fidelity
-from wt_gym.simulation.state import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
@@ -189,7 +188,7 @@ def _stamp(experiment: Experiment, choice: Fidelity) -> str:
 def _rounded(value: Any, digits: int) -> Any:
     """The same nested value with every float written to some digits: the last ones differ between machines."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return tuple((f.name, _rounded(getattr(value, f.name), digits)) for f in counting_fields(value))
+        return tuple((f.name, _rounded(getattr(value, f.name), digits)) for f in dataclasses.fields(value))
     if isinstance(value, np.ndarray):
         return tuple(_rounded(item, digits) for item in value.tolist())
     if isinstance(value, (tuple, list)):

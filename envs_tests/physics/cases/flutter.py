@@ -22,11 +22,12 @@ from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, abso
 from wt_gym.aerodynamics import AeroOptions, VortexLattice
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree.point_kernels import point_loads, point_motion
 from wt_gym.simulation import Fidelity, Simulator
 from wt_gym.simulation.drivetrain.drives import TorqueCommand
-from wt_gym.simulation.model.turbine_structure import body_points
+from wt_gym.simulation.turbine_structure import body_points
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes

@@ -15,11 +15,11 @@ from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.multibody.constraints.descriptor import descriptor_form
-from wt_gym.multibody.system import HammingIntegrator
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.tree import output_kernels, tree_kernels
 from wt_gym.simulation import FIDELITIES, Recorder, Simulator
-from wt_gym.simulation.model.assembly import assemble
-from wt_gym.simulation.model.equilibrium import elastic_equilibrium
+from wt_gym.simulation.models import assemble
+from wt_gym.simulation.start import elastic_equilibrium
 from wt_gym.turbine_records import RECORDS
 from wt_gym.wind.steady import SteadyInflow
 

@@ -691,7 +691,7 @@ def rest_frequencies(simulator):
 
 def frequencies_in(simulator):
     """Frequencies [Hz] of the turning, loaded blades in the fixed basis: Rayleigh–Ritz with the tangent matrices."""
-    from wt_gym.simulation.model.deformed_basis import DeformedBasis
+    from wt_gym.simulation.deformed_basis import DeformedBasis
 
     coupling, structure = simulator.coupling, simulator.structure
     present = DeformedBasis(coupling.models)

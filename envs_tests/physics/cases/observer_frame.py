@@ -10,13 +10,9 @@ import numpy as np
 from scipy.linalg import eigh
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table
-from wt_gym.multibody.observer_frame.frame import (
-    REFERENCE_CONDITIONS,
-    ObserverFrameError,
-    ObserverFrameIntegrator,
-    ObserverFrameSystem,
-    Substructure,
-)
+from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
+from wt_gym.multibody.observer_frame.observer_frame_body import REFERENCE_CONDITIONS, ObserverFrameError, Substructure
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.turbines.blade import inertia_matrix
 

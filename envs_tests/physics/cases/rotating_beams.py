@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from envs_tests.physics.cases.tools import body_pose, frequencies, rate_jacobian
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table, worst
-from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_frame_from_system
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody, without_second_order
 from wt_gym.structure.modes import clamped_modes

@@ -13,7 +13,7 @@ from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.simulation import FIDELITIES
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 

@@ -30,7 +30,7 @@ from wt_gym.aerodynamics import (
     tower_perturbation,
 )
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.model.blade_lattice import N_ALPHA
+from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.blade_element import BladeElementRotor

@@ -8,12 +8,12 @@ import numpy as np
 
 from envs_tests.physics.cases.tools import body_pose, upward_crossings
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.structure.beam import Beam, BeamSections
-from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import FlexibleBody
-from wt_gym.structure.modes import clamped_modes
+from wt_gym.structure.modes import body_from_beam, circular_sections, clamped_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import inertia_matrix
 from wt_gym.turbines.catalogue import nada_data, nada_speed

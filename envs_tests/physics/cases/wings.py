@@ -26,7 +26,7 @@ from envs_tests.physics.cases.rotor import RigidRotor
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.aerodynamics import AeroOptions, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING
-from wt_gym.simulation.model.blade_lattice import TOWARDS_ENDS, TOWARDS_TIP
+from wt_gym.simulation.models import TOWARDS_ENDS, TOWARDS_TIP
 from wt_gym.turbines import load_turbine
 
 # ---- wings ----------------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Runs of OpenFAST's own driver: a turbine in a wind under a Bladed library, and what the driver wrote of it.
 
-A turbine as a JSON file, whole, so that outputs of OpenFAST can be read without the model they were made with.
+The turbine stands beside a run as a whole JSON file, so that outputs can be read without the model they are made with.
 """
 
 from __future__ import annotations
@@ -8,8 +8,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import os
-import shutil
 import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,25 +26,11 @@ from wt_gym.bridges.openfast.measurement import (
     servodyn_outputs,
 )
 from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
-from wt_gym.bridges.openfast.process import VARIABLE
 from wt_gym.bridges.openfast.run_folder import BentTurbine, DriverRun, ServedController, prepare_run
 from wt_gym.control.operating_point import starting_point
 from wt_gym.simulation.channels import Signals, channel_table
-from wt_gym.turbines import (
-    Airfoil,
-    BeamStations,
-    Blade,
-    ControlData,
-    Drivetrain,
-    Hub,
-    Nacelle,
-    PitchSystem,
-    Polar,
-    RotationalAugmentation,
-    Support,
-    Tower,
-    Turbine,
-)
+from wt_gym.turbines import Turbine
+from wt_gym.turbines import model as turbine_model
 from wt_gym.turbines.openfast_text import InputFile
 
 if TYPE_CHECKING:
@@ -56,13 +40,8 @@ if TYPE_CHECKING:
 
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "DRIVER_VARIABLE", "TURBINE_FILE", "find_driver", "read_outputs", "read_turbine", "run_driver", "write_driver_run",
-    "write_turbine",
-]  # fmt: skip
+__all__ = ["TURBINE_FILE", "read_outputs", "read_turbine", "run_driver", "write_driver_run", "write_turbine"]
 
-DRIVER_VARIABLE = "WT_GYM_OPENFAST"
-"""Environment variable with the path of the driver."""
 _LAST_WORDS = 600
 """Characters of the driver's output that a message shows."""
 _NORMAL_END = "terminated normally"
@@ -89,7 +68,7 @@ def write_driver_run(
     Parameters
     ----------
     inflow : Inflow
-        See `wt_gym.bridges.openfast.wind.write_wind` for what becomes of it.
+        Written by `wt_gym.bridges.openfast.wind.write_wind`.
     folder : str or path
         Made if it is not there; files of the same names in it are replaced.
     duration : float
@@ -140,43 +119,8 @@ def write_driver_run(
     return primary
 
 
-def find_driver(given: str | os.PathLike[str] | None = None) -> Path:
-    """Path of OpenFAST's driver.
-
-    Parameters
-    ----------
-    given : str or path, optional
-        By default `DRIVER_VARIABLE`, else ``openfast`` on the path or beside the library that `VARIABLE` names.
-
-    Raises
-    ------
-    SimulationError
-        If it is not found; the message says how to get one.
-    """
-    if chosen := given or os.environ.get(DRIVER_VARIABLE):
-        path = Path(chosen).expanduser()
-        if path.is_file():
-            return path.resolve()
-        where = "openfast" if given else DRIVER_VARIABLE
-        raise SimulationError(f"{where} must be the path of OpenFAST's driver (openfast); got {chosen}: no file")
-    library = os.environ.get(VARIABLE)
-    beside = [Path(library).parent, Path(library).parent.parent / "bin"] if library else []
-    for folder in (None, *beside):
-        if found := shutil.which("openfast", path=None if folder is None else str(folder)):
-            return Path(found).resolve()
-    raise SimulationError(
-        "OpenFAST's driver (openfast, version 5) is not here: conda install -c conda-forge openfast, or build it; "
-        f"then have it on the path, or give its path in {DRIVER_VARIABLE}"
-    )
-
-
 def run_driver(primary: Path, driver: Path) -> Path:
-    """Run OpenFAST's driver; path of its outputs.
-
-    Parameters
-    ----------
-    primary : Path
-        Primary file, as `write_driver_run` gives it.
+    """Run OpenFAST's driver on a primary file; path of its outputs.
 
     Raises
     ------
@@ -258,13 +202,7 @@ def _dataset(signals: list[Signals], turbine: Turbine) -> xr.Dataset:
 
 TURBINE_FILE = "turbine.json"
 """Name of the file beside a primary file that is written here."""
-_RECORDS: dict[str, type[Any]] = {
-    record.__name__: record
-    for record in (
-        Airfoil, BeamStations, Blade, ControlData, Drivetrain, Hub, Nacelle, PitchSystem, Polar, RotationalAugmentation,
-        Support, Tower, Turbine,
-    )
-}  # fmt: skip
+_RECORDS = {name: kind for name, kind in vars(turbine_model).items() if isinstance(kind, type)}
 
 
 def write_turbine(turbine: Turbine, path: Path) -> None:
@@ -273,13 +211,7 @@ def write_turbine(turbine: Turbine, path: Path) -> None:
 
 
 def read_turbine(path: Path) -> Turbine:
-    """Read a turbine that `write_turbine` has written.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the file is not such a one.
-    """
+    """Read a turbine that `write_turbine` has written."""
     try:
         found = _made(json.loads(path.read_text(encoding="utf-8")))
     except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:

@@ -4,9 +4,8 @@ The files are written from tables of their keywords. The PyPI package ``openfast
 puts out what its reader has read, needs the several hundred entries of a whole model for it, and makes neither mode
 shapes nor tables of sections and polars from the numbers of a turbine, which is all the work there is.
 
-Blade and tower of a turbine as ElastoDyn has them: beams that bend in two planes and do nothing else.
-
-Mode shapes of ElastoDyn: polynomials that vanish with their slope at the clamped end and are one at the free end.
+ElastoDyn's blade and tower are beams that bend in two planes and do nothing else. Their mode shapes are polynomials
+that vanish with their slope at the clamped end and are one at the free end.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg import eigh
@@ -22,7 +21,7 @@ from scipy.linalg import eigh
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.openfast_text import plain_line, write_lines
-from wt_gym.turbines.variants import clockwise_image
+from wt_gym.turbines.variants import clockwise_image, rotor_inertia_without_generator
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -474,9 +473,8 @@ def _table_angles(polar: Polar) -> np.ndarray:
 
 def _shaft_frequency(turbine: Turbine) -> float:
     """Frequency at which rotor and generator swing against each other [Hz]."""
-    train, hub = turbine.drivetrain, turbine.hub
-    m0, m1, m2 = (turbine.blade.structure.mass_moment(k) for k in range(3))
-    rotor = turbine.n_blades * (m2 + 2.0 * hub.radius * m1 + hub.radius**2 * m0) + hub.inertia_axial
+    train = turbine.drivetrain
+    rotor = rotor_inertia_without_generator(turbine.blade, turbine.hub, turbine.n_blades)
     generator = train.generator_inertia * train.gear_ratio**2
     return math.sqrt(train.spring * (1.0 / rotor + 1.0 / max(generator, 1e-9))) / (2.0 * math.pi)
 
@@ -496,54 +494,44 @@ _MOST_STATIONS = 60
 
 @dataclass(frozen=True)
 class BladeSections:
-    """ElastoDyn's blade.
-
-    Attributes
-    ----------
-    fraction : ndarray (n,)
-        Along the blade, from 0 to 1 (BlFract).
-    twist : ndarray (n,)
-        Of the axes of bending [rad] (StrcTwst).
-    mass, flap, edge : ndarray (n,)
-        [kg/m], [N m²], [N m²].
-    flap_shapes : ndarray (2, 5)
-    edge_shape : ndarray (5,)
-    frequencies : ndarray (3,)
-        Flap 1, flap 2, edge 1 of the blade without twist, turning at rated speed [Hz].
-    """
+    """ElastoDyn's blade, tables (n,)."""
 
     fraction: NDArray[np.float64]
+    """Along the blade, from 0 to 1 (BlFract)."""
     twist: NDArray[np.float64]
+    """Of the axes of bending [rad] (StrcTwst)."""
     mass: NDArray[np.float64]
+    """[kg/m]."""
     flap: NDArray[np.float64]
+    """[N m²]."""
     edge: NDArray[np.float64]
+    """[N m²]."""
     flap_shapes: NDArray[np.float64]
+    """(2, 5)."""
     edge_shape: NDArray[np.float64]
+    """(5,)."""
     frequencies: NDArray[np.float64]
+    """Flap 1, flap 2, edge 1 of the blade without twist, turning at rated speed (3,) [Hz]."""
 
 
 @dataclass(frozen=True)
 class TowerSections:
-    """ElastoDyn's tower.
-
-    Attributes
-    ----------
-    fraction : ndarray (n,)
-        From the base to the top, 0 to 1 (HtFract).
-    mass, fore_aft, side_side : ndarray (n,)
-        [kg/m], [N m²], [N m²].
-    fore_aft_shapes, side_side_shapes : ndarray (2, 5)
-    frequencies : ndarray (4,)
-        Fore-aft 1, 2 and side-side 1, 2 under a rigid rotor and nacelle [Hz].
-    """
+    """ElastoDyn's tower, tables (n,)."""
 
     fraction: NDArray[np.float64]
+    """From the base to the top, 0 to 1 (HtFract)."""
     mass: NDArray[np.float64]
+    """[kg/m]."""
     fore_aft: NDArray[np.float64]
+    """[N m²]."""
     side_side: NDArray[np.float64]
+    """[N m²]."""
     fore_aft_shapes: NDArray[np.float64]
+    """(2, 5)."""
     side_side_shapes: NDArray[np.float64]
+    """(2, 5)."""
     frequencies: NDArray[np.float64]
+    """Fore-aft 1, 2 and side-side 1, 2 under a rigid rotor and nacelle (4,) [Hz]."""
 
 
 def blade_sections(turbine: Turbine) -> BladeSections:
@@ -568,13 +556,7 @@ def blade_sections(turbine: Turbine) -> BladeSections:
 
 
 def tower_sections(turbine: Turbine) -> TowerSections:
-    """Sections and mode shapes of the tower, under the weight of what stands on it.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the tower stands on a monopile, for which ElastoDyn alone has no model.
-    """
+    """Sections and mode shapes of the tower, under the weight of what stands on it."""
     tower = turbine.tower
     if tower.support is not None:
         raise TurbineDefinitionError(
@@ -653,21 +635,15 @@ POWERS = np.arange(2, 7)
 _POINTS = 2000
 
 
-class TopBody:
-    """Rigid body on the free end of a beam.
+class TopBody(NamedTuple):
+    """Rigid body on the free end of a beam."""
 
-    Parameters
-    ----------
-    mass : float
-        [kg].
-    height : float
-        Of its center of mass above the end of the beam [m].
-    inertia : float
-        About the axis of bending through the center of mass [kg m²].
-    """
-
-    def __init__(self, mass: float, height: float, inertia: float):
-        self.mass, self.height, self.inertia = mass, height, inertia
+    mass: float
+    """[kg]."""
+    height: float
+    """Of its center of mass above the end of the beam [m]."""
+    inertia: float
+    """About the axis of bending through the center of mass [kg m²]."""
 
 
 def bending_shapes(

@@ -1,8 +1,7 @@
 """One simulation of OpenFAST in a process of its own, which a crash of the library ends and nothing else.
 
-Where OpenFAST's C library is.
-
-The small Bladed library through which any build of OpenFAST takes demands from this package.
+Also the places of OpenFAST's library and driver, and the small Bladed library through which any build of OpenFAST takes
+demands from this package.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from __future__ import annotations
 import ctypes.util
 import hashlib
 import os
+import shutil
 import sys
 import sysconfig
 from pathlib import Path
@@ -44,7 +44,7 @@ class OpenFASTProcess:
     model : Path
         Primary file.
     relay : Path or None
-        Library that hands over the demands, see `wt_gym.bridges.openfast.process`.
+        Library that hands over the demands (`relay_library`).
     demands : array (6,)
         At time zero: pitch of three blades [rad], torque [N m], yaw [rad], yaw rate [rad/s].
     log : Path
@@ -58,11 +58,6 @@ class OpenFASTProcess:
         Of the outputs.
     outputs : ndarray (n_outputs,)
         At time zero.
-
-    Raises
-    ------
-    SimulationError
-        With OpenFAST's message.
     """
 
     def __init__(self, library: Path, model: Path, relay: Path | None, demands: NDArray[np.float64], log: Path):
@@ -72,21 +67,7 @@ class OpenFASTProcess:
         self.outputs = np.frombuffer(outputs)
 
     def advance(self, demands: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Advance by one step of OpenFAST for each row of demands.
-
-        Parameters
-        ----------
-        demands : array (n, 6)
-
-        Returns
-        -------
-        ndarray (n, n_outputs)
-
-        Raises
-        ------
-        SimulationError
-            With OpenFAST's message; the process has then ended.
-        """
+        """Advance by one step of OpenFAST for each row of demands (n, 6); outputs (n, n_outputs)."""
         rows = self._ask("advance", demands.ravel().tolist())
         return np.frombuffer(rows).reshape(len(demands), len(self.names))
 
@@ -114,6 +95,22 @@ _NAMES = {"win32": ("openfastlib.dll", "libopenfastlib.dll"), "darwin": ("libope
 _FOLDERS = ("lib", "Library/bin", "bin")
 
 
+DRIVER_VARIABLE = "WT_GYM_OPENFAST"
+"""Environment variable with the path of the driver."""
+
+
+def _named(given: str | os.PathLike[str] | None, argument: str, variable: str, what: str) -> Path | None:
+    """Return the file that an argument or an environment variable names, None where neither does."""
+    chosen = given or os.environ.get(variable)
+    if not chosen:
+        return None
+    path = Path(chosen).expanduser()
+    if path.is_file():
+        return path.resolve()
+    where = argument if given else variable
+    raise SimulationError(f"{where} must be the path of OpenFAST's {what}; got {chosen}: no file")
+
+
 def find_library(given: str | os.PathLike[str] | None = None) -> Path:
     """Path of OpenFAST's C library.
 
@@ -127,13 +124,8 @@ def find_library(given: str | os.PathLike[str] | None = None) -> Path:
     SimulationError
         If it is not found; the message says how to get one.
     """
-    chosen = given or os.environ.get(VARIABLE)
-    if chosen:
-        path = Path(chosen).expanduser()
-        if path.is_file():
-            return path.resolve()
-        where = "openfast_library" if given else VARIABLE
-        raise SimulationError(f"{where} must be the path of OpenFAST's library (libopenfastlib); got {chosen}: no file")
+    if path := _named(given, "openfast_library", VARIABLE, "library (libopenfastlib)"):
+        return path
     names = _NAMES.get(sys.platform, ("libopenfastlib.so",))
     for prefix in (os.environ.get("CONDA_PREFIX"), sys.prefix):
         for folder in _FOLDERS if prefix else ():
@@ -152,14 +144,34 @@ def find_library(given: str | os.PathLike[str] | None = None) -> Path:
 _SOURCE = Path(__file__).with_name("relay.c")
 
 
-def relay_library() -> Path:
-    """Path of the library, compiled at the first call and kept in the cache.
+def find_driver(given: str | os.PathLike[str] | None = None) -> Path:
+    """Path of OpenFAST's driver.
+
+    Parameters
+    ----------
+    given : str or path, optional
+        By default `DRIVER_VARIABLE`, else ``openfast`` on the path or beside the library that `VARIABLE` names.
 
     Raises
     ------
     SimulationError
-        If there is no compiler, or it fails.
+        If it is not found; the message says how to get one.
     """
+    if path := _named(given, "openfast", DRIVER_VARIABLE, "driver (openfast)"):
+        return path
+    library = os.environ.get(VARIABLE)
+    beside = [str(Path(library).parent), str(Path(library).parent.parent / "bin")] if library else []
+    for folder in (None, *beside):
+        if driver := shutil.which("openfast", path=folder):
+            return Path(driver).resolve()
+    raise SimulationError(
+        "OpenFAST's driver (openfast, version 5) is not here: conda install -c conda-forge openfast, or build it; "
+        f"then have it on the path, or give its path in {DRIVER_VARIABLE}"
+    )
+
+
+def relay_library() -> Path:
+    """Path of the library, compiled at the first call and kept in the cache."""
     stamp = hashlib.sha256(_SOURCE.read_bytes() + sysconfig.get_platform().encode()).hexdigest()[:16]
     cache = user_cache()
     if cache is None:

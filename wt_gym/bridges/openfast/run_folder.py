@@ -1,8 +1,7 @@
 """The folder of one simulation of OpenFAST: the files of a model with start, wind, controls and outputs of that run.
 
-Where blades and tower stand at the start of a simulation of OpenFAST: bent as by a steady wind.
-
-The files that an OpenFAST model names, copied beside a run, so that its folder can be moved.
+Blades and tower start bent as by a steady wind. The files that a model names are copied beside a run of the driver, so
+that its folder can be moved.
 """
 
 from __future__ import annotations
@@ -51,58 +50,39 @@ _SAME = 0.01
 
 @dataclass(frozen=True)
 class RunStart:
-    """State at time zero, in SI units and radians.
-
-    Attributes
-    ----------
-    rotor_speed, azimuth, yaw : float
-        [rad/s], [rad], [rad].
-    pitch : ndarray (n_blades,)
-    tower_top : (float, float)
-        Displacement of the tower top along global x and y [m].
-    tips : (float, float)
-        Deflection of the tips out of and in the plane [m].
-    """
+    """State at time zero, in SI units and radians."""
 
     rotor_speed: float
     azimuth: float
     yaw: float
     pitch: NDArray[np.float64]
+    """(n_blades,)."""
     tower_top: tuple[float, float]
+    """Displacement of the tower top along global x and y [m]."""
     tips: tuple[float, float]
+    """Deflection of the tips out of and in the plane [m]."""
 
 
 @dataclass(frozen=True)
 class ServedController:
-    """Library with the Bladed interface that ServoDyn loads.
-
-    Attributes
-    ----------
-    library, input_file : str
-        Paths, whole or beside the file of ServoDyn.
-    lidar : PointLidar or None
-        What InflowWind reads for it.
-    """
+    """Library with the Bladed interface that ServoDyn loads."""
 
     library: str
+    """Path, whole or beside the file of ServoDyn."""
     input_file: str
+    """Likewise."""
     lidar: PointLidar | None = None
+    """Read by InflowWind for it."""
 
 
 @dataclass(frozen=True)
 class DriverRun:
-    """What OpenFAST's driver needs beside a model: how long it simulates and how often it writes.
-
-    Attributes
-    ----------
-    duration : float
-        [s].
-    interval : float
-        Between the rows of its outputs [s].
-    """
+    """Times of a run by OpenFAST's driver."""
 
     duration: float
+    """[s]."""
     interval: float
+    """Between the rows of its outputs [s]."""
 
 
 def prepare_run(
@@ -144,13 +124,6 @@ def prepare_run(
     -------
     Path
         Of the primary file of the run.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If a file or a keyword is missing in the model, or it is a model of another turbine.
-    SimulationError
-        If the model leaves out a module that is needed, or ``changes`` names none.
     """
     if unknown := set(changes) - {"OpenFAST", *MODULES}:
         raise SimulationError(f"changes must name modules {', '.join(('OpenFAST', *MODULES))}; got {sorted(unknown)}")

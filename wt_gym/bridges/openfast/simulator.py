@@ -1,7 +1,4 @@
-"""OpenFAST behind the contract of `wt_gym.simulation.Simulator`.
-
-How the pitch gets from command to command within a step: the pitch drives of the simulator, for OpenFAST's steps.
-"""
+"""OpenFAST behind the contract of `wt_gym.simulation.Simulator`."""
 
 from __future__ import annotations
 
@@ -23,8 +20,8 @@ from wt_gym.bridges.openfast.run_folder import BentTurbine, ServedController, pr
 from wt_gym.bridges.openfast.wind import repeats
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
+from wt_gym.simulation.fidelity import choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import clockwise_image, with_generator
@@ -299,13 +296,6 @@ class OpenFASTSimulator:
         ----------
         duration, pitch, yaw_rate, generator_torque, accumulate
             As of `Simulator.advance`.
-
-        Raises
-        ------
-        ActionError
-            For demands that are not finite or a duration that is not a multiple of the time step.
-        SimulationError
-            With OpenFAST's message where it fails; the simulator must then be reset.
         """
         process, measurement = self._running()
         drives = self.drives

@@ -1,6 +1,4 @@
-"""Any inflow of this package as a wind file of OpenFAST.
-
-The lidar of OpenFAST's InflowWind: what of a lidar of this package it can read, and its input.
+"""Winds and lidars of this package for OpenFAST: any inflow as a wind file, and what InflowWind reads of a lidar.
 
 InflowWind (5.0, ``Lidar.f90``) has three sensors. Single points (``SensorType`` 1) are up to five anywhere, of one
 gate; each gives the magnitude of the wind there. A continuous-wave lidar (2) has one beam and one point, a pulsed

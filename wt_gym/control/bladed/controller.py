@@ -1,7 +1,5 @@
 """A library with the Bladed interface as a controller.
 
-A controller library with the Bladed interface, loaded for one turbine.
-
 Such libraries keep their state in global variables. So each instance loads a private copy of the file, whose variables
 are its own, and unloads it when it is closed. What the original depends on is found because the original is loaded,
 too, but never called. An isolated library runs in a process of its own (`wt_gym.base.child_process`), so that a crash
@@ -28,6 +26,7 @@ import numpy as np
 
 from wt_gym.base.child_process import ChildEndedError, ChildProcess
 from wt_gym.base.errors import ControllerError, SimulationError
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
 from wt_gym.control.bladed import worker
 from wt_gym.control.bladed.records import (
@@ -48,7 +47,6 @@ from wt_gym.control.bladed.records import (
     write_readings,
     write_turbine,
 )
-from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.sensors import Lidar
 
 if TYPE_CHECKING:
@@ -57,9 +55,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "DEFAULT_FUNCTION", "PARAMETERS", "BladedController", "Library", "check_library",
-]  # fmt: skip
+__all__ = ["DEFAULT_FUNCTION", "BladedController", "BladedOptions", "Library", "check_library"]
 
 _log = logging.getLogger(__name__)
 
@@ -97,14 +93,7 @@ def _anchor(path: Path) -> ctypes.CDLL:
 
 
 class Library:
-    """One instance of a controller library.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    function : str
-    isolated : bool
-        Whether it runs in a process of its own.
+    """One instance of a controller library, isolated: in a process of its own.
 
     Raises
     ------
@@ -140,13 +129,7 @@ class Library:
         return self._child is None or self._child.alive
 
     def call(self, swap: np.ndarray, input_file: str) -> tuple[int, str]:
-        """Call the library once; it changes the records.
-
-        Parameters
-        ----------
-        swap : numpy.ndarray, float32
-            ``avrSWAP``.
-        input_file : str
+        """Call the library once; it changes the records ``avrSWAP``.
 
         Returns
         -------
@@ -222,19 +205,29 @@ def _unload(library: ctypes.CDLL) -> None:
         _ctypes.dlclose(library._handle)
 
 
-PARAMETERS = (
-    Parameter("library", "-", "path of the library", word=PATH, otherwise="must be given"),
-    Parameter("input_file", "-", "path of its parameter file", word=PATH, otherwise="none"),
-    Parameter("function", "-", "name of its function", word="a name"),
-    Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
-    Parameter("individual_pitch", "-", "whether each blade has its own demand", switch=True, only_object=True),
-    Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
-    Parameter(
-        "lidar", "-", "lidar that it reads; True: three gates by the rotor's size", switch=True, kind="Lidar",
-        only_object=True,
-    ),
-)  # fmt: skip
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+@option_record
+class BladedOptions(Options):
+    """Parameters of a `BladedController`."""
+
+    title = "bladed"
+
+    library: Path | None = option("path of the library", default=None, unit="-", otherwise="must be given")
+    input_file: Path | None = option("path of its parameter file", default=None, unit="-", otherwise="none")
+    function: str = option("name of its function", default=DEFAULT_FUNCTION, unit="-")
+    interval: float | None = option(
+        "longest time between calls; within a longer step of the controller the readings go linearly from the last to "
+        "the present ones", default=None, unit="s", low=0.0, above=True, otherwise="the controller's step",
+    )  # fmt: skip
+    individual_pitch: bool = option(
+        "whether each blade has its own demand: records 42 to 44 or record 45", default=True, unit="-"
+    )
+    isolated: bool = option(
+        "whether it runs in a process of its own, so that a crash of it ends the episode and not this process",
+        default=False, unit="-",
+    )  # fmt: skip
+    lidar: bool | Lidar = option(
+        "lidar that it reads; True: three gates by the rotor's size", default=False, unit="-", kinds=(Lidar,)
+    )
 
 
 def _indices(given_by: str) -> np.ndarray:
@@ -260,58 +253,42 @@ class BladedController:
 
     Parameters
     ----------
-    turbine : Turbine
-    library : str or path
     input_file : str or path, optional
         Handed to the library by its absolute path.
-    function : str
-    interval : float, optional
-        Longest time between calls [s]. Within a longer step of the controller the readings go linearly from the last to
-        the present ones. By default the step.
-    individual_pitch : bool
-        Whether records 42 to 44 or record 45 are read.
-    isolated : bool
-        Whether the library runs in a process of its own, so that a crash of it ends the episode and not this process.
-    lidar : Lidar or bool
-        What the records of a lidar hold (`wt_gym.control.bladed.records`); True: `Lidar.for_rotor`. By default there is
-        none, and they are zero.
+    **parameters
+        Of `BladedOptions`.
 
     Raises
     ------
     FileNotFoundError
         If a file does not exist.
     ValueError
-        If the library cannot be loaded.
+        If there is no library, or it cannot be loaded.
     wt_gym.base.errors.ControllerError
         For a turbine with more than three blades.
     """
 
     def __init__(
-        self,
-        turbine: Turbine,
-        library: str | Path,
-        input_file: str | Path = "",
-        *,
-        function: str = DEFAULT_FUNCTION,
-        interval: float | None = None,
-        individual_pitch: bool = True,
-        isolated: bool = False,
-        lidar: Lidar | bool = False,
-    ):
+        self, turbine: Turbine, library: str | Path | None = None, input_file: str | Path | None = None,
+        **parameters: Any,
+    ) -> None:  # fmt: skip
+        o = BladedOptions(library=library, input_file=input_file, **parameters)  # type: ignore[arg-type]  # checked
+        if o.library is None:
+            raise ValueError("the controller 'bladed' must be given a library: bladed:path/of/the/library.so")
         if turbine.n_blades > MAX_BLADES:
             raise ControllerError(
                 f"the Bladed interface has records for at most {MAX_BLADES} blades, the turbine has {turbine.n_blades}"
             )
         self.turbine = turbine
-        self.library = Path(library).expanduser().resolve()
-        self.input_file = str(Path(input_file).expanduser().resolve()) if str(input_file) else ""
+        self.library = Path(o.library).expanduser().resolve()
+        self.input_file = "" if o.input_file is None else str(Path(o.input_file).expanduser().resolve())
         if self.input_file and not Path(self.input_file).is_file():
             raise FileNotFoundError(f"there is no input file {self.input_file} of the controller library")
-        self.function, self.interval = function, interval
-        self.individual_pitch, self.isolated = individual_pitch, isolated
-        check_library(self.library, function)
-        self.lidar = _lidar(lidar, turbine)
-        """What `wt_gym.control.controllers.lidar_of` finds."""
+        self.function, self.interval = o.function, o.interval
+        self.individual_pitch, self.isolated = o.individual_pitch, o.isolated
+        check_library(self.library, o.function)
+        self.lidar = _lidar(o.lidar, turbine)
+        """Lidar that `wt_gym.control.controllers.lidar_of` returns."""
         self.channels = channels_read(turbine.n_blades, self.lidar)
         self._read = np.concatenate([_READ, lidar_indices(self.lidar)])
         self._kept = np.concatenate([self._read, _DEMANDS])  # what is noted of a call
@@ -321,11 +298,6 @@ class BladedController:
         self._begin = self._now = math.nan
         self._readings = self._swap[self._read]
         self._warned: set[str] = set()
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, library: str | Path, **parameters: Any) -> BladedController:
-        """Make one by name; parameters as of the class."""
-        return cls(turbine, library, **parameters)
 
     # ---- the contract ----------------------------------------------------------------------------------------------
 

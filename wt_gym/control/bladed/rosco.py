@@ -2,12 +2,10 @@
 
 N. J. Abbas, D. S. Zalkind, L. Pao and A. Wright, A reference open-source controller for fixed and floating offshore
 wind turbines, Wind Energ. Sci. 7 (2022) 53. The package brings the library, and input files that were tuned for some
-turbines; any other turbine gets an input file by `wt_gym.control.bladed.rosco`.
+turbines; any other turbine gets an input file that `write_rosco_input` makes from its data.
 
-Input files for ROSCO from the data of any turbine.
-
-The gains are those of the turbine's own controller where its data publish them, else those of the rules of
-`wt_gym.control.controllers`; ROSCO's signs are the other way round (its errors are reference minus measurement). The
+The gains of such a file are those of the turbine's own controller where its data publish them, else those of the rules
+of `wt_gym.control.controllers`; ROSCO's signs are the other way round (its errors are reference minus measurement). The
 performance table comes from blade elements (`wt_gym.control.rotor`). The extended Kalman filter that estimates the wind
 wants the pole of the rotor speed at each wind, ``A(v) = (∂Q/∂Ω)/J`` at the operating point (Abbas et al. 2022,
 section 3.5); here it is a central difference of the same coefficients.
@@ -22,16 +20,16 @@ import sys
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.base.files import write_text_whole
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.discon import BaselineParameters
-from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters
 from wt_gym.control.design import same_rotor, slower_than_reference
 from wt_gym.control.operating_point import (
@@ -52,7 +50,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "PARAMETERS", "RoscoController", "performance_table", "rosco_library", "start_stop_values", "tuned_input",
+    "RoscoController", "RoscoOptions", "performance_table", "rosco_library", "start_stop_values", "tuned_input",
     "value_text", "write_rosco_input",
 ]  # fmt: skip
 
@@ -79,11 +77,6 @@ def write_rosco_input(turbine: Turbine, path: Path) -> None:
 
     Tip-speed-ratio tracking with a Kalman filter, constant power above rated if the turbine's own controller holds it,
     set-point smoothing, a least pitch over the wind; individual pitch, dampers and yaw are off.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    path : pathlib.Path
     """
     table = _coefficients(turbine)
     write_text_whole(path.with_name(PERFORMANCE_FILE), performance_table(table))
@@ -101,7 +94,6 @@ def start_stop_values(turbine: Turbine, time_scale: float = 1.0) -> dict[str, ob
 
     Parameters
     ----------
-    turbine : Turbine
     time_scale : float
         Factor on the durations of the start-up, which are ROSCO's own, and on the time constant of the filter of the
         pitch, half of the ten minutes of a mean wind: winds that are compressed in time need less than 1 [-].
@@ -235,27 +227,35 @@ _COURSE, _STEP, _LONGEST = "demanded_power.dat", 0.01, 1e5
 LONGEST_INTERVAL = 0.0125
 """Longest time between calls [s], the step with which ROSCO is used in OpenFAST."""
 
-PARAMETERS = (
-    Parameter(
-        "input_file", "-", "path of a DISCON.IN", word=PATH,
+
+@option_record
+class RoscoOptions(Options):
+    """Parameters of a `RoscoController`."""
+
+    title = "rosco"
+
+    input_file: Path | None = option(
+        "path of a DISCON.IN", default=None, unit="-",
         otherwise="the one that the package brings for the turbine, else one made from its data",
-    ),
-    Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
-    Parameter(
-        "derate", "-", "what a demanded power lowers: ROSCO's factor on rated torque, and beside it that on rated "
-        "speed or on the power at fine pitch", word="speed, torque or pitch", otherwise="nothing",
-    ),
-    Parameter(
-        "start_stop", "-", "whether it starts a parked turbine and stops it for good where the pitch or the speed is "
-        "high (SU_Mode, SD_Mode)", switch=True, only_object=True,
-    ),
-    Parameter(
-        "time_scale", "-", "factor on ROSCO's durations of a start-up, and on the 600 s over which the pitch is "
-        "averaged that stops the turbine", 0.0, above=True,
-    ),
-    Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
-)  # fmt: skip
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+    )  # fmt: skip
+    interval: float | None = option(
+        "longest time between calls", default=LONGEST_INTERVAL, unit="s", low=0.0, above=True,
+        otherwise="the controller's step",
+    )  # fmt: skip
+    derate: str | None = option(
+        "what a demanded power lowers: ROSCO's factor on rated torque, and beside it that on rated speed or on the "
+        "power at fine pitch", default=None, unit="-", choices=tuple(_FACTORS), otherwise="nothing",
+    )  # fmt: skip
+    start_stop: bool = option(
+        "whether it starts a parked turbine and stops it for good where the pitch or the speed is high (SU_Mode, "
+        "SD_Mode)", default=False, unit="-",
+    )  # fmt: skip
+    time_scale: float = option(
+        "factor on ROSCO's durations of a start-up, and on the 600 s over which the pitch is averaged that stops the "
+        "turbine", default=1.0, unit="-", low=0.0, above=True,
+    )  # fmt: skip
+    isolated: bool = option("whether it runs in a process of its own", default=False, unit="-")
+
 
 _TUNED = {
     "nrel_5mw": "NREL-5MW/DISCON.IN",
@@ -313,26 +313,16 @@ _known = cache(load_turbine)
 class RoscoController(BladedController):
     """ROSCO's library behind the contract of controllers.
 
-    The library gets a copy of the input file with logging switched off and paths made absolute.
+    The library gets a copy of the input file with logging switched off and paths made absolute. A demanded power that
+    is to be followed goes into an open-loop file of ROSCO's power reference control (PRC_Mode 2, PRC_Comm 1), its whole
+    course, as it is known at a start. With ``start_stop`` the start-up is on only where the controller starts on a
+    turbine that stands with feathered blades: on one that runs it would take the torque away. Its numbers are those of
+    `start_stop_values`; in an ``input_file`` that is given its own hold.
 
     Parameters
     ----------
-    turbine : Turbine
-    input_file : str or path, optional
-        By default the one that the package brings for the turbine, else one that is made from its data.
-    interval : float, optional
-        Longest time between calls [s].
-    isolated : bool
-        See `BladedController`.
-    derate : {"speed", "torque", "pitch"}, optional
-        By what a demanded power is followed: its whole course, as it is known at a start, goes into an open-loop file
-        of ROSCO's power reference control (PRC_Mode 2, PRC_Comm 1).
-    start_stop : bool
-        Switches ROSCO's shut-down on (SD_Mode), and its start-up (SU_Mode) where the controller starts on a turbine
-        that stands with feathered blades: on one that runs a start-up would take the torque away. Their numbers are
-        those of `wt_gym.control.bladed.rosco.start_stop_values`, in an ``input_file`` that is given its own.
-    time_scale : float
-        As of `start_stop_values` [-].
+    **parameters
+        Of `RoscoOptions`.
 
     Raises
     ------
@@ -340,40 +330,27 @@ class RoscoController(BladedController):
         If the package ``rosco`` is not installed.
     FileNotFoundError
         If there is no such input file.
-    ValueError
-        If the way is unknown.
     """
 
-    def __init__(
-        self,
-        turbine: Turbine,
-        input_file: str | Path | None = None,
-        *,
-        interval: float | None = LONGEST_INTERVAL,
-        isolated: bool = False,
-        derate: str | None = None,
-        start_stop: bool = False,
-        time_scale: float = 1.0,
-    ):
-        if derate is not None and derate not in _FACTORS:
-            raise ValueError(f"derate of the controller 'rosco' must be among {', '.join(_FACTORS)}, got {derate!r}")
+    def __init__(self, turbine: Turbine, **parameters: Any) -> None:
+        o = RoscoOptions(**parameters)
         library = rosco_library()
         folder = tempfile.TemporaryDirectory(prefix="wt_gym_rosco_")
         target = Path(folder.name) / "DISCON.IN"
-        source = tuned_input(turbine) if input_file is None else Path(input_file).expanduser()
+        source = tuned_input(turbine) if o.input_file is None else Path(o.input_file).expanduser()
         if source is None:
             write_rosco_input(turbine, target)
         elif source.is_file():
             target.write_text(quiet_input(source), encoding="utf-8")
         else:
             raise FileNotFoundError(f"there is no input file {source} of ROSCO")
-        super().__init__(turbine, library, target, interval=interval, isolated=isolated)
+        super().__init__(turbine, library, target, interval=o.interval, isolated=o.isolated)
         self.input_folder = folder
         """Holds the input file as long as this controller or a copy of it lives."""
-        self._derate, self._plain_input = derate, target.read_text(encoding="utf-8")
+        self._derate, self._plain_input = o.derate, target.read_text(encoding="utf-8")
         self._start_stop: dict[str, object] | None = None
-        if start_stop:
-            self._start_stop = start_stop_values(turbine, time_scale) if input_file is None else {}
+        if o.start_stop:
+            self._start_stop = start_stop_values(turbine, o.time_scale) if o.input_file is None else {}
 
     @property
     def holds_set_point(self) -> bool:
@@ -436,23 +413,6 @@ class RoscoController(BladedController):
         values = {"PRC_Mode": 2, "PRC_Comm": 1, "OL_Mode": 1, "OL_Filename": f'"{folder / _COURSE}"'}
         columns = {name: column for column, name in enumerate(factors, start=2)}  # each wants one of its own
         return values | {"Ind_Breakpoint": 1} | columns
-
-    @classmethod
-    def of_turbine(  # type: ignore[override]  # its library is known
-        cls,
-        turbine: Turbine,
-        input_file: str | Path | None = None,
-        interval: float | None = LONGEST_INTERVAL,
-        isolated: bool = False,
-        derate: str | None = None,
-        start_stop: bool = False,
-        time_scale: float = 1.0,
-    ) -> RoscoController:
-        """Make one by name; parameters as of the class."""
-        return cls(
-            turbine, input_file, interval=interval, isolated=isolated, derate=derate, start_stop=start_stop,
-            time_scale=time_scale,
-        )  # fmt: skip
 
 
 def _course(signals: Readings, rated_power: float, columns: int = 1) -> str:

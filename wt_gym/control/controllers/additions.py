@@ -1,41 +1,34 @@
 """Additions to a controller: individual pitch, dampers of the tower and the yaw drive.
 
-How far additions that cost power below rated may act.
+*Individual pitch*: the multi-blade (Coleman) transform takes the moments of the turning blades to a tilt and a yaw
+component; what is constant in the rotating frame's harmonic is constant there, so an integrator per component suffices
+(Bossanyi, Wind Energy 6 (2003) 119; azimuth lead of the inverse transform: Mulders et al., arXiv:1808.08976;
+twice-per-revolution loads by the transform of twice the azimuth: van Engelen, EWEC 2006). The band on the 2-norm of the
+two components follows Hummel, Kober and Mulders, Wind Energ. Sci. 10 (2025) 2005.
 
-Individual pitch control: the flapwise moments of the blades in the fixed frame, driven to zero or into a band.
+*Dampers of the tower*: fore-aft by collective pitch, side-side by generator torque. The acceleration of the nacelle,
+integrated and high-passed (`BandLimitedIntegrator`), is the velocity of the vibration. A nacelle that moves downwind is
+met by less wind; blades that feather then take off thrust and add to the damping of the air (Bossanyi, Wind Energy 6
+(2003) 119; ROSCO's FA_KI). The torque of the generator turns nacelle and tower top about the wind's axis; more of it
+pushes a clockwise turbine's tower top to the right (looking downwind), against a motion to the left, and a
+counter-clockwise turbine's to the left.
 
-The multi-blade (Coleman) transform takes the moments of the turning blades to a tilt and a yaw component; what is
-constant in the rotating frame's harmonic is constant there, so an integrator per component suffices (Bossanyi, Wind
-Energy 6 (2003) 119; azimuth lead of the inverse transform: Mulders et al., arXiv:1808.08976; twice-per-revolution loads
-by the transform of twice the azimuth: van Engelen, EWEC 2006). The band on the 2-norm of the two components follows
-Hummel, Kober and Mulders, Wind Energ. Sci. 10 (2025) 2005.
-
-Dampers of the tower: fore-aft by collective pitch, side-side by generator torque, both on nacelle accelerations.
-
-The acceleration, integrated and high-passed (`BandLimitedIntegrator`), is the velocity of the vibration. A nacelle that
-moves downwind is met by less wind; blades that feather then take off thrust and add to the damping of the air
-(Bossanyi, Wind Energy 6 (2003) 119; ROSCO's FA_KI). The torque of the generator turns nacelle and tower top about the
-wind's axis; more of it pushes a clockwise turbine's tower top to the right (looking downwind), against a motion to the
-left, and a counter-clockwise turbine's to the left.
-
-Yaw by dead-band: the nacelle turns only when it has stood wrong for a while, then until it faces the wind.
-
-The habit of real yaw drives, which are slow and wear: the reading of the vane, averaged over about a minute, must leave
-a dead-band of several degrees before the drive starts (compare ROSCO's Y_ErrThresh of 4 … 8 degrees and
-Y_uSwitch; Bossanyi et al., Energy Procedia 35 (2013) 177).
+*Yaw by dead-band*: real yaw drives are slow and wear. The reading of the vane, averaged over about a minute, must leave
+a dead-band of several degrees before the drive starts (compare ROSCO's Y_ErrThresh of 4 … 8 degrees and Y_uSwitch;
+Bossanyi et al., Energy Procedia 35 (2013) 177).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.controller import parts_of
-from wt_gym.control.controllers.parameters import Parameter
+from wt_gym.control.controllers.controller import part_of
 from wt_gym.control.design import (
     design_point,
     flap_moment_sensitivity,
@@ -45,12 +38,11 @@ from wt_gym.control.design import (
 )
 from wt_gym.control.operating_point import least_pitch
 from wt_gym.control.rotor import fine_pitch
-from wt_gym.control.sensors import AngleLowPass, BandLimitedIntegrator, LowPass, harmonic_of_blades, to_harmonic
+from wt_gym.control.sensors import AngleLowPass, BandLimitedIntegrator, LowPass, harmonic_of_blades, to_harmonic, within
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-    from typing import Any
 
     from numpy.typing import NDArray
 
@@ -58,24 +50,14 @@ if TYPE_CHECKING:
     from wt_gym.turbines import PitchSystem, Turbine
 
 __all__ = [
-    "FADE", "FORE_AFT_PARAMETERS", "PARAMETERS", "SIDE_SIDE_PARAMETERS", "AboveRated", "FadeParameters",
-    "ForeAftDamper", "HarmonicPitch", "HarmonicPitchParameters", "IndividualPitch", "SideSideDamper", "YawByDeadBand",
-    "yaw_drive_of",
+    "AboveRated", "FadeParameters", "ForeAftDamper", "ForeAftOptions", "HarmonicPitch", "HarmonicPitchParameters",
+    "IndividualPitch", "IndividualPitchOptions", "ResidualPitch", "SideSideDamper", "SideSideOptions",
+    "YawByDeadBand", "YawOptions", "fade_option", "yaw_drive_of",
 ]  # fmt: skip
 
-_LEAST_FADE, _MOST_FADE = 0.001, 0.5  # [rad]
+# ---- fade below rated ----
 
-FADE = Parameter(
-    "fade",
-    "rad",
-    "collective pitch above fine pitch from which on it acts in full, beginning at a sixth of it; True: 0.5° to 3°; "
-    "False: always in full",
-    _LEAST_FADE,
-    _MOST_FADE,
-    switch=True,
-    kind="FadeParameters",
-)
-"""Of every addition that fades below rated."""
+_LEAST_FADE, _MOST_FADE = 0.001, 0.5  # [rad]
 
 
 def _ramp(value: float, low: float, high: float) -> float:
@@ -84,33 +66,39 @@ def _ramp(value: float, low: float, high: float) -> float:
     return x * x * (3.0 - 2.0 * x)
 
 
-@dataclass(frozen=True)
-class FadeParameters:
-    """Where an addition begins to act and where it acts in full.
+@option_record
+class FadeParameters(Options):
+    """Range in which an addition begins to act until it acts in full."""
 
-    Attributes
-    ----------
-    pitch : (float, float)
-        Collective pitch above fine pitch [rad].
-    speed : (float, float)
-        Rotor speed over rated speed [-].
-    time_constant : float
-        Of the low-pass filter on the pitch [s], so that a swing of the collective pitch does not switch.
-    fine_speed : (float, float), optional
-        Rotor speed over rated speed at fine pitch [-], where by default nothing acts. About rated wind the loads are
-        largest, the blades stand at fine pitch and the rotor near its rated speed.
-    """
+    title = "fade"
 
-    pitch: tuple[float, float] = (math.radians(0.5), math.radians(3.0))
-    speed: tuple[float, float] = (0.85, 0.95)
-    time_constant: float = 5.0
-    fine_speed: tuple[float, float] | None = None
+    pitch: tuple[float, float] = option(
+        "collective pitch above fine pitch", default=(math.radians(0.5), math.radians(3.0)), unit="rad"
+    )
+    speed: tuple[float, float] = option("rotor speed over rated speed", default=(0.85, 0.95), unit="-")
+    time_constant: float = option(
+        "low-pass filter on the pitch, so that an oscillation of the collective pitch does not switch", default=5.0,
+        unit="s", low=0.0,
+    )  # fmt: skip
+    fine_speed: tuple[float, float] | None = option(
+        "rotor speed over rated speed at fine pitch, where by default nothing acts. About rated wind the loads are "
+        "largest, the blades stand at fine pitch and the rotor near its rated speed", default=None, unit="-",
+    )  # fmt: skip
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        """Refuse ranges without a width."""
         for name in ("pitch", "speed") if self.fine_speed is None else ("pitch", "speed", "fine_speed"):
             low, high = getattr(self, name)
             if not low < high:
                 raise ValueError(f"fade {name} must be two rising numbers, got {getattr(self, name)!r}")
+
+
+def fade_option() -> Any:
+    """Parameter ``fade`` of every addition that fades below rated."""
+    return option(
+        "collective pitch above fine pitch from which on it acts in full, beginning at a sixth of it; True: 0.5° to "
+        "3°; False: always in full", default=True, unit="rad", low=_LEAST_FADE, high=_MOST_FADE, kinds=(FadeParameters,)
+    )  # fmt: skip
 
 
 class AboveRated:
@@ -119,14 +107,6 @@ class AboveRated:
     The product of a ramp in the collective pitch, low-pass filtered, and one in the rotor speed: blades at fine pitch
     mean that the wind is too weak for rated power. With ``fine_speed``, a ramp of its own in the rotor speed holds
     there.
-
-    Parameters
-    ----------
-    parameters : FadeParameters
-    fine_pitch : float
-        [rad].
-    rated_speed : float
-        Of the rotor [rad/s].
     """
 
     def __init__(self, parameters: FadeParameters, fine_pitch: float, rated_speed: float):
@@ -135,14 +115,7 @@ class AboveRated:
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, fade: FadeParameters | bool | float = True) -> AboveRated | None:
-        """Of a turbine; None where nothing is to fade.
-
-        Parameters
-        ----------
-        turbine : Turbine
-        fade : FadeParameters, bool or float
-            True: the default parameters; False: none; a number: the collective pitch above fine pitch from which on the
-            addition acts in full [rad], beginning at a sixth of it as by default.
+        """Fade of a turbine, by `fade_option`; None where nothing is to fade.
 
         Raises
         ------
@@ -176,73 +149,129 @@ class AboveRated:
         return share if p.fine_speed is None else share + (1.0 - pitched) * _ramp(ratio, *p.fine_speed)
 
 
-PARAMETERS = (
-    Parameter("bandwidth", "-", "bandwidth of the integral loop in rated rotor speeds", 0.0),
-    Parameter("proportional_time", "s", "proportional over integral gain; 0: integral control", 0.0),
-    Parameter(
-        "level",
-        "-",
-        "edge of the band within which nothing is done, in the flap moment at rated power; 0: no band",
-        0.0,
-    ),
-    Parameter("leak_time", "s", "time constant with which the pitch returns within the band", 0.0, above=True),
-    Parameter("limit", "rad", "largest amplitude of the pitch", 0.0, math.pi),
-    Parameter("rate_limit", "rad/s", "largest rate of the amplitude in the fixed frame", 0.0),
-    Parameter(
-        "lead", "s", "time by which the azimuth of the pitch leads", 0.0, otherwise="the delay of the pitch drive"
-    ),
-    Parameter(
-        "simulator_step",
-        "s",
-        "step of the simulator, where the controller runs at longer intervals",
-        0.0,
-        above=True,
-        otherwise="the interval of the controller",
-    ),
-    Parameter(
-        "second_harmonic", "-", "gain against the load twice per revolution over that against the first; 0: none", 0.0
-    ),
-    FADE,
-)
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+class ResidualPitch:
+    """Residual pitch behind a fade and a washout.
 
+    The fade multiplies all offsets by the share of `AboveRated`. The washout lets the mean of the blades' offsets pass
+    a high-pass filter, tau s / (1 + tau s): what lasts is the business of the base controller, whose integrator
+    takes it back above rated wind, so that there no reward depends on it, while below it only costs power. Tilt and
+    yaw, or the differences of the blades from their mean, pass as they are.
 
-@dataclass(frozen=True)
-class HarmonicPitchParameters:
-    """Constants of the control of one harmonic.
+    Parameters
+    ----------
+    fade : AboveRated or None
+    washout : float or None
+        tau [s].
+    n_mean : int
+        Of how many coordinates, the first ones, the mean is that of the blades; with none there is nothing to wash out.
 
     Attributes
     ----------
-    harmonic : int
-        1 or 2, in revolutions.
-    integral_gain : float
-        From moment to rate of pitch [rad/(N m s)].
-    proportional_gain : float
-        From moment to pitch [rad/(N m)].
-    level : float
-        Moment (2-norm of tilt and yaw) up to which nothing is done [N m]; zero drives the moment to zero.
-    leak : float
-        Rate at which the pitch returns while the moment is inside a band [1/s]; without a band it is not used.
-    limit : float
-        Largest amplitude [rad].
-    rate_limit : float
-        Largest rate of the amplitude in the fixed frame [rad/s].
+    share : float
+        Of the fade [-].
+    mean : float
+        Mean offset that acts, the share included, where there is a washout [rad].
     """
 
-    harmonic: int = 1
-    integral_gain: float = 0.0
-    proportional_gain: float = 0.0
-    level: float = 0.0
-    leak: float = 0.0
-    limit: float = math.radians(4.0)
-    rate_limit: float = math.radians(1.5)
+    def __init__(self, fade: AboveRated | None, washout: float | None, n_mean: int):
+        if washout is not None and not 0.0 < washout < math.inf:
+            raise ValueError(f"residual_washout must be a positive time in s or None, got {washout!r}")
+        self.fades, self.washes = fade is not None, washout is not None and n_mean > 0
+        self._fade, self._n_mean = fade, n_mean
+        self._lasting = LowPass(cast(float, washout)) if self.washes else None
+        self.share, self.mean = 1.0, 0.0
 
-    def __post_init__(self) -> None:
-        if self.harmonic not in (1, 2):
-            raise ValueError(f"harmonic must be 1 or 2, got {self.harmonic!r}")
-        for name in ("integral_gain", "proportional_gain", "level", "leak", "limit", "rate_limit"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be finite and not negative, got {getattr(self, name)!r}")
+    def start(self, pitch: float, rotor_speed: float, dt: float) -> None:
+        """Start without offset, in steady state at a pitch [rad] and a rotor speed [rad/s]."""
+        self.mean = 0.0
+        if self._fade is not None:
+            self._fade.start(pitch)
+            self.share = self._fade.update((pitch,), rotor_speed, dt)
+        if self._lasting is not None:
+            self._lasting.reset(0.0)
+
+    def acting(
+        self, offsets: NDArray[np.float64], base_pitch: NDArray[np.float64], rotor_speed: float, dt: float
+    ) -> NDArray[np.float64]:
+        """Offsets (n_pitch,) that act in a step, of those that the agent asks for, in its coordinates [rad].
+
+        The demand of the base controller (n_blades,) [rad] and the rotor speed [rad/s] decide on the fade.
+        """
+        if self._fade is not None:
+            self.share = self._fade.update(base_pitch.tolist(), rotor_speed, dt)
+        if self._lasting is not None:
+            own = offsets[: self._n_mean]
+            mean = float(np.add.reduce(own)) / len(own)
+            lasting = self._lasting.update(mean, dt)
+            self.mean = self.share * (mean - lasting)
+            offsets = np.concatenate((own - lasting, offsets[self._n_mean :]))
+        return self.share * offsets
+
+
+# ---- individual pitch ----
+
+
+@option_record
+class IndividualPitchOptions(Options):
+    """Parameters of an `IndividualPitch` by rule."""
+
+    title = "ipc"
+
+    bandwidth: float = option(
+        "bandwidth of the integral loop in rated rotor speeds", default=0.2, unit="-", low=0.0
+    )  # fmt: skip
+    proportional_time: float = option(
+        "proportional over integral gain; 0: integral control", default=0.0, unit="s", low=0.0
+    )
+    level: float = option(
+        "edge of the band within which nothing is done, in the flap moment at rated power; 0: no band", default=0.0,
+        unit="-", low=0.0,
+    )  # fmt: skip
+    leak_time: float = option(
+        "time constant with which the pitch returns within the band", default=10.0, unit="s", low=0.0, above=True
+    )
+    limit: float = option(
+        "largest amplitude of the pitch", default=math.radians(4.0), unit="rad", low=0.0, high=math.pi
+    )
+    rate_limit: float = option(
+        "largest rate of the amplitude in the fixed frame", default=math.radians(1.5), unit="rad/s", low=0.0
+    )
+    lead: float | None = option(
+        "time by which the azimuth of the pitch leads", default=None, unit="s", low=0.0,
+        otherwise="the delay of the pitch drive",
+    )  # fmt: skip
+    simulator_step: float | None = option(
+        "step of the simulator, where the controller runs at longer intervals", default=None, unit="s", low=0.0,
+        above=True, otherwise="the interval of the controller",
+    )  # fmt: skip
+    second_harmonic: float = option(
+        "gain against the load twice per revolution over that against the first; 0: none", default=0.0, unit="-",
+        low=0.0,
+    )  # fmt: skip
+    fade: bool | float | FadeParameters = fade_option()
+
+
+@option_record
+class HarmonicPitchParameters(Options):
+    """Constants of the control of one harmonic."""
+
+    title = "harmonic_pitch"
+
+    harmonic: int = option("1 or 2, in revolutions", default=1, low=1, high=2)
+    integral_gain: float = option("from moment to rate of pitch", default=0.0, unit="rad/(N m s)", low=0.0)
+    proportional_gain: float = option("from moment to pitch", default=0.0, unit="rad/(N m)", low=0.0)
+    level: float = option(
+        "moment (2-norm of tilt and yaw) up to which nothing is done; zero drives the moment to zero", default=0.0,
+        unit="N m", low=0.0,
+    )  # fmt: skip
+    leak: float = option(
+        "rate at which the pitch returns while the moment is inside a band; without a band it is not used", default=0.0,
+        unit="1/s", low=0.0,
+    )  # fmt: skip
+    limit: float = option("largest amplitude", default=math.radians(4.0), unit="rad", low=0.0)
+    rate_limit: float = option(
+        "largest rate of the amplitude in the fixed frame", default=math.radians(1.5), unit="rad/s", low=0.0
+    )
 
 
 class HarmonicPitch:
@@ -255,10 +284,6 @@ class HarmonicPitch:
 
     Positive pitch feathers and lowers the moment, hence the signs. The rate of theta, and theta itself, are limited in
     their 2-norm; the integral is set to what the limits let through (anti-windup).
-
-    Parameters
-    ----------
-    parameters : HarmonicPitchParameters
     """
 
     def __init__(self, parameters: HarmonicPitchParameters):
@@ -281,37 +306,14 @@ class HarmonicPitch:
         return np.array(self._moment)
 
     def step(
-        self,
-        moments: Sequence[float] | NDArray[np.float64],
-        azimuth: float,
-        dt: float,
-        lead: float = 0.0,
+        self, moments: Sequence[float] | NDArray[np.float64], azimuth: float, dt: float, lead: float = 0.0,
         share: float = 1.0,
-    ) -> NDArray[np.float64]:
-        """Pitch to be added to each blade [rad], shape (n_blades,).
+    ) -> list[float]:  # fmt: skip
+        """Pitch to be added to each blade [rad], from flapwise root moments (n_blades,) [N m] at an azimuth [rad].
 
-        Parameters
-        ----------
-        moments : sequence of float, length n_blades
-            Flapwise root moments [N m].
-        azimuth, dt : float
-            [rad], [s].
-        lead : float
-            Azimuth through which the rotor turns until the blades have the pitch [rad].
-        share : float
-            Of the gains and of the limit that may be used, 0 … 1; at 0 the pitch returns at the rate limit.
+        ``lead`` is the azimuth through which the rotor turns until the blades have the pitch [rad], ``share`` that of
+        the gains and of the limit that may be used, 0 … 1; at 0 the pitch returns at the rate limit.
         """
-        return np.array(self.turn(moments, azimuth, dt, lead, share))
-
-    def turn(
-        self,
-        moments: Sequence[float] | NDArray[np.float64],
-        azimuth: float,
-        dt: float,
-        lead: float = 0.0,
-        share: float = 1.0,
-    ) -> list[float]:
-        """The same as a list, for callers that use numbers one by one."""
         p = self.parameters
         self._moment = to_harmonic(moments, azimuth, p.harmonic)
         size = math.hypot(*self._moment)
@@ -322,19 +324,12 @@ class HarmonicPitch:
             kept * integral + (integrated + proportional) * moment
             for integral, moment in zip(self._integral, self._moment, strict=True)
         ]
-        wanted = _within(wanted, share * p.limit)
-        now = self._pitch
-        move = _within([w - x for w, x in zip(wanted, now, strict=True)], p.rate_limit * dt)
+        limited, now = within(wanted, share * p.limit), self._pitch
+        move = within([w - x for w, x in zip(limited, now, strict=True)], p.rate_limit * dt)
         self._pitch = (now[0] + move[0], now[1] + move[1])
         # without saturation this is the integral again; what did not get through does not pile up
         self._integral = tuple(x - proportional * m for x, m in zip(self._pitch, self._moment, strict=True))
         return harmonic_of_blades(*self._pitch, azimuth + lead, len(moments), p.harmonic)
-
-
-def _within(vector: list[float], size: float) -> list[float]:
-    """Vector shortened to a size."""
-    length = math.hypot(*vector)
-    return vector if length <= size else [x * size / length for x in vector]
 
 
 class IndividualPitch:
@@ -350,12 +345,9 @@ class IndividualPitch:
         None: always in full.
     drive : PitchSystem
         Its limits hold, and its delay leads the azimuth.
-    n_blades : int
-    lead : float, optional
-        Time by which the azimuth leads [s]; by default `pitch_delay` at the interval of the controller.
-    simulator_step : float, optional
-        Step of the simulator [s], by default the interval of the controller. At twice the step the lead is else half a
-        step too long, 3.6 degrees for the NREL 5-MW.
+    lead, simulator_step : float, optional
+        As of `IndividualPitchOptions` [s]; the lead is by default `pitch_delay`. At twice the step of the simulator it
+        is else half a step too long, 3.6 degrees for the NREL 5-MW.
 
     Attributes
     ----------
@@ -365,21 +357,12 @@ class IndividualPitch:
     """
 
     def __init__(
-        self,
-        harmonics: Iterable[HarmonicPitchParameters],
-        fade: AboveRated | None,
-        drive: PitchSystem,
-        n_blades: int = 3,
-        lead: float | None = None,
-        simulator_step: float | None = None,
-    ) -> None:
+        self, harmonics: Iterable[HarmonicPitchParameters], fade: AboveRated | None, drive: PitchSystem,
+        n_blades: int = 3, lead: float | None = None, simulator_step: float | None = None,
+    ) -> None:  # fmt: skip
         self.harmonics = tuple(HarmonicPitch(p) for p in harmonics)
         if n_blades < 3:
             raise ValueError(f"individual pitch in the fixed frame needs at least 3 blades, got {n_blades}")
-        if lead is not None and not 0.0 <= lead < math.inf:
-            raise ValueError(f"lead must be finite and not negative, got {lead!r}")
-        if simulator_step is not None and not 0.0 < simulator_step < math.inf:
-            raise ValueError(f"simulator_step must be finite and positive, got {simulator_step!r}")
         self.fade, self.drive, self.n_blades = fade, drive, n_blades
         self.lead, self.simulator_step = lead, simulator_step
         self.share, self._fresh = 0.0, True
@@ -387,61 +370,28 @@ class IndividualPitch:
         self.channels = ("azimuth", "rotor_speed", *self._moment_names)
 
     @classmethod
-    def of_turbine(
-        cls,
-        turbine: Turbine,
-        bandwidth: float = 0.2,
-        proportional_time: float = 0.0,
-        level: float = 0.0,
-        leak_time: float = 10.0,
-        limit: float = math.radians(4.0),
-        rate_limit: float = math.radians(1.5),
-        lead: float | None = None,
-        simulator_step: float | None = None,
-        second_harmonic: float = 0.0,
-        fade: FadeParameters | bool | float = True,
-    ) -> IndividualPitch:
-        """Gains by rule for a turbine.
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> IndividualPitch:
+        """Gains by rule for a turbine, with parameters of `IndividualPitchOptions`.
 
-        Parameters
-        ----------
-        turbine : Turbine
-        bandwidth : float
-            Of the integral loop in rated rotor speeds [-]: the integral gain is
-            ``bandwidth * Omega / flap_moment_sensitivity``, 3.9e-9 rad/(N m s) for the NREL 5-MW.
-        proportional_time : float
-            Proportional over integral gain [s]; zero for integral control.
-        level : float
-            Edge of the band, in `reference_flap_moment` [-].
-        leak_time : float
-            Time constant of the return inside the band [s].
-        limit, rate_limit : float
-            Of the amplitude [rad], [rad/s].
-        lead, simulator_step : float, optional
-            See the class.
-        second_harmonic : float
-            Gain of the second harmonic over that of the first; zero leaves it out. Its limit is half that of the first.
-        fade : FadeParameters, bool or float
-            As of `AboveRated.of_turbine`; False: always in full.
+        The integral gain is ``bandwidth * Omega / flap_moment_sensitivity``, 3.9e-9 rad/(N m s) for the NREL 5-MW, the
+        level that of `reference_flap_moment`. Level and limit of the second harmonic are half those of the first.
         """
-        speed, sensitivity = turbine.drivetrain.rated_rotor_speed, flap_moment_sensitivity(turbine)
-        gain = bandwidth * speed / sensitivity
+        o = IndividualPitchOptions(**parameters)
+        gain = o.bandwidth * turbine.drivetrain.rated_rotor_speed / flap_moment_sensitivity(turbine)
         first = HarmonicPitchParameters(
-            harmonic=1,
-            integral_gain=gain,
-            proportional_gain=proportional_time * gain,
-            level=level * reference_flap_moment(turbine),
-            leak=1.0 / leak_time,
-            limit=limit,
-            rate_limit=rate_limit,
-        )
-        harmonics = [first]
-        if second_harmonic > 0.0:
-            second = {"harmonic": 2, "integral_gain": second_harmonic * gain, "limit": 0.5 * limit}
-            second |= {"proportional_gain": second_harmonic * first.proportional_gain, "level": 0.5 * first.level}
-            harmonics.append(HarmonicPitchParameters(**{**asdict(first), **second}))
-        fading = AboveRated.of_turbine(turbine, fade)
-        return cls(harmonics, fading, turbine.pitch, turbine.n_blades, lead, simulator_step)
+            integral_gain=gain, proportional_gain=o.proportional_time * gain,
+            level=o.level * reference_flap_moment(turbine), leak=1.0 / o.leak_time, limit=o.limit,
+            rate_limit=o.rate_limit,
+        )  # fmt: skip
+        harmonics, share = [first], o.second_harmonic
+        if share > 0.0:
+            second = replace(
+                first, harmonic=2, integral_gain=share * gain, proportional_gain=share * first.proportional_gain,
+                level=0.5 * first.level, limit=0.5 * o.limit,
+            )  # fmt: skip
+            harmonics.append(second)
+        fade = AboveRated.of_turbine(turbine, o.fade)
+        return cls(harmonics, fade, turbine.pitch, turbine.n_blades, o.lead, o.simulator_step)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -461,23 +411,40 @@ class IndividualPitch:
             self.share = self.fade.update(before, speed, dt)
         self._fresh = False
         lead = speed * (pitch_delay(self.drive, dt, self.simulator_step) if self.lead is None else self.lead)
-        added = zip(*(h.turn(moments, azimuth, dt, lead, self.share) for h in self.harmonics), strict=True)
+        added = zip(*(h.step(moments, azimuth, dt, lead, self.share) for h in self.harmonics), strict=True)
         wanted = [angle + sum(own) for angle, own in zip(before, added, strict=True)]
         low, high = self.drive.min_pitch, self.drive.max_pitch
         pitch = np.array([min(max(angle, low), high) for angle in wanted])
         return Demand(pitch, demand.yaw_rate, demand.generator_torque)
 
 
-FORE_AFT_PARAMETERS = (
-    Parameter("damping", "-", "damping ratio to be added to the first fore-aft mode", 0.0),
-    Parameter("limit", "rad", "largest pitch added or taken off", 0.0, math.pi),
-    FADE,
-)
-SIDE_SIDE_PARAMETERS = (
-    Parameter("damping", "-", "damping ratio to be added to the first side-side mode", 0.0),
-    Parameter("limit", "-", "largest torque added or taken off, in rated torques", 0.0),
-)
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+# ---- dampers of the tower ----
+
+
+@option_record
+class ForeAftOptions(Options):
+    """Parameters of a `ForeAftDamper` by rule."""
+
+    title = "fore_aft_damper"
+
+    damping: float = option(
+        "damping ratio to be added to the first fore-aft mode", default=0.05, unit="-", low=0.0
+    )  # fmt: skip
+    limit: float = option(
+        "largest pitch added or taken off", default=math.radians(1.5), unit="rad", low=0.0, high=math.pi
+    )
+    fade: bool | float | FadeParameters = fade_option()
+
+
+@option_record
+class SideSideOptions(Options):
+    """Parameters of a `SideSideDamper` by rule."""
+
+    title = "side_side_damper"
+
+    damping: float = option("damping ratio to be added to the first side-side mode", default=0.03, unit="-", low=0.0)
+    limit: float = option("largest torque added or taken off, in rated torques", default=0.1, unit="-", low=0.0)
+
 
 CORNER = 0.2
 """Corner of the high-pass filter in natural frequencies of the tower [-]."""
@@ -486,18 +453,8 @@ CORNER = 0.2
 class ForeAftDamper:
     """Addition: collective pitch in proportion to the fore-aft velocity of the nacelle.
 
-    Parameters
-    ----------
-    gain : float
-        From velocity to pitch [rad s/m].
-    corner : float
-        Of the high-pass filter [rad/s].
-    limit : float
-        Largest pitch added or taken off [rad].
-    fade : AboveRated or None
-        Below rated, pitch costs power; None: always in full.
-    pitch_limits : (float, float)
-        [rad].
+    Gain from velocity to pitch [rad s/m], corner of the high-pass filter [rad/s], largest pitch added or taken off
+    [rad]. It fades below rated, where pitch costs power; without a fade it acts always in full.
     """
 
     channels = ("nacelle_acceleration_fore_aft", "rotor_speed")
@@ -509,34 +466,19 @@ class ForeAftDamper:
         self._velocity, self._fresh = BandLimitedIntegrator(corner), True
 
     @classmethod
-    def of_turbine(
-        cls,
-        turbine: Turbine,
-        damping: float = 0.05,
-        limit: float = math.radians(1.5),
-        fade: FadeParameters | bool | float = True,
-    ) -> ForeAftDamper:
-        """Gain by rule: ``2 damping omega m / |dT/dtheta|``.
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> ForeAftDamper:
+        """Gain by rule, ``2 damping omega m / |dT/dtheta|``, with parameters of `ForeAftOptions`.
 
         The sensitivity of the thrust is taken from that of the power at rated (`design_point`): a rotor whose pitch
         reduces the power by dP reduces the thrust by dP/V, the momentum of a wind of speed V with a third of it left.
-
-        Parameters
-        ----------
-        turbine : Turbine
-        damping : float
-            Damping ratio of the first fore-aft mode to be added [-].
-        limit : float
-            [rad].
-        fade : FadeParameters, bool or float
-            As of `AboveRated.of_turbine`; False: always in full.
         """
+        o = ForeAftOptions(**parameters)
         tower = tower_top(turbine)
         power = abs(design_point(turbine).pitch_sensitivity) * rated_mechanical_power(turbine)
-        gain = 2.0 * damping * tower.fore_aft * tower.mass * turbine.rated_wind_speed / power
-        fading = AboveRated.of_turbine(turbine, fade)
+        gain = 2.0 * o.damping * tower.fore_aft * tower.mass * turbine.rated_wind_speed / power
+        fade = AboveRated.of_turbine(turbine, o.fade)
         limits = (fine_pitch(turbine), turbine.pitch.max_pitch)
-        return cls(gain, CORNER * tower.fore_aft, limit, fading, limits)
+        return cls(gain, CORNER * tower.fore_aft, o.limit, fade, limits)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -563,16 +505,8 @@ class ForeAftDamper:
 class SideSideDamper:
     """Addition: generator torque in proportion to the side-side velocity of the nacelle.
 
-    Parameters
-    ----------
-    gain : float
-        From velocity to torque on the high-speed shaft [N m s/m]; negative for a rotor that turns counter-clockwise.
-    corner : float
-        Of the high-pass filter [rad/s].
-    limit : float
-        Largest torque added or taken off [N m].
-    max_torque : float
-        [N m].
+    Gain from velocity to torque on the high-speed shaft [N m s/m], negative for a rotor that turns counter-clockwise;
+    corner of the high-pass filter [rad/s]; largest torque added or taken off, and largest torque of all [N m].
     """
 
     channels = ("nacelle_acceleration_side_side",)
@@ -582,25 +516,18 @@ class SideSideDamper:
         self._velocity = BandLimitedIntegrator(corner)
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, damping: float = 0.03, limit: float = 0.1) -> SideSideDamper:
-        """Gain by rule: ``2 damping omega m / (N c)``.
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> SideSideDamper:
+        """Gain by rule, ``2 damping omega m / (N c)``, with parameters of `SideSideOptions`.
 
         c is the force at the top that bends the tower as far as a moment there does
-        (`rotor_rules.TowerTop.force_per_moment`), N the gear ratio.
-
-        Parameters
-        ----------
-        turbine : Turbine
-        damping : float
-            Damping ratio of the first side-side mode to be added [-].
-        limit : float
-            Largest torque added, in rated torques [-].
+        (`wt_gym.control.design.TowerTop.force_per_moment`), N the gear ratio.
         """
+        o = SideSideOptions(**parameters)
         tower, drivetrain = tower_top(turbine), turbine.drivetrain
-        gain = 2.0 * damping * tower.side_side * tower.mass / (drivetrain.gear_ratio * tower.force_per_moment)
+        gain = 2.0 * o.damping * tower.side_side * tower.mass / (drivetrain.gear_ratio * tower.force_per_moment)
         gain = gain if turbine.rotation == "clockwise" else -gain
         rated = rated_mechanical_power(turbine) / (drivetrain.rated_rotor_speed * drivetrain.gear_ratio)
-        return cls(gain, CORNER * tower.side_side, limit * rated, drivetrain.max_generator_torque)
+        return cls(gain, CORNER * tower.side_side, o.limit * rated, drivetrain.max_generator_torque)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -615,13 +542,39 @@ class SideSideDamper:
         return Demand(demand.pitch, demand.yaw_rate, torque)
 
 
-YAW_PARAMETERS = (
-    Parameter("dead_band", "rad", "filtered yaw error beyond which the drive starts", 0.0, math.pi, above=True),
-    Parameter("stop", "rad", "yaw error at which the drive stops, below the dead band", 0.0, math.pi),
-    Parameter("slow", "s", "time constant of the filter on the yaw error while the nacelle rests", 0.0, above=True),
-    Parameter("fast", "s", "time constant of the filter on the yaw error while the nacelle turns", 0.0, above=True),
-)
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+# ---- yaw ----
+
+
+@option_record
+class YawOptions(Options):
+    """Parameters of a `YawByDeadBand`."""
+
+    title = "yaw"
+
+    dead_band: float = option(
+        "filtered yaw error beyond which the drive starts", default=math.radians(8.0), unit="rad", low=0.0,
+        high=math.pi, above=True,
+    )  # fmt: skip
+    stop: float = option(
+        "yaw error at which the drive stops, below the dead band",
+        default=math.radians(0.5),
+        unit="rad",
+        low=0.0,
+        high=math.pi,
+    )
+    slow: float = option(
+        "time constant of the filter on the yaw error while the nacelle rests", default=30.0, unit="s", low=0.0
+    )
+    fast: float = option(
+        "time constant of the filter on the yaw error while the nacelle turns", default=5.0, unit="s", low=0.0
+    )
+
+    def check(self) -> None:
+        """Refuse a drive that stops outside of its dead-band."""
+        if not self.stop < self.dead_band:
+            raise ValueError(
+                f"stop must be at least 0 and below dead_band, got {self.stop!r} and {self.dead_band!r} rad"
+            )
 
 
 class YawByDeadBand:
@@ -636,12 +589,8 @@ class YawByDeadBand:
     ----------
     rate : float
         Of the drive [rad/s].
-    dead_band : float
-        Filtered yaw error beyond which the drive starts [rad].
-    stop : float
-        Error at which it stops [rad].
-    slow, fast : float
-        Time constants at rest and while turning [s].
+    **parameters
+        Of `YawOptions`.
 
     Attributes
     ----------
@@ -651,18 +600,10 @@ class YawByDeadBand:
 
     channels = ("yaw_error",)
 
-    def __init__(
-        self,
-        rate: float,
-        dead_band: float = math.radians(8.0),
-        stop: float = math.radians(0.5),
-        slow: float = 30.0,
-        fast: float = 5.0,
-    ):
-        if not 0.0 <= stop < dead_band:
-            raise ValueError(f"a yaw drive needs 0 <= stop < dead_band, got {stop!r} and {dead_band!r} rad")
-        self.rate, self.dead_band, self.stop = float(rate), float(dead_band), float(stop)
-        self._slow, self._fast, self.turning = AngleLowPass(slow), AngleLowPass(fast), 0
+    def __init__(self, rate: float, **parameters: Any):
+        o = YawOptions(**parameters)
+        self.rate, self.dead_band, self.stop = float(rate), o.dead_band, o.stop
+        self._slow, self._fast, self.turning = AngleLowPass(o.slow), AngleLowPass(o.fast), 0
 
     @property
     def slow_error(self) -> float:
@@ -671,7 +612,7 @@ class YawByDeadBand:
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, **parameters: Any) -> YawByDeadBand:
-        """With the yaw drive of a turbine; parameters as those of the class."""
+        """With the yaw drive of a turbine."""
         return cls(turbine.nacelle.max_yaw_rate, **parameters)
 
     def start(self, signals: Readings) -> None:
@@ -695,5 +636,4 @@ class YawByDeadBand:
 
 def yaw_drive_of(controller: Controller | None) -> YawByDeadBand | None:
     """Dead-band control among the parts of a controller, None without any."""
-    parts = () if controller is None else parts_of(controller)
-    return next((part for part in parts if isinstance(part, YawByDeadBand)), None)
+    return part_of(controller, YawByDeadBand)

@@ -6,27 +6,20 @@ long as the model holds, and its coefficients follow from least squares (Youla, 
 Control 21 (1976) 319; system-level synthesis: Anderson et al., Annu. Rev. Control 47 (2019) 364). The designs come from
 ``wt-gym design linear_optimal``.
 
-What a linear optimal controller reads: six quantities in the fixed frame that any turbine's bus can carry.
+*Readings* are six quantities in the fixed frame that any turbine's bus can carry (`OUTPUTS`). *Designs* are files of
+plain arrays with the record of their making, no pickled objects (`LinearDesign`).
 
-The past of measured quantities as a controller uses it: without what lasts, in bins of delays that widen.
-
-Designs of linear optimal pitch as files: plain arrays and the record of their making, no pickled objects.
-
-How well the model of a linear controller fits: what is left of its own effect in the disturbances that it finds.
-
-A model explains y(t) of what is measured, and the disturbance d is the rest. If the turbine answers 1 + g times as
-strongly and tau later, what is left of the controller's own effect is
+*Fit of the model* (`ModelFit`): a model explains y(t) of what is measured, and the disturbance d is the rest. If the
+turbine answers 1 + g times as strongly and tau later, the part of the controller's own effect that is left is
 
     d = (1 + g) y(t - tau) - y(t) + d0 = g y - (1 + g) tau dy/dt + ...
 
 to first order in tau, so the regressions of the changes of d on those of y and of dy/dt give a gain g and a lag
-(1 + g) tau (least squares with an
-exponential window: Ljung, System Identification, 1999, section 11.2). Feedback makes y an answer to earlier d0, so both
-are biased: a model that fits has values of its own, which late readings, slow drives, weak or strong blades and dead
-gauges move. Changes, not values, are compared: the slow part of d0 is the largest. Values need decisions in
-neighboring intervals; a controller that is asked less often than its design has intervals shows zeros.
-
-Offsets of the blades' pitch as mean, tilt and yaw in the fixed frame, within limits, as they reach the drives.
+(1 + g) tau (least squares with an exponential window: Ljung, System Identification, 1999, section 11.2). Feedback makes
+y an answer to earlier d0, so both are biased: a model that fits has values of its own, which late readings, slow
+drives, weak or strong blades and dead gauges move. Changes, not values, are compared: the slow part of d0 is the
+largest. Values need decisions in neighboring intervals; a controller that is asked less often than its design has
+intervals shows zeros.
 """
 
 from __future__ import annotations
@@ -45,12 +38,12 @@ from scipy.signal import lfilter
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.base.files import whole_file
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.additions import AboveRated, FadeParameters
-from wt_gym.control.controllers.controller import parts_of
-from wt_gym.control.controllers.parameters import PATH, Parameter
+from wt_gym.control.controllers.controller import part_of
 from wt_gym.control.design import same_rotor
-from wt_gym.control.sensors import LowPass, to_blades, to_harmonic
+from wt_gym.control.sensors import LowPass, to_blades, to_harmonic, within
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
 
@@ -63,8 +56,8 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "FIT_TIME", "FORMAT", "LEAST_CHANGE", "OFFSET_PARAMETERS", "OUTPUTS", "PARAMETERS", "SHIPPED", "LinearDesign",
-    "LinearOptimalPitch", "ModelFit", "PitchOffsets", "bin_means", "channels_read", "default_limits", "delay_bins",
+    "FIT_TIME", "FORMAT", "LEAST_CHANGE", "OUTPUTS", "SHIPPED", "LinearDesign", "LinearOptimalPitch",
+    "LinearOptions", "ModelFit", "PitchOffsets", "bin_means", "channels_read", "default_limits", "delay_bins",
     "linear_part", "load_design", "measured_outputs", "offset_fade", "recorded_outputs", "save_design", "seen_bins",
     "side_sign", "spread_over_bins", "without_lasting",
 ]  # fmt: skip
@@ -86,16 +79,7 @@ def side_sign(turbine: Turbine) -> float:
 
 
 def measured_outputs(signals: Readings, n_blades: int, sign: float, out: NDArray[np.float64]) -> None:
-    """Put `OUTPUTS` of one instant into an array (6,).
-
-    Parameters
-    ----------
-    signals : Readings
-    n_blades : int
-    sign : float
-        Of `side_sign`.
-    out : numpy.ndarray, shape (6,)
-    """
+    """Put `OUTPUTS` of one instant into an array (6,); the sign is that of `side_sign`."""
     moments = [signals[f"root_flap_moment_{b + 1}"] for b in range(n_blades)]
     tilt, yaw = to_harmonic(moments, signals["azimuth"])
     out[0] = sum(moments) / n_blades
@@ -120,18 +104,9 @@ def recorded_outputs(channels: Mapping[str, NDArray[np.float64]], n_blades: int,
 
 
 def delay_bins(longest: float, dt: float, fine: int = 6, growth: float = 1.3) -> tuple[tuple[int, int], ...]:
-    """Bins [first, last) of delays in steps: single steps, then wider and wider ones.
+    """Bins [first, last) of delays in steps up to the longest [s]: single steps, then wider and wider ones.
 
-    Parameters
-    ----------
-    longest : float
-        Delay that the last bin reaches [s].
-    dt : float
-        [s].
-    fine : int
-        Number of bins of one step.
-    growth : float
-        Of the width from one bin to the next.
+    A step is ``dt`` [s]; ``fine`` is the number of bins of one step, ``growth`` the ratio of the widths of two bins.
     """
     end = max(round(longest / dt), fine)
     edges = list(range(fine + 1))
@@ -189,30 +164,6 @@ class LinearDesign:
 
     f being d without what lasts longer than the washout.
 
-    Attributes
-    ----------
-    pitch : numpy.ndarray, shape (n,)
-        Mean pitch of the blades at which each design holds, rising [rad].
-    responses : numpy.ndarray, shape (n, 6, 3, n_taps)
-        Of outputs over their scale to offsets [1/rad].
-    gains : numpy.ndarray, shape (n, 3, 6, n_delays)
-        From disturbances to offsets [rad].
-    scale : numpy.ndarray, shape (6,)
-        Of the outputs.
-    washout : numpy.ndarray, shape (6,)
-        Time constant of what lasts in each output [s]; 0: everything counts.
-    interval : float
-        Between two decisions [s].
-    limit, rate_limit : float
-        Of the offsets [rad], [rad/s].
-    fade : float
-        Collective pitch above fine pitch from which on all acts in full [rad], see `AboveRated.of_turbine`.
-    fine_speed : (float, float), optional
-        Rotor speed over the rated one at which offsets begin and act in full at fine pitch [-]; by default they do not
-        act there.
-    record : dict
-        How it was made: turbine, base controller, winds, options, what the models explain; JSON values.
-
     Raises
     ------
     wt_gym.base.errors.ControllerError
@@ -221,17 +172,20 @@ class LinearDesign:
 
     is_constant: ClassVar[bool] = True
     """Nothing in it is memory of a controller."""
-    pitch: NDArray[np.float64]
-    responses: NDArray[np.float64]
-    gains: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    washout: NDArray[np.float64]
-    interval: float
-    limit: float
-    rate_limit: float
-    fade: float
+    pitch: NDArray[np.float64]  #: mean pitch of the blades at which each design holds, rising [rad], shape (n,)
+    responses: NDArray[np.float64]  #: of outputs over their scale to offsets [1/rad], shape (n, 6, 3, n_taps)
+    gains: NDArray[np.float64]  #: from disturbances to offsets [rad], shape (n, 3, 6, n_delays)
+    scale: NDArray[np.float64]  #: of the outputs, shape (6,)
+    washout: NDArray[np.float64]  #: time constant of what lasts in each output [s]; 0: everything counts, shape (6,)
+    interval: float  #: between two decisions [s]
+    limit: float  #: of the offsets [rad]
+    rate_limit: float  #: of the offsets [rad/s]
+    fade: float  #: collective pitch above fine pitch from which on all acts in full [rad], see `AboveRated.of_turbine`
     record: dict[str, Any] = field(default_factory=dict)
+    """How it was made: turbine, base controller, winds, options, what the models explain; JSON values."""
     fine_speed: tuple[float, float] | None = None
+    """Rotor speed over the rated one at which offsets begin and act in full at fine pitch [-]; by default they do
+    not act there."""
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
@@ -317,10 +271,10 @@ def _load(file: Path, changed: int, size: int) -> LinearDesign:
         with np.load(file, allow_pickle=False) as found:
             head = json.loads(str(found["head"][()]))
             parts: dict[str, Any] = {name: found[name] for name in _ARRAYS}
-        if head["format"] not in (1, FORMAT):
+        if head["format"] != FORMAT:
             raise ControllerError(f"{file} must have format {FORMAT}, got {head['format']!r}")
         parts |= {name: float(head[name]) for name in _NUMBERS}
-        fine_speed = head["fine_speed"] if head["format"] == FORMAT else None
+        fine_speed = head["fine_speed"]
         parts["fine_speed"] = None if fine_speed is None else (float(fine_speed[0]), float(fine_speed[1]))
         return LinearDesign(**parts, record=head["record"])
     except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
@@ -336,14 +290,7 @@ LEAST_CHANGE = 1e-4
 
 
 class ModelFit:
-    """Gain and lag of several outputs, one value at every interval.
-
-    Parameters
-    ----------
-    n : int
-        Outputs.
-    interval : float
-        [s].
+    """Gain and lag of n outputs, one value at every interval [s].
 
     Attributes
     ----------
@@ -364,14 +311,9 @@ class ModelFit:
         self._count = 0.0
 
     def update(self, disturbance: NDArray[np.float64], explained: NDArray[np.float64], passed: int = 1) -> None:
-        """Take the values of an interval.
+        """Take a disturbance and its explained counterpart (n,), over their scale, ``passed`` intervals after the last.
 
-        Parameters
-        ----------
-        disturbance, explained : numpy.ndarray, shape (n,)
-            Over their scale.
-        passed : int
-            Intervals since the last time; where it is not one, no change is taken from it.
+        Where that is not one interval, no change is taken from them.
         """
         if passed != 1:
             self._count = 0.0
@@ -388,11 +330,6 @@ class ModelFit:
         self._past[0, 0], self._past[1, 0] = disturbance, explained
         self._count += 1.0
 
-
-OFFSET_PARAMETERS = (
-    Parameter("limit", "rad", "largest mean offset, and largest amplitude of tilt and yaw", 0.0, math.pi),
-    Parameter("rate_limit", "rad/s", "largest rate of the mean offset, and of tilt and yaw together", 0.0, above=True),
-)
 
 _MOST, _MOST_RATE = math.radians(4.0), math.radians(3.0)
 _TURNING, _CHANGING = 0.625, 0.375
@@ -419,7 +356,6 @@ class PitchOffsets:
 
     Parameters
     ----------
-    turbine : Turbine
     limit, rate_limit : float
         [rad], [rad/s].
     fade : FadeParameters, bool or float
@@ -469,23 +405,16 @@ class PitchOffsets:
         return self.share
 
     def added(self, wanted: Sequence[float], demand: Demand, azimuth: float, rotor_speed: float, dt: float) -> Demand:
-        """Demand with offsets.
+        """Demand with offsets ``wanted``, mean, tilt and yaw [rad], as far as limits and rates let them through.
 
-        Parameters
-        ----------
-        wanted : sequence of float, length 3
-            Mean, tilt and yaw [rad]; what limits and rates let through counts.
-        demand : Demand
-            Stays as it is.
-        azimuth, rotor_speed, dt : float
-            [rad], [rad/s], [s].
+        At the azimuth of blade 1 [rad] and a rotor speed [rad/s]; ``dt`` is the step [s].
         """
         mean, tilt, yaw = wanted
         mean = min(max(mean, -self.limit), self.limit)
-        tilt, yaw = _within(tilt, yaw, self.limit)
+        tilt, yaw = within((tilt, yaw), self.limit)
         last, reach = self._asked, self.rate_limit * dt
         mean = last[0] + min(max(mean - last[0], -reach), reach)
-        move = _within(tilt - last[1], yaw - last[2], reach)
+        move = within((tilt - last[1], yaw - last[2]), reach)
         self._asked = (mean, last[1] + move[0], last[2] + move[1])
         ahead = azimuth + rotor_speed * pitch_delay(self.drive, dt)
         low, high = self.drive.min_pitch, self.drive.max_pitch
@@ -506,28 +435,22 @@ class PitchOffsets:
         return self._in_fixed_frame([own - base for own, base in pairs], ahead)
 
     def _in_fixed_frame(self, values: list[float], azimuth: float) -> tuple[float, float, float]:
-        """Mean, tilt and yaw, numbers one by one: arrays of three are slow."""
-        n = self.n_blades
-        angles = [azimuth + 2.0 * math.pi * b / n for b in range(n)]
-        tilt = sum(x * math.cos(a) for x, a in zip(values, angles, strict=True))
-        yaw = sum(x * math.sin(a) for x, a in zip(values, angles, strict=True))
-        return sum(values) / n, 2.0 / n * tilt, 2.0 / n * yaw
+        """Mean, tilt and yaw."""
+        return sum(values) / self.n_blades, *to_harmonic(values, azimuth)
 
 
-def _within(x: float, y: float, size: float) -> tuple[float, float]:
-    """Vector shortened to a size."""
-    length = math.hypot(x, y)
-    return (x, y) if length <= size else (x * size / length, y * size / length)
+@option_record
+class LinearOptions(Options):
+    """Parameters of a `LinearOptimalPitch`."""
 
+    title = "linear_pitch"
 
-PARAMETERS = (
-    Parameter(
-        "file", "-", "design for the turbine and the base controller", word=PATH, otherwise="the one shipped for the "
-        "turbine",
-    ),
-    Parameter("gain", "-", "factor on all offsets", 0.0, 2.0),
-)  # fmt: skip
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+    file: Path | None = option(
+        "design for the turbine and the base controller", default=None, unit="-",
+        otherwise="the one shipped for the turbine",
+    )  # fmt: skip
+    gain: float = option("factor on all offsets", default=1.0, unit="-", low=0.0, high=2.0)
+
 
 SHIPPED = ("iea_15mw", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile")
 """Turbines with a design in ``data``."""
@@ -544,18 +467,11 @@ def seen_bins(design: LinearDesign) -> tuple[tuple[int, int], ...]:
 class LinearOptimalPitch:
     """Addition that answers disturbances of loads and rotor speed by mean, tilt and yaw pitch.
 
-    Parameters
-    ----------
-    turbine : Turbine
-    design : LinearDesign
-    gain : float
-        Factor on all offsets [-].
-
     Attributes
     ----------
     offsets : PitchOffsets
     disturbance : numpy.ndarray, shape (6,)
-        Found in the last step, in the units of `OUTPUTS`.
+        Of the last step, in the units of `OUTPUTS`.
     fit : ModelFit
         Of the model, over what is measured.
     """
@@ -579,16 +495,8 @@ class LinearOptimalPitch:
         self._forget()
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, file: str | None = None, gain: float = 1.0) -> LinearOptimalPitch:
-        """Controller of a design.
-
-        Parameters
-        ----------
-        turbine : Turbine
-        file : str, optional
-            Path of a design; by default that shipped for the turbine.
-        gain : float
-            Factor on all offsets [-].
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LinearOptimalPitch:
+        """Controller of a design, with parameters of `LinearOptions`.
 
         Raises
         ------
@@ -599,7 +507,8 @@ class LinearOptimalPitch:
         wt_gym.base.errors.ControllerError
             If the file is not a design.
         """
-        return cls(turbine, load_design(_shipped(turbine) if file is None else file), gain)
+        o = LinearOptions(**parameters)
+        return cls(turbine, load_design(_shipped(turbine) if o.file is None else o.file), o.gain)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -622,10 +531,6 @@ class LinearOptimalPitch:
 
     def known(self, signals: Readings) -> NDArray[np.float64]:
         """What is known of the disturbances at an instant, before the controller acts on it.
-
-        Parameters
-        ----------
-        signals : Readings
 
         Returns
         -------
@@ -756,5 +661,4 @@ def _shipped(turbine: Turbine) -> Path:
 
 def linear_part(controller: Controller | None) -> LinearOptimalPitch | None:
     """The linear optimal pitch among the parts of a controller, None where it has none."""
-    parts = () if controller is None else parts_of(controller)
-    return next((part for part in parts if isinstance(part, LinearOptimalPitch)), None)
+    return part_of(controller, LinearOptimalPitch)

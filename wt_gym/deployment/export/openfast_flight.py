@@ -1,6 +1,6 @@
-"""Export of a controller or a trained agent as a folder that OpenFAST's driver runs.
+"""Controllers and agents in OpenFAST: a folder that its driver runs, and a comparison with the original.
 
-Fly an exported agent or controller and the original in the same wind, here and in OpenFAST, and compare.
+`fly` has an exported agent or controller and the original in the same wind, here and in OpenFAST.
 """
 
 from __future__ import annotations
@@ -60,20 +60,14 @@ __all__ = ["LARGEST_DIFFERENCE", "LOADS", "Flight", "Scene", "export_openfast", 
 
 @dataclass(frozen=True)
 class Scene:
-    """A turbine in a wind.
-
-    Attributes
-    ----------
-    arguments : dict
-        Of the environment, without a limit of time and from a steady start.
-    step : float
-        Of the simulator [s].
-    """
+    """A turbine in a wind."""
 
     arguments: dict[str, Any]
+    """Of the environment, without a limit of time and from a steady start."""
     turbine: Turbine
     inflow: Inflow
     step: float
+    """Of the simulator [s]."""
 
 
 def scene_of(
@@ -133,19 +127,7 @@ def scene_of(
 
 
 def demanded_power(arguments: Mapping[str, Any]) -> float | None:
-    """Power that rows of the environment's ``power_reference`` demand throughout [W], None where nothing is demanded.
-
-    Parameters
-    ----------
-    arguments : mapping
-        Of the environment.
-
-    Raises
-    ------
-    ValueError
-        If it changes, is drawn, or stands in a file: ServoDyn hands the same number of its input file to the library at
-        every call.
-    """
+    """Power that rows of ``power_reference`` demand throughout [W], None where nothing is demanded."""
     given = flat_arguments(arguments).get("power_reference")
     if given is None:
         return None
@@ -250,30 +232,22 @@ LOADS = ("blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_s
 
 @dataclass(frozen=True)
 class Flight:
-    """What came of it.
-
-    Attributes
-    ----------
-    pitch, torque, yaw_rate : float
-        Largest difference of the demands of the library from those of Python in this package's simulator [rad], [-],
-        [rad/s].
-    metrics : dict
-        Of each run by its name, see `wt_gym.analysis.metrics.run_metrics`.
-    missing : dict
-        Why runs in OpenFAST were left out, by name.
-    primary : Path
-        Primary file of OpenFAST with the library, to be run again.
-    limit : float
-        Of the loads' changes in OpenFAST [-].
-    """
+    """Demands and loads of the runs."""
 
     pitch: float
+    """Largest difference of the demands of the library from those of Python in this package's simulator [rad]."""
     torque: float
+    """Likewise, over the greatest torque [-]."""
     yaw_rate: float
+    """Likewise [rad/s]."""
     metrics: dict[str, dict[str, float]]
+    """Of each run by its name, see `wt_gym.analysis.metrics.run_metrics`."""
     missing: dict[str, str]
+    """Why runs in OpenFAST were left out, by name."""
     primary: Path
+    """Primary file of OpenFAST with the library, to be run again."""
     limit: float = LARGEST_CHANGE
+    """Of the loads' changes in OpenFAST [-]."""
 
     @property
     def changes(self) -> dict[str, float]:
@@ -426,11 +400,6 @@ def _played(
 
     In rad, -, rad/s. A lidar takes the place of that which controller and agent read; a start, options of the reset,
     that of the operating point.
-
-    Raises
-    ------
-    SimulationError
-        If the run ends early.
     """
     env = WindTurbineEnv(**arguments)
     if lidar is not None:

@@ -1,14 +1,10 @@
-"""Export of a trained policy.
+"""Trained policies as arrays and as ONNX files, with a card.
 
-What a trained policy computes, from the measured channels to the action, as arrays.
-
-``observation = clip(channels, low, high)``, then ``(observation − offset)/scale`` (`wt_gym.envs.layout`), then the
-statistics of the training where it normalized observations, then fully connected layers, then the mean of the policy's
-distribution, squashed where the algorithm does that, within the range of the actions.
-
-A policy as an ONNX file: measured channels in, action out, scaling and clipping inside.
-
-What stands beside an exported agent: what it is made for, what it reads and gives, what it did in its training.
+A policy computes, from the measured channels to the action, ``observation = clip(channels, low, high)``, then
+``(observation − offset)/scale`` (`wt_gym.envs.layout`), then the statistics of the training where it normalized
+observations, then fully connected layers, then the mean of the policy's distribution, squashed where the algorithm does
+that, within the range of the actions. An ONNX file has all of it inside. The card says what an agent is made for, what
+it reads and gives, and what it did in its training.
 """
 
 from __future__ import annotations
@@ -43,7 +39,7 @@ if TYPE_CHECKING:
     from wt_gym.experiment.trained_agent import TrainedAgent
 
 __all__ = [
-    "INPUT", "OUTPUT", "Network", "check_onnx", "export_onnx", "network_of", "training_environment", "training_layout",
+    "INPUT", "OUTPUT", "Network", "check_onnx", "export_onnx", "network_of", "training_environment",
     "write_onnx",
 ]  # fmt: skip
 
@@ -54,15 +50,6 @@ def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> Win
     """Environment that an agent was trained in, without a limit of time or a twin."""
     arguments = training_arguments(agent.record, env_kwargs)
     return WindTurbineEnv(**(arguments | {"relative_reward": False, "episode_length": None}))
-
-
-def training_layout(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> EnvLayout:
-    """Layout of `training_environment`."""
-    env = training_environment(agent, env_kwargs)
-    try:
-        return env.layout
-    finally:
-        env.close()
 
 
 def export_onnx(choice: str, folder: str | Path) -> dict[str, Any]:
@@ -90,7 +77,9 @@ def export_onnx(choice: str, folder: str | Path) -> dict[str, Any]:
     if name.kind != "trained":
         raise ValueError(f"an agent must be a trained one to be exported as a policy, got the {name.kind} {choice!r}")
     agent = load_model(name)
-    layout = training_layout(agent, model_card(name.target, name.parameters.get("env")).get("env_kwargs", {}))
+    env = training_environment(agent, model_card(name.target, name.parameters.get("env")).get("env_kwargs", {}))
+    layout = env.layout
+    env.close()
     network = network_of(agent, layout)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -118,54 +107,35 @@ ACTIVATIONS = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu", torch.nn.ELU: "elu"
 
 @dataclass(frozen=True)
 class Layer:
-    """``activation(weight x + bias)``.
-
-    Attributes
-    ----------
-    weight : numpy.ndarray, shape (n_out, n_in), float32
-    bias : numpy.ndarray, shape (n_out,), float32
-    activation : str
-        Of `ACTIVATIONS`, or "" for none.
-    """
+    """``activation(weight x + bias)``."""
 
     weight: np.ndarray
+    """Shape (n_out, n_in), float32."""
     bias: np.ndarray
+    """Shape (n_out,), float32."""
     activation: str
+    """Of `ACTIVATIONS`, or "" for none."""
 
 
 @dataclass(frozen=True)
 class Normalization:
-    """``clip((x − mean)/sqrt(variance + epsilon), −limit, limit)``, statistics of the training.
-
-    Attributes
-    ----------
-    mean, deviation : numpy.ndarray, shape (n,)
-        The deviation is ``sqrt(variance + epsilon)``.
-    """
+    """``clip((x − mean)/sqrt(variance + epsilon), −limit, limit)``, statistics of the training."""
 
     mean: np.ndarray
+    """Shape (n,)."""
     deviation: np.ndarray
+    """``sqrt(variance + epsilon)``, shape (n,)."""
     limit: float
 
 
 @dataclass(frozen=True)
 class Network:
-    """A policy from measured channels to the action.
-
-    Attributes
-    ----------
-    channels : tuple of Channel
-        In SI units, as the environment lists them; those of earlier readings are called ``NAME@k``.
-    offset, scale, low, high : numpy.ndarray, shape (n_obs,)
-        Of the channels.
-    action_low, action_high : numpy.ndarray, shape (n_act,), float32
-        Range of the actions.
-    squashed : bool
-        Whether the last layer's output goes from −1 to 1 over the range, not clipped to it.
-    """
+    """A policy from measured channels to the action."""
 
     channels: tuple[Any, ...]
+    """In SI units, as the environment lists them; those of earlier readings are called ``NAME@k``."""
     offset: np.ndarray
+    """Of the channels, shape (n_obs,), as the next three."""
     scale: np.ndarray
     low: np.ndarray
     high: np.ndarray
@@ -173,8 +143,10 @@ class Network:
     layers: tuple[Layer, ...]
     action_names: tuple[str, ...]
     action_low: np.ndarray
+    """Range of the actions, shape (n_act,), float32."""
     action_high: np.ndarray
     squashed: bool
+    """Whether the last layer's output goes from −1 to 1 over the range, not clipped to it."""
 
     def action(self, values: np.ndarray) -> np.ndarray:
         """Action for measured values, with NumPy alone.
@@ -276,11 +248,6 @@ def network_of(agent: TrainedAgent, layout: EnvLayout) -> Network:
     ----------
     layout : EnvLayout
         Of an environment that it fits.
-
-    Raises
-    ------
-    ValueError
-        If the policy is not made of fully connected layers on a flat observation with one continuous action.
     """
     agent.check_fits(layout)
     policy, space = agent.model.policy, agent.model.action_space

@@ -162,7 +162,7 @@ class TrainingConfig:
         Parameters
         ----------
         record : Any
-            What `to_json` gave, perhaps before a field was added; anything else is another training.
+            What `to_json` gave; anything else is another training.
         """
         free = dict.fromkeys(("seed", "total_steps", "max_seconds"))
         try:

@@ -123,43 +123,25 @@ since u and φ are relative to the frame, the result depends on the reference co
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from wt_gym.base.types import Array
 from wt_gym.multibody.integrators.schemes import NEWMARK
 from wt_gym.multibody.observer_frame import observer_frame_constraint_kernels as constraint
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
-from wt_gym.multibody.observer_frame.observer_frame_arrays import Model, State, Work
 from wt_gym.multibody.observer_frame.observer_frame_body import (
-    DISPLACEMENTS,
-    REFERENCE_CONDITIONS,
+    Model,
     ObserverFrameError,
-    Place,
+    State,
     Substructure,
+    Work,
 )
-from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_kernels import renew
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    Array = NDArray[np.float64]
-
-__all__ = [
-    "DISPLACEMENTS",
-    "REFERENCE_CONDITIONS",
-    "ObserverFrameError",
-    "ObserverFrameIntegrator",
-    "ObserverFrameSystem",
-    "Place",
-    "Substructure",
-]
 
 LOAD_AXES = {"fixed": constraint.FIXED, "undeformed": constraint.UNDEFORMED, "deformed": constraint.DEFORMED}
 LOAD_AXES |= {"turned": constraint.TURNED, "consistent": constraint.CONSISTENT}
@@ -192,7 +174,6 @@ class Drive:
 
     Attributes
     ----------
-    name : str
     motion : callable or None
         Angle [rad], rate [rad/s] and acceleration [rad/s²] as functions of time [s]; None keeps the angle zero.
     """
@@ -211,7 +192,6 @@ class Spring:
 
     Attributes
     ----------
-    name : str
     stiffness, damping : float
         k [N m/rad] and c [N m s/rad].
     acting : callable or None
@@ -252,6 +232,7 @@ class ObserverFrameSystem:
     >>> system.add(Substructure.from_beam("arm", beam, n_modes=4))
     0
     >>> system.hinge("arm", "root", axis=(0.0, 1.0, 0.0))
+    >>> from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
     >>> integrator = ObserverFrameIntegrator(system, step=0.001)
     >>> integrator.advance(10)
     """
@@ -286,7 +267,6 @@ class ObserverFrameSystem:
 
         Parameters
         ----------
-        body : Substructure
         position, velocity, angular_velocity : array (3,)
             Of the frame origin, fixed axes [m, m/s, rad/s].
         rotation : array (3, 3), optional
@@ -343,10 +323,7 @@ class ObserverFrameSystem:
             self._rows.append(_Row(constraint.DISPLACEMENT, (a, b), (d, np.zeros(3)), name))
 
     def support(
-        self,
-        body: str,
-        marker: str,
-        directions: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        self, body: str, marker: str, directions: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     ) -> None:
         """Hold a marker where it is along unit directions (n, 3) of the fixed frame (a bearing, eq. 15)."""
         a = self._marker(body, marker)
@@ -359,18 +336,12 @@ class ObserverFrameSystem:
             self._rows.append(_Row(constraint.DISPLACEMENT, (a, -1), (d, place), f"support of {body}.{marker}"))
 
     def hinge(
-        self,
-        body: str,
-        marker: str,
-        axis: ArrayLike,
-        other: str | None = None,
-        other_marker: str | None = None,
+        self, body: str, marker: str, axis: ArrayLike, other: str | None = None, other_marker: str | None = None
     ) -> None:
         """Hold a marker on the ground or on another marker and let its section turn about a unit axis only.
 
         Parameters
         ----------
-        body, marker : str
         axis : array (3,)
             In the fixed frame, as things stand now; it stays with the second section.
         other, other_marker : str, optional
@@ -453,7 +424,6 @@ class ObserverFrameSystem:
             Unit axis in the second section.
         vectors : (array (3,), array (3,))
             Across the axis, fixed in the first and in the second section; the angle is the one between them.
-        spring : Spring
         drive : int
             Number of a drive that turns the second vector about the axis; −1: none.
         """
@@ -470,7 +440,6 @@ class ObserverFrameSystem:
 
         Parameters
         ----------
-        body, marker : str
         value : array (6,) or callable
             Force [N] and moment [N m], constant or as a function of time [s].
         axes : str

@@ -1,0 +1,634 @@
+"""Controllers and trained residual agents taken apart into what their C source needs: parameters, tables, readings."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.control import NacelleAnemometer
+from wt_gym.control.bladed.records import MOST_LIDAR_POINTS
+from wt_gym.control.controllers import (
+    STATES,
+    DisconController,
+    FaultSupervisor,
+    ForeAftDamper,
+    IndividualPitch,
+    LidarFeedforward,
+    SideSideDamper,
+    Supervisor,
+    YawByDeadBand,
+)
+from wt_gym.control.controllers.controller import parts_of
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, SCHEDULE_TIME, LinearOptimalPitch
+from wt_gym.control.controllers.power_tracking import WAYS, PowerTracking
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
+from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.rewards import available_power
+from wt_gym.simulation.drivetrain.drives import pitch_delay
+
+if TYPE_CHECKING:
+    from wt_gym.control import Lidar
+    from wt_gym.control.controllers import AboveRated, Controller
+    from wt_gym.control.controllers.discon import BaselineParameters, PitchLaw
+    from wt_gym.control.controllers.linear_optimal import LinearDesign
+    from wt_gym.control.rotor import RotorTable
+    from wt_gym.deployment.export.policy import Network
+    from wt_gym.envs.layout import EnvLayout
+    from wt_gym.envs.turbine_env import WindTurbineEnv
+    from wt_gym.turbines import Turbine
+
+__all__ = [
+    "FASTEST_LIDAR_WIND", "KINDS", "LONGEST_LIDAR_DELAY", "SUPPORTED", "LinearPitch", "Parts", "Seen", "add_agent",
+    "controller_parts", "seen_channels",
+]  # fmt: skip
+
+SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
+             "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
+             "side_side_damper", "tower_dampers", "tuned", "tuned_lidar", "yaw",
+             "linear_pitch", "linear_optimal", "fault_supervisor", "supervisor")  # fmt: skip
+"""Names of controllers that can be exported."""
+ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
+"""Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
+LINEAR_READS = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"} | ACCELERATION
+"""Readings of linear optimal pitch."""
+MOST_SEEN_BINS = 100
+"""More than the bins of delays of any design; what the number of a channel counts outputs by."""
+LONGEST_LIDAR_DELAY = 10.0
+"""Greatest delay of the feed-forward that the parameter file of a library may have [s]."""
+FASTEST_LIDAR_WIND = 60.0
+"""Greatest wind that the gates of a lidar are believed to see [m/s]."""
+
+
+@dataclass(frozen=True)
+class LinearPitch:
+    """Linear optimal pitch as the C source has it."""
+
+    design: LinearDesign
+    sign: float
+    """Of accelerations to the side."""
+    bins: tuple[tuple[int, int], ...]
+    """Of delays, over which an agent sees means of the disturbances."""
+
+
+@dataclass
+class Parts:
+    """What a controller, and an agent on it, put into the C source."""
+
+    turbine: Turbine
+    values: dict[str, float | list[float]] = field(default_factory=dict)
+    """Of `wt_gym.deployment.export.discon.PARAMETERS`, numbers or lists."""
+    groups: set[str] = field(default_factory=lambda: {"all", "base"})
+    """Of parameters."""
+    constants: dict[str, int] = field(default_factory=dict)
+    """Whole numbers of the preprocessor, by name."""
+    additions: list[str] = field(default_factory=list)
+    """Names of the C source, in the order in which they act."""
+    tables: dict[str, RotorTable] = field(default_factory=dict)
+    """Rotor tables by the name in the C source."""
+    reads: dict[str, set[str]] = field(default_factory=dict)
+    """Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD",
+    "SUPERVISOR"."""
+    linear: LinearPitch | None = None
+    """Arrays of linear optimal pitch."""
+    lidar: Lidar | None = None
+    """That is read, with its beams apart where an agent reads them."""
+    feedforward: LidarFeedforward | None = None
+    """That moves the collective pitch."""
+    supervisor: Supervisor | None = None
+    """That starts and stops the turbine."""
+
+    def parks_in(self, wind: float) -> bool:
+        """Whether the turbine stands at a start in a wind [m/s]."""
+        return self.supervisor is not None and not self.supervisor.runs_in(wind)
+
+    def take(self, group: str, source: Any, *names: str, prefix: str = "") -> None:
+        """Take the attributes of an object as the parameters of a group, under their names behind a prefix."""
+        self.groups.add(group)
+        self.values |= {f"{prefix}{name}": getattr(source, name) for name in names}
+
+    def take_gains(self, law: PitchLaw, group: str, flag: str, prefix: str = "") -> None:
+        """Take the gains of a pitch law, whose table, where it has one, is told by a constant of the preprocessor."""
+        table = law.table
+        self.constants[flag] = int(table is not None)
+        if table is None:
+            names = "proportional_gain", "integral_gain", "gain_doubling_pitch"
+            self.take(group + "gains", law, *names, prefix=prefix)
+            return
+        self.groups.add(group + "gain_table")
+        columns = "gain_pitch", "proportional_gains", "integral_gains"
+        for name, column in zip(columns, (table.pitch, table.proportional, table.integral), strict=True):
+            self.values[f"{prefix}{name}"] = list(column)
+
+    def take_estimator(self, estimator: WindEstimator) -> None:
+        """Take the parameters of a wind estimator except its bandwidth and table, the same for all of a turbine."""
+        self.values |= {
+            "torque_to_moment": estimator._to_moment,
+            "rotor_inertia": estimator.inertia,
+            "estimator_lowest_speed": estimator.lowest_speed,
+        }
+
+    def take_fade(self, fade: AboveRated | None, constant: str, name: str, group: str = "") -> None:
+        """Take a fade below rated wind, if there is one."""
+        self.constants[constant] = int(fade is not None)
+        if fade is None:
+            return
+        p = fade.parameters
+        self.groups.add(f"{group or name}_fade")
+        self.values |= {
+            "fade_fine_pitch": fade.fine_pitch,
+            f"{name}_fade_pitch": list(p.pitch),
+            f"{name}_fade_speed": list(p.speed),
+            f"{name}_fade_fine_speed": [1e3, 2e3] if p.fine_speed is None else list(p.fine_speed),
+            f"{name}_fade_time": p.time_constant,
+        }
+
+    def take_lidar(self, lidar: Lidar, apart: bool = False) -> None:
+        """Take the lidar that a controller or an agent reads, its beams apart or not."""
+        lidar = replace(lidar, apart=apart)
+        if lidar.n_readings > MOST_LIDAR_POINTS:
+            what = "beams over all gates" if apart else "gates"
+            raise ValueError(
+                f"a lidar to be exported must have at most {MOST_LIDAR_POINTS} {what}, for which the Bladed interface "
+                f"has records, got {lidar.n_readings}"
+            )
+        self.groups.add("lidar")
+        self.lidar = lidar
+        self.values["lidar_speed_factor"] = 1.0
+
+
+_FLAGS = (
+    "GAIN_TABLE", "TRACKS_TIP_SPEED_RATIO", "FADE_IPC", "FADE_FORE_AFT", "FADE_LINEAR", "FADE_LIDAR", "N_HARMONICS",
+    "INDIVIDUAL_BLADES", "DERATE", "WITH_EXCLUSION", "START_GAIN_TABLE",
+)  # fmt: skip
+"""Constants that are 0 for a controller without the part."""
+
+
+def controller_parts(controller: Controller, turbine: Turbine, step: float) -> Parts:
+    """Take a controller with a step [s] apart."""
+    if not turbine.drivetrain.takes_torque:
+        raise ValueError(f"the generator must take a torque to be exported, that of {turbine.name} is a damper")
+    if turbine.n_blades > 3:
+        raise ValueError(
+            f"a turbine must have at most 3 blades for the Bladed interface, {turbine.name} has {turbine.n_blades}"
+        )
+    parts = Parts(turbine)
+    drive, pitch = turbine.drivetrain, turbine.pitch
+    parts.take("all", drive, "gear_ratio", "rated_rotor_speed")
+    parts.values |= {
+        "controller_step": step,
+        "drive": 0.0,
+        "acceleration_axes": 0.0,
+        "drive_min_pitch": pitch.min_pitch,
+        "drive_max_pitch": pitch.max_pitch,
+        "drive_pitch_rate": pitch.max_rate,
+        "drive_servo_frequency": pitch.servo_frequency or 0.0,
+        "drive_servo_damping": pitch.servo_damping,
+        "drive_max_torque": drive.max_generator_torque,
+        "drive_torque_rate": drive.max_torque_rate,
+        "drive_yaw_rate": turbine.nacelle.max_yaw_rate,
+    }
+    parts.constants |= dict.fromkeys(_FLAGS, 0)
+    base: Any
+    base, *additions = parts_of(controller)
+    if type(base) is Supervisor:
+        _supervision(parts, base)
+        base = base.base
+    if type(base) is LidarFeedforward:
+        _feedforward(parts, base)
+        base = base.base
+    if type(base) not in _BASES:  # what is derived from one may do something else
+        raise _refused(base)
+    _BASES[type(base)](parts, base)
+    for addition in additions:
+        if type(addition) not in _ADDITIONS:
+            raise _refused(addition)
+        name, take = _ADDITIONS[type(addition)]
+        parts.additions.append(name)
+        take(parts, addition, step)
+    if type(controller) is FaultSupervisor:
+        _guard(parts, controller)
+    if len(set(parts.additions)) < len(parts.additions):
+        raise ValueError("each kind of addition must be there once to be exported, individual pitch is there twice")
+    return parts
+
+
+def _refused(part: object) -> ValueError:
+    return ValueError(f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}")
+
+
+def _feedforward(parts: Parts, wrapper: LidarFeedforward) -> None:
+    """Collective pitch ahead of the wind: ranges and steady pitch go into the source, the rest into the parameters."""
+    parts.take_lidar(wrapper.lidar)
+    parts.groups.add("feedforward")
+    parts.feedforward = wrapper
+    parts.values |= {"lidar_gain": 1.0, "lidar_delay": wrapper.delay, "lidar_wavenumber": wrapper.wavenumber}
+    if wrapper.delay > LONGEST_LIDAR_DELAY:
+        raise ValueError(
+            f"the delay of a lidar's feed-forward must be at most {LONGEST_LIDAR_DELAY:g} s to be exported, got "
+            f"{wrapper.delay!r} s"
+        )
+    parts.take_fade(wrapper.fade, "FADE_LIDAR", "lidar")
+    parts.reads["LIDAR"] = {"lidar", "nacelle_yaw", "rotor_speed"}
+
+
+def _supervision(parts: Parts, wrapper: Supervisor) -> None:
+    """Supervisory control: its numbers, and the pitch law of its start-up."""
+    p = wrapper.parameters
+    parts.supervisor = wrapper
+    parts.take(
+        "supervisor", p, "cut_in", "restart", "derate_from", "cut_out", "least_speed", "least_power", "averaging",
+        "restart_delay", "run_up", "gust", "overspeed", "stop_rate", "start_rate", "feather", "fine_pitch",
+        "cut_in_speed", "radius", "rated_speed", "rated_torque", prefix="supervisor_",
+    )  # fmt: skip
+    parts.values["supervisor_to_generator"] = p.rated_speed * p.gear_ratio
+    parts.take_gains(wrapper.pitch_law, "supervisor_", "START_GAIN_TABLE", "supervisor_")
+    parts.reads["SUPERVISOR"] = {"rotor_speed", "wind"}
+
+
+def _baseline(parts: Parts, p: BaselineParameters) -> None:
+    """Speed filter, pitch law and limits."""
+    parts.take(
+        "base", p, "corner_frequency", "filter_damping", "notch_frequency", "reference_speed", "min_pitch", "max_pitch",
+        "max_pitch_rate", "max_torque", "max_torque_rate",
+    )  # fmt: skip
+    parts.values |= {"rated_power": p.torque.rated_power, "constant_power": float(p.constant_power)}
+    parts.take_gains(p.pitch_law, "", "GAIN_TABLE")
+
+
+def _torque_curve(parts: Parts, base: DisconController | PowerTracking) -> None:
+    p = base.parameters
+    _baseline(parts, p)
+    names = "cut_in_speed", "region_2_speed", "rated_generator_speed", "region_2_gain", "slip"
+    parts.take("torque_curve", p.torque, *names)
+    parts.values["region_3_min_pitch"] = p.region_3_min_pitch
+    parts.reads["BASE"] = {"pitch", "generator_speed"}
+
+
+def _power_tracking(parts: Parts, base: PowerTracking) -> None:
+    """Torque curve that follows a demanded power."""
+    _torque_curve(parts, base)
+    law = base.law
+    if law.way == "pitch" and parts.feedforward is not None:
+        raise ValueError(
+            "a controller to be exported must have derate_pitch or lidar, not both: one moves the least pitch"
+        )
+    parts.constants["DERATE"] = 1 + WAYS.index(law.way)
+    parts.groups.add("power")
+    parts.values |= {"generator_efficiency": base.generator_efficiency, "power_level": base.level}
+    if law.way == "pitch":
+        parts.groups.add("power_pitch")
+        parts.values |= {"power_shares": law._shares.tolist(), "power_pitch": law._share_pitch.tolist()}
+    if law.way == "kinetic":
+        parts.take("power_store", law, "lowest_speed", "band", "raised", prefix="store_")
+    parts.reads["BASE"] = {"pitch", "generator_speed", "demanded_power"}
+
+
+def _tracking(parts: Parts, base: TsrTrackingController) -> None:
+    p, estimator = base.parameters, base.estimator
+    _baseline(parts, p.baseline)
+    parts.constants["TRACKS_TIP_SPEED_RATIO"] = 1
+    parts.tables["BASE_TABLE"] = estimator.table
+    parts.take_estimator(estimator)
+    parts.take(
+        "tracking", p, "speed_per_wind", "torque_gain", "torque_integral_gain", "wind_time_constant",
+        "smoothing_time_constant", "pitch_to_speed", "torque_to_speed", "constant_power_pitch",
+    )  # fmt: skip
+    parts.values |= {
+        "min_generator_speed": p.min_speed,
+        "estimator_bandwidth": estimator.bandwidth,
+        "generator_share": estimator.generator_share,
+        "schedule_wind": np.asarray(p.schedule_wind).tolist(),
+        "schedule_pitch": np.asarray(p.schedule_pitch).tolist(),
+    }
+    parts.reads["BASE"] = {"pitch", "generator_speed", "rotor_speed", "generator_torque"}
+    if (band := base.exclusion) is not None:
+        parts.constants["WITH_EXCLUSION"] = 1
+        parts.take("exclusion", band, "low", "high", "rate", prefix="exclusion_")
+        parts.values["exclusion_above"] = float(band._always_above)
+
+
+def _individual_pitch(parts: Parts, addition: IndividualPitch, step: float) -> None:
+    parts.groups.add("ipc")
+    laws = [harmonic.parameters for harmonic in addition.harmonics]
+    if [p.harmonic for p in laws] != list(range(1, len(laws) + 1)):
+        raise ValueError(
+            f"the harmonics of individual pitch to be exported must be 1, or 1 and 2, got {[p.harmonic for p in laws]}"
+        )
+    parts.constants |= {"N_HARMONICS": len(laws), "INDIVIDUAL_BLADES": 1}
+    names = ("integral_gain", "proportional_gain", "level", "leak", "limit", "rate_limit")
+    parts.values |= {f"ipc_{name}": [getattr(p, name) for p in laws] for name in names}
+    lead = pitch_delay(addition.drive, step, addition.simulator_step) if addition.lead is None else addition.lead
+    parts.values["ipc_lead"] = lead
+    parts.take_fade(addition.fade, "FADE_IPC", "ipc")
+    parts.reads["IPC"] = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"}
+
+
+def _linear_pitch(parts: Parts, addition: LinearOptimalPitch, step: float) -> None:
+    """Linear optimal pitch: its matrices go into the source, its limits into the parameters."""
+    parts.groups |= {"linear", "acceleration"}
+    design, offsets = addition.design, addition.offsets
+    n_designs, n_outputs, _, n_taps = design.responses.shape
+    parts.linear = LinearPitch(design, addition.sign, addition.bins)
+    parts.constants |= {"N_DESIGNS": n_designs, "N_OUTPUTS": n_outputs, "N_TAPS": n_taps}
+    parts.constants |= {"N_DELAYS": design.gains.shape[-1], "INDIVIDUAL_BLADES": 1}
+    parts.values |= {
+        "linear_gain": addition.gain,
+        "linear_limit": offsets.limit,
+        "linear_rate_limit": offsets.rate_limit,
+        "linear_lead": pitch_delay(offsets.drive, step),
+        "linear_schedule_time": SCHEDULE_TIME,
+    }
+    parts.take_fade(offsets.fade, "FADE_LINEAR", "linear")
+    parts.constants |= {"N_SEEN_BINS": len(addition.bins), "MOST_SEEN_BINS": MOST_SEEN_BINS}
+    parts.reads["LINEAR"] = LINEAR_READS
+
+
+def _fore_aft(parts: Parts, addition: ForeAftDamper, step: float) -> None:
+    low, high = addition.pitch_limits
+    if not math.isclose(high, parts.turbine.pitch.max_pitch):
+        raise ValueError(f"the fore-aft damper must end at the greatest pitch of the drives, got {high!r} rad")
+    parts.take("fore_aft", addition, "gain", "limit", prefix="fore_aft_")
+    parts.values |= {"fore_aft_corner": addition._velocity.corner, "fore_aft_min_pitch": low}
+    parts.take_fade(addition.fade, "FADE_FORE_AFT", "fore_aft")
+    parts.groups.add("acceleration")
+    parts.reads.setdefault("DAMPER", set()).update(ACCELERATION | {"rotor_speed"})
+
+
+def _side_side(parts: Parts, addition: SideSideDamper, step: float) -> None:
+    parts.take("side_side", addition, "gain", "limit", prefix="side_side_")
+    parts.values["side_side_corner"] = addition._velocity.corner
+    parts.groups.add("acceleration")
+    parts.reads.setdefault("DAMPER", set()).update(ACCELERATION)
+
+
+def _yaw(parts: Parts, addition: YawByDeadBand, step: float) -> None:
+    parts.take("yaw", addition, "rate", "dead_band", "stop", prefix="yaw_")
+    parts.values |= {
+        "yaw_slow_time": addition._slow.time_constant,
+        "yaw_fast_time": addition._fast.time_constant,
+    }
+    parts.reads["YAW"] = {"yaw_error"}
+
+
+def _guard(parts: Parts, guard: FaultSupervisor) -> None:
+    """A supervisor of faults around the controller."""
+    p = guard.parameters
+    parts.constants["INDIVIDUAL_BLADES"] = 1
+    parts.take(
+        "guard", p, "speed_tolerance", "moment_jump", "frozen_time", "vane_jump", "pitch_tolerance", "pitch_time",
+        "fade_time", "efficiency", "least_torque", prefix="guard_",
+    )  # fmt: skip
+    if "supervisor" in parts.groups:
+        parts.take("guard_stop", p, "stop_deviation", prefix="guard_")
+    parts.reads["GUARD"] = {
+        "pitch", "out_of_plane", "in_plane", "rotor_speed", "generator_speed", "generator_torque", "power", "yaw_error",
+        "wind", "azimuth",
+    }  # fmt: skip
+
+
+_BASES: dict[type[Any], Callable[[Parts, Any], None]] = {
+    DisconController: _torque_curve,
+    PowerTracking: _power_tracking,
+    TsrTrackingController: _tracking,
+}
+_ADDITIONS: dict[type[Any], tuple[str, Callable[[Parts, Any, float], None]]] = {
+    IndividualPitch: ("INDIVIDUAL_PITCH", _individual_pitch),
+    LinearOptimalPitch: ("LINEAR_PITCH_ADDED", _linear_pitch),
+    ForeAftDamper: ("FORE_AFT_DAMPER", _fore_aft),
+    SideSideDamper: ("SIDE_SIDE_DAMPER", _side_side),
+    YawByDeadBand: ("YAW", _yaw),
+}
+"""Names of the C source, and what takes the parameters of an addition."""
+
+
+_PARTS = {"mean": 0, "tilt": 1, "yaw": 2}
+_LINEAR = _PARTS | {"share": 3, "schedule": 4}
+_PLAIN = {
+    "rotor_speed": ("ROTOR_SPEED", {"rotor_speed"}),
+    "generator_speed": ("GENERATOR_SPEED", {"generator_speed"}),
+    "generator_power": ("GENERATOR_POWER", {"power"}),
+    "generator_torque": ("GENERATOR_TORQUE", {"generator_torque"}),
+    "nacelle_acceleration_fore_aft": ("ACCELERATION_FORE_AFT", set(ACCELERATION)),
+    "nacelle_acceleration_side_side": ("ACCELERATION_SIDE_SIDE", set(ACCELERATION)),
+    "pitch": ("MEAN_PITCH", {"pitch"}),
+    "pitch_rate": ("MEAN_PITCH_RATE", {"pitch"}),
+    "pitch_demand": ("MEAN_PITCH_DEMAND", set()),
+    "generator_torque_demand": ("TORQUE_DEMAND", set()),
+    "wind_speed": ("WIND_SPEED", {"wind"}),
+    "yaw_error": ("YAW_ERROR", {"yaw_error"}),
+    "rotor_wind": ("ROTOR_WIND", {"rotor_speed", "generator_torque", "pitch"}),
+    "azimuth_sin": ("AZIMUTH_SIN", {"azimuth"}),
+    "azimuth_cos": ("AZIMUTH_COS", {"azimuth"}),
+    "controller_pitch": ("CONTROLLER_PITCH", set()),
+    "controller_torque": ("CONTROLLER_TORQUE", set()),
+    "residual_share": ("SHARE", {"rotor_speed"}),
+    "residual_mean": ("MEAN_OFFSET", set()),
+    "dead_band_error": ("DEAD_BAND_ERROR", set()),
+    "dead_band_turning": ("DEAD_BAND_TURNING", set()),
+    "mean_wind": ("SUPERVISOR_WIND", {"wind"}),
+    "set_point": ("SUPERVISOR_SET_POINT", set()),
+    "load_share": ("SUPERVISOR_LOAD", set()),
+    "set_point_offset": ("SET_POINT_OFFSET", set()),
+    "demanded_power": ("DEMANDED_POWER", {"demanded_power"}),
+    "power_error": ("POWER_ERROR", {"demanded_power", "power"}),
+    "rotor_energy": ("ROTOR_ENERGY", {"rotor_speed"}),
+    "power_headroom": ("POWER_HEADROOM", {"demanded_power", "rotor_speed", "generator_torque", "pitch"}),
+}
+"""Channels without a number: how the C source calls them, and the readings that they need."""
+_MOMENTS = {"pitch", "out_of_plane", "in_plane"}
+_BY_BLADE = {
+    "pitch": ("PITCH", {"pitch"}),
+    "pitch_rate": ("PITCH_RATE", {"pitch"}),
+    "pitch_demand": ("PITCH_DEMAND", set()),
+    "root_flap_moment": ("FLAP_MOMENT", _MOMENTS),
+    "root_edge_moment": ("EDGE_MOMENT", _MOMENTS),
+    "root_out_of_plane_moment": ("OUT_OF_PLANE_MOMENT", _MOMENTS),
+}
+_FIXED_FRAME = {
+    "root_flap_moment": "FLAP_FIXED_FRAME",
+    "root_edge_moment": "EDGE_FIXED_FRAME",
+    "root_out_of_plane_moment": "OUT_OF_PLANE_FIXED_FRAME",
+}
+_LIDAR = {"lidar", "nacelle_yaw"}
+_DIAL, _STATE, _OUTPUT = ("|".join(names) for names in (DIAL_NAMES, STATES, OUTPUTS))
+_PATTERNS: dict[str, Callable[[re.Match[str]], tuple[str, int, set[str]]]] = {
+    rf"({'|'.join(_FIXED_FRAME)})_(mean|tilt|yaw)":
+        lambda m: (_FIXED_FRAME[m[1]], _PARTS[m[2]], _MOMENTS | {"azimuth"}),
+    rf"disturbance_({_OUTPUT})_(\d+)":
+        lambda m: ("DISTURBANCE", MOST_SEEN_BINS * OUTPUTS.index(m[1]) + int(m[2]) - 1, LINEAR_READS),
+    rf"linear_pitch_({'|'.join(_LINEAR)})": lambda m: ("LINEAR_PITCH", _LINEAR[m[1]], LINEAR_READS),
+    rf"model_(gain|lag)_({_OUTPUT})":
+        lambda m: ("MODEL_FIT", OUTPUTS.index(m[2]) + (len(OUTPUTS) if m[1] == "lag" else 0), LINEAR_READS),
+    r"lidar_(\d+)": lambda m: ("LIDAR", int(m[1]) - 1, _LIDAR),
+    rf"dial_({_DIAL})": lambda m: ("DIAL", DIAL_NAMES.index(m[1]), set()),
+    rf"state_({_STATE})": lambda m: ("SUPERVISOR_STATE", STATES.index(m[1]), set()),
+    r"pitch_offset_(\d)": lambda m: ("SETPOINT", int(m[1]) - 1, set()),
+    rf"({'|'.join(_BY_BLADE)})_(\d)": lambda m: (_BY_BLADE[m[1]][0], int(m[2]) - 1, _BY_BLADE[m[1]][1]),
+}  # fmt: skip
+"""Channels with a number or a name in theirs: kind, index and readings."""
+KINDS = (
+    *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "MODEL_FIT", "LIDAR", "LIDAR_BEAM", "DIAL",
+    "SUPERVISOR_STATE", "HELD",
+)  # fmt: skip
+"""Ways to read a channel, by name in the C source."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One channel of a reading."""
+
+    kind: str
+    """Of `KINDS`."""
+    index: int
+    """Blade, coordinate or component, from 0."""
+    channel: Any
+    reads: set[str]
+    """Readings that it needs."""
+    washed: bool = False
+    """Whether it passes the high-pass filter of the observation."""
+
+
+def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
+    """Channels of one reading, in order, without those of earlier readings.
+
+    Parameters
+    ----------
+    hold_missing : bool
+        Whether channels that the interface does not have are held at the middle of their scale.
+    """
+    found = [
+        replace(_seen(channel, layout), washed=channel.name in layout.washed)
+        for channel in layout.observation.channels
+        if "@" not in channel.name
+    ]
+    missing = [one.channel.name for one in found if one.kind == "HELD"]
+    if missing and not hold_missing:
+        raise ValueError(
+            f"channels of the agent must be on the Bladed interface, got {', '.join(missing)}, which are not. Train it "
+            "with observation='measurable', all that there is (docs/howto/export.md), or have them held at the middle "
+            "of their scale: --hold-missing"
+        )
+    return found
+
+
+def _seen(channel: Any, layout: EnvLayout) -> Seen:
+    name: str = channel.name
+    if name in _PLAIN:
+        return Seen(_PLAIN[name][0], 0, channel, _PLAIN[name][1])
+    if name == "torque_offset":
+        return Seen("SETPOINT", _n_pitch(layout), channel, set())
+    if name.startswith("previous_"):
+        return Seen("PREVIOUS_ACTION", layout.action.names.index(name.removeprefix("previous_")), channel, set())
+    if re.fullmatch(r"lidar_\d+_\d+", name):
+        assert layout.lidar is not None  # what the channels are read by
+        return Seen("LIDAR_BEAM", layout.lidar.names.index(name), channel, _LIDAR)
+    for pattern, parts_of_name in _PATTERNS.items():
+        if match := re.fullmatch(pattern, name):
+            kind, index, reads = parts_of_name(match)
+            return Seen(kind, index, channel, reads)
+    return Seen("HELD", 0, channel, set())
+
+
+def _n_pitch(layout: EnvLayout) -> int:
+    return layout.action.n_pitch if "pitch" in layout.action.components else 0
+
+
+def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Seen]) -> None:
+    """Add an agent to the parts of its base controller.
+
+    Parameters
+    ----------
+    parts : Parts
+        Changed.
+    env : WindTurbineEnv
+        In which it was trained.
+    """
+    layout, action, residual = env.layout, env.layout.action, env.operation.residual
+    if action.mode != "residual":
+        raise ValueError(f"an agent must have residual actions to be exported as a controller, got {action.mode!r}")
+    parts.groups.add("agent")
+    n_pitch, torque = _n_pitch(layout), "torque" in action.components
+    forms = "none", "collective", "individual", "fixed-frame", "cyclic"
+    history = len(layout.observation) // len(seen)
+    anemometer = NacelleAnemometer()
+    turning = action.pitch in ("fixed-frame", "cyclic") and n_pitch > 0
+    parts.constants |= {
+        "N_PITCH": n_pitch,
+        "N_COORDINATES": n_pitch + torque,
+        "N_SETPOINT": max(n_pitch + torque, 1),
+        "N_MEAN": action.n_mean if n_pitch else 0,
+        "N_ACT": action.size,
+        "N_CHANNELS": len(seen),
+        "N_OBS": len(layout.observation),
+        "N_HISTORY": layout.delay + history,
+        "DELAY": layout.delay,
+        "OFFSET_FORM": int(action.residual == "offset"),
+        "HAS_YAW": int(action.has_yaw),
+        "HAS_TORQUE": int(torque),
+        "HAS_SET_POINT": int("set_point" in action.components),
+        "SUBSTEPS": env.operation.count,
+        "SENSES_WIND": int(any(one.kind in ("ROTOR_WIND", "POWER_HEADROOM") for one in seen)),
+        "SQUASHED": int(network.squashed),
+        "NORMALIZED": int(network.normalization is not None),
+        "N_LAYERS": len(network.layers),
+        "WIDTH": max(len(layout.observation), *(max(layer.weight.shape) for layer in network.layers)),
+    }
+    if any(one.kind == "DIAL" for one in seen):
+        parts.groups.add("dial")
+        parts.constants["WITH_DIAL"] = 1
+        weights = env.options.dial.weights  # of drawn ones an export keeps to equal ones
+        chosen = weights if isinstance(weights, Mapping) else {}
+        parts.values["dial"] = [float(chosen.get(name, 1.0)) for name in DIAL_NAMES]
+    parts.constants["PITCH_FORM"] = forms.index(action.pitch if n_pitch else "none")
+    if n_pitch and action.pitch != "collective":
+        parts.constants["INDIVIDUAL_BLADES"] = 1
+    parts.take_fade(residual._fade if residual is not None else None, "FADE_AGENT", "offset", "agent")
+    spans = action._spans
+    parts.values |= {
+        "agent": 1.0,
+        "control_step": layout.control_dt,
+        "most_shaft_power": action._most_shaft_power,
+        "offset_pitch_limit": action.pitch_high.tolist() if n_pitch else [0.0],
+        "offset_pitch_rate": spans["pitch_rate"],
+        "offset_torque_limit": spans["torque"],
+        "offset_torque_rate": spans["torque_rate"],
+        "offset_yaw_rate": spans["yaw_rate"],
+        "offset_lead": action.delay,
+        "sensor_washout": env.options.observations.washout or 0.0,
+        "offset_washout": residual._lasting.time_constant if residual is not None and residual._lasting else 0.0,
+        "anemometer_time": anemometer._speed.time_constant,
+        "vane_time": anemometer._direction.time_constant,
+        "rotor_inertia": rotor_inertia(parts.turbine),
+        "headroom_factor": available_power(parts.turbine, 1.0),
+        "headroom_most": 1.5 * parts.turbine.drivetrain.rated_power,
+    }
+    if "set_point" in action.components:
+        parts.groups.add("agent_set_point")
+        parts.values["offset_set_point_limit"] = spans["set_point"]
+        parts.values["offset_set_point_rate"] = spans["set_point_rate"]
+    if "power" not in parts.groups:
+        efficiency = parts.turbine.drivetrain.generator_efficiency
+        parts.values |= {"generator_efficiency": efficiency, "power_level": 1.0}
+    if parts.constants["SENSES_WIND"]:
+        estimator = WindEstimator.of_turbine(parts.turbine)
+        parts.take_estimator(estimator)
+        parts.values["sensor_bandwidth"] = estimator.bandwidth
+        parts.tables["SENSOR_TABLE"] = estimator.table
+    reads = set().union(*(one.reads for one in seen))
+    if "lidar" in reads:
+        assert layout.lidar is not None  # what the channels are read by
+        parts.take_lidar(layout.lidar, any(one.kind == "LIDAR_BEAM" for one in seen))
+    if turning:
+        reads |= {"azimuth", "rotor_speed"}
+    if parts.constants["FADE_AGENT"] or torque:
+        reads.add("rotor_speed")
+    if reads & (ACCELERATION - {"nacelle_yaw"}):
+        parts.groups.add("acceleration")
+    parts.reads["AGENT"] = reads
