@@ -86,11 +86,11 @@ def test_a_metric_that_was_changed_is_found(entry, tmp_path, capsys):
 
 def test_other_sources_are_named_and_compared_all_the_same(entry, tmp_path):
     result = next(one for one in entry[2] if one["agent"] == "random")
-    result["definition"]["fingerprint"]["control"] = "0" * 16
+    result["definition"]["fingerprint"]["canary"]["residual/return"] = "0"
     folder = ResultFolder(tmp_path)
     folder.write(result)
     (made,) = verify(folder, {})
-    assert (made.same, made.other) == (True, ("control",))
+    assert (made.same, made.other) == (True, ("behavior (residual/return by 1 of its range)",))
 
 
 def test_models_that_are_not_there_are_named(entry, tmp_path):

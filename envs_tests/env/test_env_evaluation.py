@@ -12,6 +12,7 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.analysis.results import Evaluation, Wind
+from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.commands import evaluate as command
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -19,7 +20,7 @@ from wt_gym.experiment import evaluation as module
 from wt_gym.experiment import evaluation_run
 from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
-from wt_gym.experiment.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.experiment.evaluation_folder import EvaluationFolder
 from wt_gym.experiment.evaluation_winds import DEFAULT_WIND_SEEDS
 from wt_gym.experiment.pool import AgentPool, Environments
 from wt_gym.experiment.trained_environment import check_environment, resolved_arguments
@@ -129,20 +130,22 @@ def test_one_evaluation_at_a_time_in_a_folder(tmp_path, count_runs):
     assert not list(tmp_path.iterdir())
 
 
-def test_runs_of_other_code_are_not_gone_on_with(tmp_path):
-    turbine = load_turbine("nrel_5mw")
-    code = code_fingerprint(turbine, "training")
-    assert code.keys() == {"turbine", "fidelity", "code"}
+def test_runs_of_another_behavior_are_not_continued(tmp_path):
+    fingerprint = benchmark_fingerprint(load_turbine("nrel_5mw"), "training")
+    assert fingerprint.keys() == {"turbine", "fidelity", "canary"}
     folder = EvaluationFolder(tmp_path, AGENTS, CONFIG)
-    folder.begin(code, overwrite=False)
-    folder.begin(dict(code), overwrite=False)
-    with pytest.raises(ValueError, match="with other code, turbine: take another folder"):
-        folder.begin(code | {"code": "x", "turbine": "y"}, overwrite=False)
-    old = json.loads((tmp_path / "configuration.json").read_text())
-    del old["code"]  # as of a version that told code apart by its number
-    (tmp_path / "configuration.json").write_text(json.dumps(old))
-    with pytest.raises(ValueError, match="with other code: take"):
-        folder.begin(code, overwrite=False)
+    folder.begin(fingerprint, overwrite=False)
+    first = (tmp_path / "configuration.json").read_text()
+    place = "residual/reward"
+    numbers = np.array(fingerprint["canary"][place].split(), float)
+    rounded = fingerprint["canary"] | {place: " ".join(map(str, numbers + 0.5e-4 * np.ptp(numbers)))}
+    EvaluationFolder(tmp_path, AGENTS, CONFIG).begin(fingerprint | {"canary": rounded}, overwrite=False)
+    assert (tmp_path / "configuration.json").read_text() == first
+    others = fingerprint["canary"] | {place: " ".join(map(str, 2.0 * numbers))}
+    with pytest.raises(
+        ValueError, match=r"other turbine, behavior \(residual/reward by .* range\): take another folder"
+    ):
+        folder.begin(fingerprint | {"canary": others, "turbine": "y"}, overwrite=False)
 
 
 class Trained(ConstantAgent):

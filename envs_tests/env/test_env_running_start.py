@@ -8,17 +8,18 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing
+from wt_gym.base.canary import differing
+from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.control import Demand
 from wt_gym.control.controllers import DisconController, make_controller
 from wt_gym.control.controllers.controller import memory_of
 from wt_gym.envs import record_store, running_start
 from wt_gym.envs.record_store import (
     StartFile,
-    digest_of_code,
     digest_of_turbine,
     dimensions,
     find_record,
+    record_canary,
     recorded_speeds,
 )
 from wt_gym.envs.recording import CATALOG
@@ -139,9 +140,9 @@ def test_start_is_the_instant_of_the_record_after_the_same_wind(turbine, run):
 
 
 def test_a_file_holds_the_record_to_sixteen_bits(turbine, brief, tmp_path):
-    result, form, rows = brief
-    head = StartFile(turbine.name, dimensions(turbine), "training", "discon", 1.0, form.kind, 45)
-    head.write(tmp_path / "record.npz", np.array([15.0]), rows, form, result.rows[0])
+    _, form, rows = brief
+    head = StartFile(turbine.name, dimensions(turbine), "training", "discon", 1.0, form.kind, 45, {"speed": "1 2"})
+    head.write(tmp_path / "record.npz", np.array([15.0]), rows, form)
     assert StartFile.of(tmp_path / "record.npz") == head
     read, written = (
         StartFile.of(tmp_path / "record.npz").read(tmp_path / "record.npz"),
@@ -219,11 +220,9 @@ def of_user(turbine, brief, tmp_path, monkeypatch):
         monkeypatch.setattr(record_store, name, cache(getattr(record_store, name).__wrapped__))
 
     def write(own, **changes):
-        digests = {"turbine_digest": digest_of_turbine(own), "code": digest_of_code()}
-        head = StartFile(own.name, dimensions(own), "training", "discon", 1.0, form.kind, 45)
-        replace(head, **digests | changes).write(
-            folder / "own.npz", np.array([14.0, 15.0]), np.repeat(rows, 2, axis=0), form, rows[0, 0]
-        )
+        made = {"canary": record_canary(own, "training", "discon", 1.0), "turbine_digest": digest_of_turbine(own)}
+        head = StartFile(own.name, dimensions(own), "training", "discon", 1.0, form.kind, 45, **made | changes)
+        head.write(folder / "own.npz", np.array([14.0, 15.0]), np.repeat(rows, 2, axis=0), form)
         record_store._heads.cache_clear()
         return folder / "own.npz"
 
@@ -242,12 +241,12 @@ def test_a_record_of_the_user_serves_the_recorded_turbine_at_any_site(turbine, o
     assert find_record(replace(own, hub=replace(own.hub, mass=6.1e4)), 1.0) is None
 
 
-def test_a_record_of_another_program_is_left_aside_and_says_so_once(turbine, of_user, caplog):
+def test_a_record_of_another_behavior_is_left_aside_and_says_so_once(turbine, of_user, caplog):
     own = own_turbine(turbine)
-    path = of_user(own, code="another")
+    path = of_user(own, canary={"turning[1]": "1 2 3 4"})
     with caplog.at_level(logging.WARNING):
         assert [find_record(own, 1.0) for _ in range(2)] == [None, None]
-    assert caplog.text.count(f"the record {path} was made by another version of the program: record again") == 1
+    assert caplog.text.count(f"the record {path} is of another behavior (history[0] in its form): record again") == 1
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
@@ -279,7 +278,7 @@ def test_the_fingerprint_of_a_benchmark_names_a_record_of_the_user(turbine, of_u
     before = benchmark_fingerprint(own, "training")
     of_user(own)
     after = benchmark_fingerprint(own, "training")
-    assert differing(before, after) == ["start"]
+    assert differing(before, after)[0] == "start"
     assert "start" not in benchmark_fingerprint(turbine, "training")
 
 

@@ -339,7 +339,7 @@ def test_refused_options():
         AeroOptions(trailing_edge_wake=False, tip_wake=False)
     with pytest.raises(AerodynamicsError, match="sparse_from is 135; must be None or more than full_rows, 135"):
         AeroOptions(sparse_from=135)
-    with pytest.raises(AerodynamicsError, match="sparse_stride is 6; it must be a multiple of coarse_stride, 4"):
+    with pytest.raises(AerodynamicsError, match="sparse_stride is 6; must be a multiple of coarse_stride, 4"):
         AeroOptions(full_rows=8, coarse_stride=4, sparse_from=20, sparse_stride=6)
     with pytest.raises(AerodynamicsError, match="wind_stride is 0"):
         AeroOptions(wind_stride=0)

@@ -312,7 +312,7 @@ def test_environment():
 
 
 def test_fidelity_refuses_what_makes_no_sense():
-    with pytest.raises(SimulationError, match=r"reference_condition must be one of .*, got 'welded'"):
+    with pytest.raises(SimulationError, match=r"reference_condition is 'welded'; must be one of"):
         replace(OBSERVER, reference_condition="welded")
     with pytest.raises(SimulationError, match="frame_update is -1"):
         replace(OBSERVER, frame_update=-1.0)
@@ -322,5 +322,5 @@ def test_fidelity_refuses_what_makes_no_sense():
         replace(OBSERVER, formulation="constrained", reference_condition="three_quarter")
     with pytest.raises(SimulationError, match="frame_displacement is 'linear', but the formulation is 'embedded'"):
         replace(LINEAR, formulation="embedded")
-    with pytest.raises(SimulationError, match=r"frame_displacement must be one of .*, got 'cubic'"):
+    with pytest.raises(SimulationError, match=r"frame_displacement is 'cubic'; must be one of"):
         replace(OBSERVER, frame_displacement="cubic")

@@ -306,10 +306,10 @@ def test_an_executor_makes_the_same_files(tmp_path, monkeypatch, elsewhere):
     assert found[True] == found[False]
 
 
-def test_a_machine_with_other_code_is_refused(tmp_path, monkeypatch, elsewhere, counted):
-    codes = iter([{"code": "a"}, {"code": "a"}, {"code": "b"}])  # of definitions, of the work, elsewhere
-    monkeypatch.setattr(study, "benchmark_fingerprint", lambda *given: next(codes))
-    with pytest.raises(ValueError, match="has another code"):
+def test_a_machine_with_another_behavior_is_refused(tmp_path, monkeypatch, elsewhere, counted):
+    codes = iter([{"canary": {"x": text}} for text in ("1", "2")])  # of the work, elsewhere
+    monkeypatch.setattr(pool, "benchmark_fingerprint", lambda *_: next(codes))
+    with pytest.raises(ValueError, match=r"has another behavior \(x by 0.5 of its range\)"):
         run_load_cases({"A": "baseline"}, quick("2.3"), tmp_path, executor=elsewhere, progress=False)
     assert not elsewhere.compiled
     assert not files(tmp_path)

@@ -389,7 +389,7 @@ def _ladder(
     plants: dict[float, Plant],
     turbine: Turbine,
     winds: Sequence[BenchmarkWind],
-    fingerprint: dict[str, str],
+    fingerprint: dict[str, Any],
     say: Callable[[str], None],
 ) -> list[dict[str, Any]]:
     """What linear laws with more and more information are forecast to reach in the winds of the task."""

@@ -10,8 +10,8 @@ import json
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Ceiling:
     definition : str
         Digest of the task.
     fingerprint : dict
-        See `wt_gym.benchmark.fingerprint`.
+        See `wt_gym.benchmark.benchmark_fingerprint`.
     made : dict
         Date, and versions of the software.
     how : dict
@@ -59,7 +59,7 @@ class Ceiling:
     task: str
     version: int
     definition: str
-    fingerprint: dict[str, str]
+    fingerprint: dict[str, Any]
     made: dict[str, str]
     how: dict[str, Any]
     explained: dict[str, dict[str, float]]

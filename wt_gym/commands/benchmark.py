@@ -103,9 +103,9 @@ def tasks(_: argparse.Namespace) -> None:
 
 def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     """Lines on tasks in which what is run now can have no score: their reference numbers do not fit the sources."""
+    from wt_gym.base.canary import differing
     from wt_gym.base.errors import BenchmarkError
     from wt_gym.benchmark import reference_of, run_definition
-    from wt_gym.benchmark.fingerprint import differing
 
     lines: list[str] = []
     others: dict[str, list[str]] = {}

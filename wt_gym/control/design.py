@@ -1,7 +1,5 @@
 """Design of a turbine's controller: its own data where there are any, else rules for its rotor and tower.
 
-Design point of a turbine's controller: its own data where there are any, else its own rotor by blade elements.
-
 Speed loop
 ----------
 Where nothing is published, the pitch controller places the poles of the rotor speed at a natural frequency omega_n
@@ -33,14 +31,11 @@ over the pitch through them: its value at zero and the pitch at which it has dou
 Between 10 and 24 deg the line of the NREL 5-MW lies within 9 % of the published one, -25.52 (1 + theta/6.302 deg)
 MW/rad.
 
-Loads of the Betz thrust at rated wind: what rewards, observations and controllers measure moments by.
-
-Rules that scale the gains of controllers to a turbine: sensitivities and masses from its dimensions.
-
-The collective edgewise mode: all blades against hub and generator, as a speed controller meets it.
-
-Where hub and generator are light, the hub swings far in this mode and the measured speed with it. A pitch loop that
-answers feeds the mode, since filter, drive and time step turn its phase by more than half a turn there.
+Collective edgewise mode
+------------------------
+All blades against hub and generator, as a speed controller meets it. Where hub and generator are light, the hub swings
+far in this mode and the measured speed with it. A pitch loop that answers feeds the mode, since filter, drive and time
+step turn its phase by more than half a turn there.
 
 One assumed shape w(s) along the blade, its deflection under the inertial load m(s) r(s) of an accelerating rotor, gives
 the clamped frequency by Rayleigh's quotient and, with the speed of the rigid rotor as second coordinate,
@@ -130,22 +125,13 @@ def same_rotor(one: Turbine, other: Turbine) -> bool:
 
 @dataclass(frozen=True)
 class TowerTop:
-    """A tower as a spring with a mass on it, in its first bending mode.
+    """A tower as a spring with a mass on it, in its first bending mode."""
 
-    Attributes
-    ----------
-    mass : float
-        Nacelle, rotor and a share of the tower [kg].
-    fore_aft, side_side : float
-        Natural frequencies [rad/s].
-    force_per_moment : float
-        Side force at the top that bends the tower as far as a moment about the wind's axis does [1/m].
-    """
-
-    mass: float
-    fore_aft: float
-    side_side: float
+    mass: float  #: nacelle, rotor and a share of the tower [kg]
+    fore_aft: float  #: natural frequency [rad/s]
+    side_side: float  #: natural frequency [rad/s]
     force_per_moment: float
+    """Side force at the top that bends the tower as far as a moment about the wind's axis does [1/m]."""
 
 
 def tower_top(turbine: Turbine) -> TowerTop:
@@ -243,42 +229,22 @@ _TRIM = np.linspace(1.02, 2.2, 13)
 
 @dataclass(frozen=True)
 class DesignPoint:
-    """What a controller must know of a rotor beyond its dimensions.
+    """What a controller must know of a rotor beyond its dimensions."""
 
-    Attributes
-    ----------
-    peak_power_coefficient : float
-        Largest power coefficient, reached at ``tip_speed_ratio`` and ``fine_pitch`` [-].
-    tip_speed_ratio : float
-        Optimal tip-speed ratio [-].
-    fine_pitch : float
-        Pitch of optimal power below rated; the least one of a schedule over the wind [rad].
-    pitch_sensitivity : float
-        Change of aerodynamic power with collective pitch at rated speed and zero pitch, divided by the rated mechanical
-        power [1/rad]; negative.
-    gain_doubling_pitch : float
-        Pitch at which the sensitivity has doubled [rad].
-    damping_ratio, natural_frequency : float
-        Desired closed-loop response of the rotor speed above rated [-], [rad/s].
-    """
-
-    peak_power_coefficient: float
-    tip_speed_ratio: float
-    fine_pitch: float
+    peak_power_coefficient: float  #: largest power coefficient, reached at ``tip_speed_ratio`` and ``fine_pitch`` [-]
+    tip_speed_ratio: float  #: optimal tip-speed ratio [-]
+    fine_pitch: float  #: pitch of optimal power below rated; the least one of a schedule over the wind [rad]
     pitch_sensitivity: float
-    gain_doubling_pitch: float
-    damping_ratio: float
-    natural_frequency: float
+    """Change of aerodynamic power with collective pitch at rated speed and zero pitch, divided by the rated
+    mechanical power [1/rad]; negative."""
+    gain_doubling_pitch: float  #: pitch at which the sensitivity has doubled [rad]
+    damping_ratio: float  #: desired, of the closed-loop rotor speed above rated [-]
+    natural_frequency: float  #: desired, of the same [rad/s]
 
 
 @dataclass(frozen=True)
 class SpeedLoop:
-    """Natural frequencies that the rule of this module allows [rad/s].
-
-    Attributes
-    ----------
-    by_inertia, by_pitch_rate, by_tower, by_filter : float
-    """
+    """Natural frequencies that the rule of this module allows [rad/s]."""
 
     by_inertia: float
     by_pitch_rate: float
@@ -404,10 +370,6 @@ def design_point(turbine: Turbine) -> DesignPoint:
 
     The rules hold for the air for which the turbine's controller is designed.
 
-    Parameters
-    ----------
-    turbine : Turbine
-
     Returns
     -------
     DesignPoint
@@ -439,24 +401,14 @@ def design_point(turbine: Turbine) -> DesignPoint:
 
 @dataclass(frozen=True)
 class DriveMode:
-    """The mode of a free rotor.
+    """The mode of a free rotor."""
 
-    Attributes
-    ----------
-    frequency : float
-        Of all blades against hub and generator [rad/s].
-    clamped_frequency : float
-        Of a blade on a hub that is held [rad/s].
-    response : float
-        Amplitude of the hub's acceleration at ``frequency`` with a unit of damping, over that of a rigid rotor [-].
-    damping_ratio : float
-        Of the blade's material [-].
-    """
-
-    frequency: float
-    clamped_frequency: float
+    frequency: float  #: of all blades against hub and generator [rad/s]
+    clamped_frequency: float  #: of a blade on a hub that is held [rad/s]
     response: float
-    damping_ratio: float
+    """Amplitude of the hub's acceleration at ``frequency`` with a unit of damping, over that of a rigid rotor
+    [-]."""
+    damping_ratio: float  #: of the blade's material [-]
 
     def amplification(self) -> float:
         """Amplitude of the speed at the mode's frequency over that of a rigid rotor under the same torque [-].

@@ -1,12 +1,10 @@
-"""Where a turbine runs in steady wind under variable-speed, pitch-regulated control.
+"""Operating points of a turbine under variable-speed, pitch-regulated control, in steady wind and at a start.
 
 The torque curve is the one of the NREL 5-MW baseline controller (Jonkman et al., NREL/TP-500-38060, section 7): no
 torque below cut-in speed, a linear start-up ramp (region 1 1/2), torque proportional to speed squared at the optimal
 tip-speed ratio (region 2), an induction-machine slope (region 2 1/2) and constant power (region 3). Its constants
 are those published with a turbine (`wt_gym.turbines.ControlData`), or follow from it by simple rules, which reproduce
 the published constants of the NREL 5-MW.
-
-Where a turbine starts in a wind, operation or not: below cut-in, in still air, in a wind that changes.
 """
 
 from __future__ import annotations
@@ -45,26 +43,14 @@ __all__ = [
 
 @dataclass(frozen=True)
 class TorqueCurve:
-    """Generator torque against generator speed, both on the high-speed shaft.
+    """Generator torque against generator speed, both on the high-speed shaft."""
 
-    Attributes
-    ----------
-    cut_in_speed, region_2_speed, rated_generator_speed : float
-        Ends of regions 1 and 1 1/2 and the beginning of region 3 [rad/s] (VS_CtInSp, VS_Rgn2Sp, VS_RtGnSp).
-    region_2_gain : float
-        Torque over speed squared in region 2 [N m/(rad/s)^2] (VS_Rgn2K).
-    rated_power : float
-        Mechanical power held in region 3 [W] (VS_RtPwr).
-    slip : float
-        Slip of the induction machine imitated in region 2 1/2 [-] (VS_SlPc, here a fraction).
-    """
-
-    cut_in_speed: float
-    region_2_speed: float
-    rated_generator_speed: float
-    region_2_gain: float
-    rated_power: float
-    slip: float = 0.10
+    cut_in_speed: float  #: end of region 1 [rad/s] (VS_CtInSp)
+    region_2_speed: float  #: end of region 1 1/2 [rad/s] (VS_Rgn2Sp)
+    rated_generator_speed: float  #: beginning of region 3 [rad/s] (VS_RtGnSp)
+    region_2_gain: float  #: torque over speed squared in region 2 [N m/(rad/s)^2] (VS_Rgn2K)
+    rated_power: float  #: mechanical power held in region 3 [W] (VS_RtPwr)
+    slip: float = 0.10  #: slip of the induction machine imitated in region 2 1/2 [-] (VS_SlPc, here a fraction)
 
     def __post_init__(self) -> None:
         speeds = (0.0, self.cut_in_speed, self.region_2_speed, self.rated_generator_speed)
@@ -104,15 +90,7 @@ class TorqueCurve:
         return (slope - math.sqrt(slope * (slope - 4 * gain * self.slip_synchronous_speed))) / (2 * gain)
 
     def torque(self, speed: float, *, constant_power: bool = False) -> float:
-        """Torque at a generator speed [N m].
-
-        Parameters
-        ----------
-        speed : float
-            Generator speed [rad/s].
-        constant_power : bool
-            Use region 3 whatever the speed (blades are pitched).
-        """
+        """Torque at a generator speed [rad/s] in N m; with ``constant_power``, that of region 3 whatever the speed."""
         if speed <= 0.0:
             return 0.0
         if constant_power or speed >= self.rated_generator_speed:
@@ -133,11 +111,7 @@ class TorqueCurve:
         above the cut-in speed; region 3 begins at 99 % of the rated speed, as for the NREL 5-MW. What the turbine's
         data publish goes before the rule.
 
-        Parameters
-        ----------
-        turbine : Turbine
-        design : DesignPoint, optional
-            By default `design_point`; one given goes before a published gain.
+        A design point that is given goes before a published gain; by default it is `design_point`.
 
         Raises
         ------
@@ -208,7 +182,7 @@ def least_pitch(turbine: Turbine, wind_speed: float) -> float:
 
 
 def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
-    """Estimate where a turbine settles in a steady wind.
+    """Estimate where a turbine settles in a steady wind at hub height [m/s].
 
     Below rated power the rotor takes up ``Cp_max rho A V^3 / 2`` and the torque curve sets the speed; a turbine whose
     controller tracks the tip-speed ratio or has a least pitch over the wind runs at both, with the power of blade
@@ -216,16 +190,6 @@ def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
     (`wt_gym.control.design.trim_pitch`). Good to a few percent, meant as a start state: the simulation finds its own
     equilibrium. With a damper as generator the speed is the highest, up to rated, at which some pitch makes the air
     hold the damper; its torque is not a demand and is 0.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    wind_speed : float
-        Wind speed at hub height [m/s], positive.
-
-    Returns
-    -------
-    OperatingPoint
 
     Raises
     ------
@@ -292,11 +256,6 @@ def starting_point(turbine: Turbine, inflow: Inflow) -> OperatingPoint:
 
     Below cut-in the rotor turns as at cut-in, without torque. Above cut-out, where a schedule may end, the pitch is at
     least what the slope of the schedule below cut-out gives.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    inflow : Inflow
     """
     speed = start_speed(inflow)
     if speed > turbine.cut_out:

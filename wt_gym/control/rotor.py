@@ -1,19 +1,17 @@
 """The quasi-steady rotor of a turbine: blade elements, and tables of its coefficients.
 
-The quasi-steady rotor of a turbine by blade elements: coefficients, optimum, pitch schedule and sensitivities.
+*Blade elements* (`Rotor`): all numbers follow from the turbine's own blade and polars
+(`wt_gym.turbines.blade_element`), in a fraction of a second. The blade is rigid and straight, the wind uniform along
+the shaft; tower, tilt and deflection are left out. The lattice of the simulator makes up to a tenth more power than
+blade-element theory below rated wind.
 
-All numbers follow from the turbine's own blade and polars (`wt_gym.turbines.blade_element`), in a fraction of a second.
-The blade is rigid and straight, the wind uniform along the shaft; tower, tilt and deflection are left out. The
-lattice of the simulator makes up to a tenth more power than blade-element theory below rated wind.
-
-Power and thrust coefficients of a rotor over tip-speed ratio and pitch, as the simulator makes them.
-
-Controllers that estimate the wind or limit the thrust need the quasi-steady rotor. The tables of the catalogue's
-turbines stand in their records and were made by ``scripts/rotor_table.py``: the rotor of the coupled simulator
-(lattice, wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a steady uniform
-wind until the wake has settled (`rotor_measurement.measure_rotor`). Any other turbine gets its table by blade elements
-(`blade_element_table`) in about a second; below rated wind the simulator's rotor makes up to a tenth more power. A
-table measured by the script goes before it: put into the folder ``rotor`` of the user's cache (`measured_table_path`).
+*Tables* (`RotorTable`): controllers that estimate the wind or limit the thrust need the quasi-steady rotor. The tables
+of the catalogue's turbines stand in their records and were made by ``scripts/studies/rotor_table.py``: the rotor of the
+coupled simulator (lattice, wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a
+steady uniform wind until the wake has settled (``measure_rotor`` there). Any other turbine gets its table by blade
+elements (`blade_element_table`) in about a second; below rated wind the simulator's rotor makes up to a tenth more
+power. A table measured by the script goes before it: put into the folder ``rotor`` of the user's cache
+(`measured_table_path`).
 """
 
 from __future__ import annotations
@@ -56,31 +54,18 @@ _LOWEST_FINE, _HIGHEST_FINE = math.radians(-5.0), math.radians(10.0)
 
 @dataclass(frozen=True)
 class RotorSlopes:
-    """Derivatives of the aerodynamic moment about the shaft and of the thrust at a point.
+    """Derivatives of the aerodynamic moment about the shaft and of the thrust at a point."""
 
-    Attributes
-    ----------
-    torque_wind, torque_speed, torque_pitch : float
-        [N m/(m/s)], [N m/(rad/s)], [N m/rad].
-    thrust_wind, thrust_speed, thrust_pitch : float
-        [N/(m/s)], [N/(rad/s)], [N/rad].
-    """
-
-    torque_wind: float
-    torque_speed: float
-    torque_pitch: float
-    thrust_wind: float
-    thrust_speed: float
-    thrust_pitch: float
+    torque_wind: float  #: [N m/(m/s)]
+    torque_speed: float  #: [N m/(rad/s)]
+    torque_pitch: float  #: [N m/rad]
+    thrust_wind: float  #: [N/(m/s)]
+    thrust_speed: float  #: [N/(rad/s)]
+    thrust_pitch: float  #: [N/rad]
 
 
 class Rotor:
-    """Rotor of a turbine by blade elements.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    """
+    """Rotor of a turbine by blade elements."""
 
     def __init__(self, turbine: Turbine):
         self.elements = BladeElements(BladeElementRotor.of_turbine(turbine), _N_SPAN)
@@ -155,18 +140,8 @@ class Rotor:
     ) -> NDArray[np.float64]:
         """Smallest pitch from ``least`` on at which the power falls to ``power`` [rad], shape (n,).
 
-        Parameters
-        ----------
-        wind : array_like, shape (n,)
-            [m/s].
-        rotor_speed : float
-            [rad/s].
-        power : float
-            Aerodynamic [W].
-        least : array_like, shape () or (n,)
-            Returned where the power is less there already [rad].
-        most : float
-            End of the search [rad].
+        For winds (n,) [m/s], a rotor speed [rad/s] and an aerodynamic power [W]; ``least`` (n,) and ``most`` are the
+        ends of the search [rad].
         """
         winds = np.atleast_1d(np.asarray(wind, dtype=np.float64))
         low = np.broadcast_to(np.asarray(least, dtype=np.float64), winds.shape).copy()
@@ -188,10 +163,7 @@ class Rotor:
     def slopes(self, wind: float, rotor_speed: float, pitch: float) -> RotorSlopes:
         """Derivatives at a steady point, by central differences with the induction in equilibrium.
 
-        Parameters
-        ----------
-        wind, rotor_speed, pitch : float
-            [m/s], [rad/s], [rad].
+        The point is a wind [m/s], a rotor speed [rad/s] and a pitch [rad].
         """
         changes = (0.02 * wind, 0.01 * rotor_speed, math.radians(0.25))
         points = np.tile([wind, rotor_speed, pitch], (6, 1))
@@ -222,17 +194,8 @@ class Rotor:
     ) -> tuple[tuple[float, float, float], float]:
         """Derivatives of the moment about the shaft while the induced velocities are held, and the mean induction.
 
-        Parameters
-        ----------
-        wind, rotor_speed, pitch : float
-            [m/s], [rad/s], [rad].
-
-        Returns
-        -------
-        slopes : tuple of float
-            Over the wind [N m/(m/s)], the speed [N m/(rad/s)] and the pitch [N m/rad].
-        induction : float
-            Mean axial induction factor over the disc [-].
+        At a wind [m/s], a rotor speed [rad/s] and a pitch [rad]: the slopes over the wind [N m/(m/s)], the speed
+        [N m/(rad/s)] and the pitch [N m/rad], and the mean axial induction factor over the disc [-].
         """
         steps = np.array([0.02 * wind, 0.01 * rotor_speed, math.radians(0.25)])
         winds, speeds, angles = np.vstack([np.diag(steps), -np.diag(steps)]).T
@@ -271,34 +234,16 @@ _MEASUREMENT = 2
 
 @dataclass(frozen=True, eq=False)
 class RotorTable:
-    """Power and thrust coefficients, bilinear between the points and held beyond the ends.
+    """Power and thrust coefficients, bilinear between the points and held beyond the ends."""
 
-    Attributes
-    ----------
-    turbine : str
-        Name.
-    radius : float
-        To which coefficients and tip-speed ratio refer, half the rotor diameter [m].
-    air_density : float
-        [kg/m^3].
-    tip_speed_ratio : numpy.ndarray, shape (n,)
-        Ascending.
-    pitch : numpy.ndarray, shape (m,)
-        Ascending [rad].
-    power, thrust : numpy.ndarray, shape (n, m)
-        Coefficients of the aerodynamic power and of the force of the air along the shaft [-].
-    made_by : str
-        Fidelity and version with which the table was measured.
-    """
-
-    turbine: str
-    radius: float
-    air_density: float
-    tip_speed_ratio: NDArray[np.float64]
-    pitch: NDArray[np.float64]
-    power: NDArray[np.float64]
-    thrust: NDArray[np.float64]
-    made_by: str
+    turbine: str  #: name
+    radius: float  #: to which coefficients and tip-speed ratio refer, half the rotor diameter [m]
+    air_density: float  #: [kg/m^3]
+    tip_speed_ratio: NDArray[np.float64]  #: ascending, shape (n,)
+    pitch: NDArray[np.float64]  #: ascending [rad], shape (m,)
+    power: NDArray[np.float64]  #: coefficients of the aerodynamic power [-], shape (n, m)
+    thrust: NDArray[np.float64]  #: coefficients of the force of the air along the shaft [-], shape (n, m)
+    made_by: str  #: fidelity and version with which the table was measured
 
     def __deepcopy__(self, memo: dict[int, object]) -> RotorTable:
         """A table never changes: copies of controllers share it."""
@@ -419,10 +364,6 @@ def rotor_table(turbine: Turbine) -> RotorTable:
     Coefficients do not depend on the density of the air: at a site with another the table is that of the turbine in the
     air of its controller, with forces and torques of the site's.
 
-    Parameters
-    ----------
-    turbine : Turbine
-
     Returns
     -------
     RotorTable
@@ -443,12 +384,7 @@ def rotor_table(turbine: Turbine) -> RotorTable:
 
 @lru_cache(maxsize=32)
 def blade_element_table(turbine: Turbine) -> RotorTable:
-    """Table of a turbine by blade elements (`wt_gym.control.rotor`), from its fine pitch on.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    """
+    """Table of a turbine by blade elements (`wt_gym.control.rotor`), from its fine pitch on."""
     fine = fine_pitch(turbine)
     pitch = fine + np.radians(np.concatenate([np.arange(0.0, 6.0, 0.5), np.arange(6.0, 36.1, 1.5)]))
     ratios = np.concatenate([np.arange(2.0, 6.0, 0.5), np.arange(6.0, 11.0, 0.25), np.arange(11.0, 16.1, 0.5)])
@@ -477,7 +413,7 @@ def _stored(turbine: Turbine) -> RotorTable | None:
 
 
 def measured_table_path(turbine: Turbine) -> Path | None:
-    """Where a table of this turbine, measured by ``scripts/rotor_table.py``, is looked for; None without a cache."""
+    """Path of a table of this turbine measured by ``scripts/studies/rotor_table.py``; None without a cache."""
     from wt_gym.simulation.contract import fingerprint
 
     folder = user_cache()

@@ -1,8 +1,7 @@
 """Measurements of a controller: channels, instruments, filters and multi-blade coordinates.
 
-Multi-blade (Coleman) coordinates: what the blades do together, seen from the frame that does not turn.
-
-With the azimuth psi_b of blade b in the sense of rotation, zero when it points up,
+Multi-blade (Coleman) coordinates describe in the frame that does not turn what the blades do together. With the azimuth
+psi_b of blade b in the sense of rotation, zero when it points up,
 
     mean = sum(x_b) / n,   tilt = 2 / n sum(x_b cos psi_b),   yaw = 2 / n sum(x_b sin psi_b),
 
@@ -12,9 +11,7 @@ each the inverse of the other for three blades (Coleman & Feingold, NACA TR 1351
 119). A mean downwind force pushes all blades, tilt is more of it above than below, yaw more of it on the side of
 positive psi: the right, looking downwind, of a clockwise rotor, the left of a counter-clockwise one.
 
-What a controller can measure: channels with range, scale and noise, and filters.
-
-Filters of controllers, exact for an input held over each step, whatever its length.
+Filters are exact for an input held over each step, whatever its length.
 """
 
 from __future__ import annotations
@@ -40,7 +37,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FIXED_FRAME", "AngleLowPass", "BandLimitedIntegrator", "Channel", "Lidar", "LowPass", "NacelleAnemometer",
     "Notch", "SecondOrderLowPass", "from_harmonic", "harmonic_of_blades", "to_blades", "to_fixed_frame",
-    "to_harmonic",
+    "to_harmonic", "within",
 ]  # fmt: skip
 
 FIXED_FRAME = ("mean", "tilt", "yaw")
@@ -71,17 +68,10 @@ def to_blades(coordinates: Sequence[float] | NDArray[np.float64], azimuth: float
 def to_harmonic(
     values: Sequence[float] | NDArray[np.float64], azimuth: float, harmonic: int = 1
 ) -> tuple[float, float]:
-    """Cosine (tilt) and sine (yaw) component of a quantity of the blades.
+    """Cosine (tilt) and sine (yaw) component of a quantity of the blades (n_blades,).
 
-    ``2/B sum x_b cos(n psi_b)`` and ``2/B sum x_b sin(n psi_b)`` with ``psi_b = azimuth + 2 pi b / B``, b = 0 … B - 1.
-
-    Parameters
-    ----------
-    values : array_like, shape (n_blades,)
-    azimuth : float
-        Of blade 1, zero when it points up [rad].
-    harmonic : int
-        n: 1 for loads once per revolution, 2 for twice.
+    ``2/B sum x_b cos(n psi_b)`` and ``2/B sum x_b sin(n psi_b)`` with ``psi_b = azimuth + 2 pi b / B``, b = 0 … B - 1;
+    the azimuth is that of blade 1, zero when it points up [rad]; n = 1 for loads once per revolution, 2 for twice.
     """
     # numbers one by one: arrays of three are slow
     n_blades, cosine, sine = len(values), 0.0, 0.0
@@ -103,34 +93,27 @@ def harmonic_of_blades(tilt: float, yaw: float, azimuth: float, n_blades: int, h
     return [tilt * math.cos(angle) + yaw * math.sin(angle) for angle in angles]
 
 
+def within(vector: Sequence[float], size: float) -> Sequence[float]:
+    """Vector shortened to a size."""
+    length = math.hypot(*vector)
+    return vector if length <= size else [x * size / length for x in vector]
+
+
 @dataclass(frozen=True)
 class Channel:
-    """One measured quantity.
-
-    Attributes
-    ----------
-    name, unit : str
-    offset, scale : float
-        The normalized value is ``(value - offset) / scale``.
-    low, high : float
-        Range of the sensor in physical units: what lies outside reads as the end of the range.
-    noise : float
-        Standard deviation of white measurement noise at noise level 1, in physical units.
-    description : str
-    parity : int
-        +1 or -1: sign with which the quantity goes into that of the mirror image, see
-        `wt_gym.simulation.channels.Channel`.
-    """
+    """One measured quantity."""
 
     name: str
     unit: str
     offset: float
-    scale: float
+    scale: float  #: the normalized value is ``(value - offset) / scale``
     low: float
-    high: float
-    noise: float
+    high: float  #: range of the sensor in physical units: what lies outside reads as the end of the range
+    noise: float  #: standard deviation of white measurement noise at noise level 1, in physical units
     description: str
     parity: int = 1
+    """+1 or -1: sign with which the quantity goes into that of the mirror image, see
+    `wt_gym.simulation.channels.Channel`."""
 
     def __post_init__(self) -> None:
         if self.parity not in (1, -1):
@@ -142,10 +125,7 @@ class Channel:
 class LowPass:
     """First-order low-pass filter, exact for a signal held over a step: ``y = a y + (1 - a) u``, ``a = exp(-dt/tau)``.
 
-    Parameters
-    ----------
-    time_constant : float
-        tau [s]; zero passes the signal through.
+    A time constant tau of zero [s] passes the signal through.
     """
 
     def __init__(self, time_constant: float):
@@ -187,12 +167,8 @@ class AngleLowPass(LowPass):
 class Notch:
     """Second-order notch ``(s^2 + w^2) / (s^2 + 2 zeta w s + w^2)``, by the bilinear transform that is exact at w.
 
-    Parameters
-    ----------
-    frequency : float
-        Angular frequency w that does not pass [rad/s]; 0 passes everything.
-    damping_ratio : float
-        zeta [-]; between ``(sqrt(1 + zeta^2) - zeta) w`` and ``(sqrt(1 + zeta^2) + zeta) w`` less than 0.7 passes.
+    The frequency w does not pass [rad/s]; 0 passes everything. With the damping ratio zeta [-], less than 0.7 passes
+    between ``(sqrt(1 + zeta^2) - zeta) w`` and ``(sqrt(1 + zeta^2) + zeta) w``.
     """
 
     def __init__(self, frequency: float, damping_ratio: float = 0.5):
@@ -229,12 +205,8 @@ class Notch:
 class NacelleAnemometer:
     """Cup anemometer and wind vane: horizontal wind speed and direction at the hub, low-pass filtered.
 
-    The reading is that of a calibrated instrument: the undisturbed wind at the hub, without the rotor's induction.
-
-    Parameters
-    ----------
-    speed_time_constant, direction_time_constant : float
-        Of the cup anemometer and of the vane with its averaging [s].
+    The reading is that of a calibrated instrument: the undisturbed wind at the hub, without the rotor's induction. The
+    time constants are those of the cup anemometer and of the vane with its averaging [s].
     """
 
     def __init__(self, speed_time_constant: float = 1.0, direction_time_constant: float = 5.0):
@@ -246,23 +218,9 @@ class NacelleAnemometer:
         return self._speed.reset(np.hypot(wind_x, wind_y)), self._direction.reset(yaw_error)
 
     def update(self, wind_x: float, wind_y: float, yaw_error: float, dt: float) -> tuple[float, float]:
-        """Measure once.
+        """Wind speed [m/s] and yaw error [rad] ``dt`` [s] after the last measurement.
 
-        Parameters
-        ----------
-        wind_x, wind_y : float
-            Horizontal wind at the hub [m/s].
-        yaw_error : float
-            Wind direction minus nacelle direction [rad].
-        dt : float
-            Time since the last measurement [s].
-
-        Returns
-        -------
-        wind_speed : float
-            [m/s]
-        yaw_error : float
-            [rad]
+        The horizontal wind is that at the hub [m/s], the yaw error the wind's minus the nacelle's direction [rad].
         """
         return self._speed.update(np.hypot(wind_x, wind_y), dt), self._direction.update(yaw_error, dt)
 
@@ -366,17 +324,9 @@ class Lidar:
         return math.tan(self.half_angle) * np.array([turn * np.sin(angle), np.cos(angle)])
 
     def sides(self, rotation: str = "clockwise") -> NDArray[np.float64]:
-        """Way of the beams off the axis per way along it, to the left seen looking downwind, and upward.
+        """Way of the beams off the axis per way along it, to the left looking downwind, and upward, (2, n_beams) [-].
 
-        Parameters
-        ----------
-        rotation : {"clockwise", "counter-clockwise"}
-            Of the rotor, by which beams apart are counted.
-
-        Returns
-        -------
-        numpy.ndarray, shape (2, n_beams)
-            [-]
+        Beams apart are counted by the rotation of the rotor, "clockwise" or "counter-clockwise".
         """
         return self._side[:, self._beam_order(rotation)]
 
@@ -406,24 +356,10 @@ class Lidar:
     def read(
         self, inflow: Inflow, time: float, yaw: float, height: float, rotation: str = "clockwise"
     ) -> NDArray[np.float64]:
-        """Measure.
+        """Readings (n_readings,) gate by gate, and beam by beam where they are apart [m/s].
 
-        Parameters
-        ----------
-        inflow : Inflow
-        time : float
-            [s]
-        yaw : float
-            Of the nacelle [rad].
-        height : float
-            Of the hub [m].
-        rotation : {"clockwise", "counter-clockwise"}
-            Of the rotor, by which beams apart are counted.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n_readings,)
-            Gate by gate, and beam by beam where they are apart [m/s].
+        At a time [s], with the yaw of the nacelle [rad], the height of the hub [m], and the rotation of the rotor,
+        "clockwise" or "counter-clockwise", by which beams apart are counted.
         """
         points, weights = self._beams(yaw, height)
         if self.frozen:
@@ -446,12 +382,7 @@ class BandLimitedIntegrator:
         ``x1 <- e x1 + (1 - e) u / w``,
         ``x2 <- e x2 + dt e x1 + (1 - e - w dt e) u / w^2``,
 
-    give the output ``x1 - w x2`` exactly for an input held over dt.
-
-    Parameters
-    ----------
-    corner : float
-        w [rad/s].
+    give the output ``x1 - w x2`` exactly for an input held over dt. The corner is w [rad/s].
     """
 
     def __init__(self, corner: float):
@@ -478,12 +409,7 @@ class BandLimitedIntegrator:
 class SecondOrderLowPass:
     """Low-pass filter ``w^2/(s^2 + 2 zeta w s + w^2)``, exact for an input held over a step.
 
-    Parameters
-    ----------
-    frequency : float
-        w [rad/s].
-    damping_ratio : float
-        zeta [-].
+    Its parameters are the frequency w [rad/s] and the damping ratio zeta [-].
     """
 
     def __init__(self, frequency: float, damping_ratio: float):

@@ -1,25 +1,21 @@
 """Closed loops of speed, pitch and torque, linear about steady operating points: is a controller stable there?
 
-The closed loop of rotor speed and pitch, linear about steady operating points: is a controller stable there?
-
-States are the rotor speed, the first fore-aft motion of the tower top, the filter of the measured speed, the integral
-of the pitch law, the pitch drive, and the delay of a demand. The rotor is quasi-steady by blade elements
-(`wt_gym.control.rotor.Rotor.slopes`), which leaves out the lag of the wake and so gives the least answer of the
-moment to the pitch; blades are rigid, the shaft is stiff, drives have no limits. With the speed w of the rotor, the
-pitch theta and the velocity u of the tower top,
+*Above rated*: is the loop of rotor speed and pitch stable? States are the rotor speed, the first fore-aft motion of the
+tower top, the filter of the measured speed, the integral of the pitch law, the pitch drive, and the delay of a demand.
+The rotor is quasi-steady by blade elements (`wt_gym.control.rotor.Rotor.slopes`), which leaves out the lag of the wake
+and so gives the least answer of the moment to the pitch; blades are rigid, the shaft is stiff, drives have no limits.
+With the speed w of the rotor, the pitch theta and the velocity u of the tower top,
 
 ``J w' = Q_w w + Q_theta theta - Q_V u - N (dM/dw_gen) N w``,
 ``m u' + (2 zeta m w_t + T_V) u + m w_t^2 x = T_w w + T_theta theta``.
 
 A controller whose loop has a growing mode is refused; one whose loop is hardly damped is warned of.
 
-The closed loop below rated power, linear about steady operating points: is the torque law stable there?
-
-States are the speeds of rotor and generator and the twist of the shaft between them, the wake, the fore-aft motion of
-the tower top, and those of the controller: the filter of the measured speed, the wind estimate and its filter, the
-integral of the torque law, the delays of both demands, and the pitch drive, which follows the least pitch over the
-estimated wind. With the wind v, the rotor's speed w, the generator's speed g over the gear ratio N, and the pitch
-theta,
+*Below rated*: is the torque law stable? States are the speeds of rotor and generator and the twist of the shaft between
+them, the wake, the fore-aft motion of the tower top, and those of the controller: the filter of the measured speed, the
+wind estimate and its filter, the integral of the torque law, the delays of both demands, and the pitch drive, which
+follows the least pitch over the estimated wind. With the wind v, the rotor's speed w, the generator's speed g over the
+gear ratio N, and the pitch theta,
 
 ``J_r w' = F_w w + F_theta theta - F_v u + z - T``, ``J_g g' = T - N M/eta``, ``T = k phi + c (w - g)``,
 ``tau z' = (S_w - F_w) w + (S_theta - F_theta) theta - (S_v - F_v) u - z``,
@@ -80,24 +76,12 @@ INTERVAL = 0.1
 
 @dataclass(frozen=True)
 class LoopMode:
-    """A mode of the closed loop.
+    """A mode of the closed loop."""
 
-    Attributes
-    ----------
-    wind : float
-        [m/s].
-    frequency : float
-        Natural frequency [rad/s].
-    damping : float
-        Damping ratio [-]; negative grows.
-    tower_share : float
-        Kinetic energy of the tower top over that of tower top and rotor [-].
-    """
-
-    wind: float
-    frequency: float
-    damping: float
-    tower_share: float
+    wind: float  #: [m/s]
+    frequency: float  #: natural frequency [rad/s]
+    damping: float  #: damping ratio [-]; negative grows
+    tower_share: float  #: kinetic energy of the tower top over that of tower top and rotor [-]
 
 
 def checked_winds(turbine: Turbine) -> tuple[float, ...]:
@@ -108,20 +92,9 @@ def checked_winds(turbine: Turbine) -> tuple[float, ...]:
 
 
 def speed_loop_modes(turbine: Turbine, parameters: BaselineParameters, wind: float) -> list[LoopMode]:
-    """Oscillating and growing modes of the closed loop in a steady wind.
+    """Oscillating and growing modes of the closed loop in a steady wind above rated [m/s], the least damped first.
 
-    Parameters
-    ----------
-    turbine : Turbine
-    parameters : BaselineParameters
-        Of the pitch controller.
-    wind : float
-        Above rated [m/s].
-
-    Returns
-    -------
-    list of LoopMode
-        The least damped first. A growing mode that does not oscillate has the damping -1.
+    A growing mode that does not oscillate has the damping -1.
     """
     matrix, mass, inertia = _matrix(turbine, parameters, wind)
     return modes_of_loop(matrix, wind, (0, inertia), (2, mass))
@@ -130,17 +103,10 @@ def speed_loop_modes(turbine: Turbine, parameters: BaselineParameters, wind: flo
 def modes_of_loop(
     matrix: NDArray[np.float64], wind: float, rotor: tuple[int, float], tower: tuple[int, float]
 ) -> list[LoopMode]:
-    """Oscillating and growing modes of a closed loop, the least damped first.
+    """Oscillating and growing modes of a closed loop of a state matrix (n, n) in a wind [m/s], the least damped first.
 
-    Parameters
-    ----------
-    matrix : numpy.ndarray, shape (n, n)
-        State matrix.
-    wind : float
-        [m/s].
-    rotor, tower : tuple of int and float
-        Places of the speed of the rotor and of the velocity of the tower top among the states, with the inertia
-        [kg m^2] and the mass [kg] that move with them.
+    Rotor and tower are the places of the speed of the rotor and of the velocity of the tower top among the states, with
+    the inertia [kg m^2] and the mass [kg] that move with them.
     """
     values, vectors = np.linalg.eig(matrix)
     modes = []
@@ -203,29 +169,18 @@ def _log_slope(p: BaselineParameters, pitch: float) -> float:
 
 
 def gust_pitch_rate(turbine: Turbine, parameters: BaselineParameters, wind: float) -> float:
-    """Largest pitch rate with which the linear loop answers a step of the wind [rad/s].
+    """Largest pitch rate with which the linear loop answers a step of the wind [rad/s], in a wind [m/s].
 
     The step is one standard deviation of the normal turbulence model for the turbine's class. A loop that asks the
     drives for more than their rate gets the phase lag of the limit, and can swing although its linear model is well
     damped.
-
-    Parameters
-    ----------
-    turbine, parameters, wind
-        As of `speed_loop_modes`.
     """
     matrix, answers = _gust_answers(turbine, parameters, wind)
     return float(np.abs(answers @ matrix[_PITCH]).max())
 
 
 def gust_speed_rise(turbine: Turbine, parameters: BaselineParameters, wind: float) -> float:
-    """Largest rise of the rotor speed after that step of the wind, over rated speed [-].
-
-    Parameters
-    ----------
-    turbine, parameters, wind
-        As of `speed_loop_modes`.
-    """
+    """Largest rise of the rotor speed after that step of the wind, over rated speed [-]."""
     _, answers = _gust_answers(turbine, parameters, wind)
     return float(answers[:, 0].max()) / turbine.drivetrain.rated_rotor_speed
 
@@ -255,27 +210,14 @@ def _gust_answers(
 
 @dataclass(frozen=True)
 class LoopReport:
-    """What `check_speed_loop` has found.
+    """What `check_speed_loop` has found."""
 
-    Attributes
-    ----------
-    modes : tuple of LoopMode
-        The least damped mode in each wind.
-    least_damped : LoopMode or None
-        Of all modes that move the rotor more than the tower, and all that grow.
-    tower : LoopMode or None
-        The least damped of the tower.
-    pitch_rate : float
-        Largest pitch rate after a gust over that of the drives, see `gust_pitch_rate` [-].
-    speed_rise : float
-        Largest rise of the rotor speed after the same gust over rated speed, see `gust_speed_rise` [-].
-    """
-
-    modes: tuple[LoopMode, ...]
-    least_damped: LoopMode | None
-    tower: LoopMode | None
-    pitch_rate: float
+    modes: tuple[LoopMode, ...]  #: the least damped mode in each wind
+    least_damped: LoopMode | None  #: of all modes that move the rotor more than the tower, and all that grow
+    tower: LoopMode | None  #: the least damped of the tower
+    pitch_rate: float  #: largest pitch rate after a gust over that of the drives, see `gust_pitch_rate` [-]
     speed_rise: float
+    """Largest rise of the rotor speed after the same gust over rated speed, see `gust_speed_rise` [-]."""
 
 
 @lru_cache(maxsize=64)
@@ -302,17 +244,7 @@ def _grows(modes: list[LoopMode]) -> bool:
 
 
 def check_speed_loop(turbine: Turbine, parameters: BaselineParameters) -> LoopReport | None:
-    """Look at the closed loop in winds above rated (`checked_winds`).
-
-    Parameters
-    ----------
-    turbine : Turbine
-    parameters : BaselineParameters
-
-    Returns
-    -------
-    LoopReport or None
-        None for a generator that takes no demand.
+    """Check the closed loop in winds above rated (`checked_winds`); None for a generator that takes no demand.
 
     Raises
     ------
@@ -394,22 +326,10 @@ def torque_loop_modes(
     wind: float,
     estimator: WindEstimator | None = None,
 ) -> list[LoopMode]:
-    """Oscillating and growing modes of the closed loop in a steady wind below rated.
+    """Oscillating and growing modes of the closed loop in a steady wind below rated [m/s], the least damped first.
 
-    Parameters
-    ----------
-    turbine : Turbine
-    parameters : TsrTrackingParameters or BaselineParameters
-        Numbers of a law that tracks the tip-speed ratio, or of one with a torque curve.
-    wind : float
-        [m/s].
-    estimator : WindEstimator, optional
-        Estimator of a law that tracks the tip-speed ratio.
-
-    Returns
-    -------
-    list of LoopMode
-        The least damped first. A growing mode that does not oscillate has the damping -1.
+    The parameters are those of a law that tracks the tip-speed ratio, with its estimator, or of a torque curve.
+    A growing mode that does not oscillate has the damping -1.
     """
     point = operating_point(turbine, wind)
     plant = _Plant(turbine, wind, point)
@@ -426,13 +346,7 @@ def growing_mode(
     parameters: TsrTrackingParameters | BaselineParameters,
     estimator: WindEstimator | None = None,
 ) -> LoopMode | None:
-    """Fastest growing mode in the winds of `winds_below_rated`, None where none grows by `LEAST_GROWTH`.
-
-    Parameters
-    ----------
-    turbine, parameters, estimator
-        As those of `torque_loop_modes`.
-    """
+    """Fastest growing mode in the winds of `winds_below_rated`, None where none grows by `LEAST_GROWTH`."""
     modes = [
         mode
         for wind in winds_below_rated(turbine)
@@ -452,11 +366,6 @@ def growth(mode: LoopMode) -> str:
 @lru_cache(maxsize=64)
 def check_torque_curve(turbine: Turbine, parameters: BaselineParameters) -> None:
     """Refuse a torque curve under which a mode grows below rated.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    parameters : BaselineParameters
 
     Raises
     ------

@@ -11,7 +11,7 @@ import logging
 import math
 import re
 from dataclasses import astuple, fields
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -223,15 +223,7 @@ def _finite(value: float) -> float:
 
 
 class _Turbine:
-    """One turbine under an agent.
-
-    Parameters
-    ----------
-    message : Message
-        The first one.
-    lead : float, optional
-        See `ServedAgent`.
-    """
+    """One turbine under an agent, from its first message on."""
 
     def __init__(self, message: Message, agent: Agent, env: WindTurbineEnv, lead: float | None):
         layout, options = env.layout, env.options
@@ -380,16 +372,6 @@ class _Turbine:
 _DEGREES = tuple(field.name for field in (*READINGS, *SET_POINTS) if field.unit == "deg")
 
 
-class GivesSetPoints(Protocol):
-    """What ROSCO's server takes as a wind-farm controller."""
-
-    def update_setpoints(
-        self, turbine_id: int, current_time: float, measurements: Mapping[str, float], /
-    ) -> Mapping[str, float]:
-        """Set points by ROSCO's names and in its units from readings by its names; what is left out is neutral."""
-        ...
-
-
 def readings_by_name(message: Message) -> dict[str, float]:
     """Readings by ROSCO's names and in its units."""
     values: list[float] = []
@@ -400,32 +382,19 @@ def readings_by_name(message: Message) -> dict[str, float]:
 
 
 class OwnSetPoints:
-    """Set points of a class with ``update_setpoints(id, time, measurements)``, one object for all turbines.
+    """Set points of a class of the user, as ROSCO's server takes it as a wind-farm controller; one for all turbines.
 
-    Parameters
-    ----------
-    make : callable
-        Makes the object.
-
-    Raises
-    ------
-    wt_gym.base.errors.ControllerError
-        If it has no such method.
+    Its ``update_setpoints(id, time, measurements)`` gives set points by ROSCO's names and in its units from readings by
+    its names; what is left out is neutral. ``make`` makes the object.
     """
 
     def __init__(self, make: Callable[[], Any]):
-        self._own: GivesSetPoints = make()
+        self._own = make()
         if not callable(getattr(self._own, "update_setpoints", None)):
             raise ControllerError(f"{self._own!r} must have update_setpoints(id, time, measurements)")
 
     def answer(self, message: Message) -> SetPoints:
-        """Set points for a turbine from its readings.
-
-        Raises
-        ------
-        wt_gym.base.errors.ControllerError
-            If one has another name, or is not finite.
-        """
+        """Set points for a turbine from its readings."""
         given = self._own.update_setpoints(message.turbine_id, message.time, readings_by_name(message))
         names = {field.name: own.name for field, own in zip(SET_POINTS, fields(SetPoints), strict=True)}
         if unknown := [name for name in given if name not in names]:
@@ -455,18 +424,7 @@ def missing_channels(layout: EnvLayout) -> list[str]:
 
 
 def check_expressible(env: WindTurbineEnv) -> None:
-    """Refuse what cannot act through ROSCO's interface.
-
-    Parameters
-    ----------
-    env : WindTurbineEnv
-        That an agent acts in.
-
-    Raises
-    ------
-    wt_gym.base.errors.ControllerError
-        With all reasons.
-    """
+    """Refuse agents of an environment that cannot act through ROSCO's interface, with all reasons."""
     layout, action, reasons = env.layout, env.layout.action, []
     if layout.turbine.n_blades > MOST_BLADES:
         reasons.append(f"it has set points for at most {MOST_BLADES} blades, the turbine has {layout.turbine.n_blades}")
@@ -502,19 +460,10 @@ def rounding(time: float) -> float:
 
 
 class MessageClock:
-    """Time and interval of messages.
+    """Time and interval of messages, whose times have seven digits: exact where they come at even intervals.
 
-    Parameters
-    ----------
-    time : float
-        Of the first message [s].
-
-    Attributes
-    ----------
-    time : float
-        Of the last message [s].
-    interval : float or None
-        Between messages [s]; None before the second one.
+    ``time`` is that of the last message, at first of the first one [s], and ``interval`` that between messages [s],
+    None before the second one.
     """
 
     def __init__(self, time: float):
@@ -524,11 +473,8 @@ class MessageClock:
 
     def continues(self, time: float, longest: float) -> bool:
         """Whether a time lies behind the last one by at most so much [s], as far as its digits tell."""
-        return (
-            -2.0 * rounding(time)
-            <= time - self.time
-            <= max(longest, 10.0 * (self.interval or 0.0)) + 2.0 * rounding(time)
-        )
+        near = 2.0 * rounding(time)
+        return -near <= time - self.time <= max(longest, 10.0 * (self.interval or 0.0)) + near
 
     def tick(self, time: float) -> bool:
         """Take the time of a message; whether the interval is a new one."""

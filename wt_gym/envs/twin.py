@@ -10,19 +10,14 @@ from __future__ import annotations
 import hashlib
 import json
 import pickle
-import platform
 from dataclasses import fields
-from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
-import llvmlite
-import llvmlite.binding
-import numba
 import numpy as np
 
-from wt_gym.base.compiled import way_to_compile
-from wt_gym.base.sources import sources_digest
+from wt_gym.base.canary import software
 from wt_gym.control.controllers import parts_of
+from wt_gym.envs.canary import canary_of
 from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.reward_store import Course, kept_course, new_course, store_course
 from wt_gym.envs.snapshot import TwinSnapshot
@@ -192,14 +187,16 @@ class Twin:
 def _identity(env: ControllerAlone) -> str | None:
     """What decides on the rewards of a turbine under its controller beside the beginning and the limits.
 
-    None where something is from outside of this package: it may do another thing tomorrow, or draw numbers.
+    None where something is from outside of this package: it may do another thing tomorrow, or draw numbers. The canary
+    counts to its last digit here: rewards must not depend on which version has filled the cache.
     """
     controller, terms = env.operation.controller, env.reward_terms
     parts: list[object] = [] if controller is None else [*parts_of(controller)]
     if env.operation.make_simulator is not make_simulator or not all(map(_is_own, [*parts, *terms])):
         return None
     described = _digest(controller), _digest(terms)
-    return fingerprint(env.turbine, fidelity_of(env.fidelity), env.control_dt, *described, _sources(), _software())
+    canary = canary_of(env.turbine, env.fidelity, type(env))
+    return fingerprint(env.turbine, fidelity_of(env.fidelity), env.control_dt, *described, canary, software())
 
 
 def _is_own(part: object | RewardTerm) -> bool:
@@ -211,22 +208,6 @@ def _is_own(part: object | RewardTerm) -> bool:
 def _digest(value: object) -> str:
     """Digest of an object that was just made, by what it is made of."""
     return hashlib.sha256(pickle.dumps(value)).hexdigest()
-
-
-@cache
-def _sources() -> str:
-    """Digest of everything that an environment loads."""
-    return sources_digest("wt_gym.envs.turbine_env")
-
-
-@cache
-def _software() -> tuple[str, ...]:
-    """What compiles the kernels, and for which processor: the same bits come of the same ones."""
-    cpu = llvmlite.binding.get_host_cpu_name()
-    return (
-        numba.__version__, llvmlite.__version__, np.__version__, platform.machine(), platform.system(), cpu,
-        way_to_compile(),
-    )  # fmt: skip
 
 
 def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import ResultFolder, load_task
 from wt_gym.benchmark.archive import MODELS, RUNS, model_folder, read_archive, write_archive
-from wt_gym.benchmark.fingerprint import differing
 from wt_gym.control.controllers.names import Name
 from wt_gym.experiment.benchmark_runs import Entry, Job, definition_of, entry_of, run_jobs
 from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, model_digests, model_files

@@ -22,15 +22,14 @@ lever arms follow the deformation.
 from __future__ import annotations
 
 import math
-import numbers
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import cast
 
 import numpy as np
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
+from wt_gym.base.declared import Rule, broken, check_fields, counts, number, one_of, whole
 from wt_gym.base.errors import SimulationError, did_you_mean
 from wt_gym.base.types import Array
 from wt_gym.base.warn_once import warn_once
@@ -45,6 +44,7 @@ from wt_gym.multibody.integrators.schemes import (
 from wt_gym.multibody.integrators.stability import GROWTH, predicted_growth
 from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
 from wt_gym.structure.beam import skew
+from wt_gym.structure.modes import COORDINATES
 from wt_gym.turbines import Blade, Turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 
@@ -52,7 +52,6 @@ RESERVE = 0.75
 """Largest ω h of the structural integration, in limits of an undamped mode: modes stiffen with rotation."""
 
 
-COORDINATES = ("modal", "nodal", "rigid")
 ELASTODYN_NREL_5MW_TOWER = (
     ((0.7004, 2.1963, -5.6202, 6.2275, -2.504), (-70.5319, -63.7623, 289.737, -176.513, 22.0706)),
     ((1.385, -1.7684, 3.0871, -2.2395, 0.5357), (-121.21, 184.415, -224.904, 298.536, -135.838)),
@@ -63,6 +62,34 @@ ELASTODYN_NREL_5MW_TOWER = (
 
 STEP_BASE = 0.2
 """Interval that the automatic time step divides [s]; control intervals are multiples of it."""
+
+
+_MODES = "three whole counts with at least one mode"
+RULES = {
+    "time_step": number(0.0, 10.0, above=True, below=True, unit="s").or_none,
+    "corrections coupling_iterations blade_bodies": whole(1),
+    "tower_elements blade_elements": whole(4),
+    "max_substep": number(0.0, 0.5, above=True, unit="s"),
+    "formulation": one_of("embedded", "constrained", "observer"),
+    "reference_condition": one_of(*REFERENCE_CONDITIONS),
+    "frame_displacement": one_of(*DISPLACEMENTS),
+    "frame_update": Rule(
+        lambda value: value == "step" or number(0.0, above=True).fits(value),
+        "'step' or a positive displacement in meters",
+    ),
+    "tower_coordinates blade_coordinates": one_of(*COORDINATES),
+    "yaw_drive": one_of("stiff", "spring"),
+    "integrator": one_of(*INTEGRATORS),
+    "starter": one_of(*STARTERS),
+    "blade_basis": one_of("fixed", "deformed"),
+    "spectral_radius": number(0.0, 1.0).or_none,
+    "stabilization": number(0.0),
+    "tower_body": counts(2, 3, "two counts of at least 3").or_none,
+    "nacelle_body": counts(2, 5, "two counts of at least 5").or_none,
+    "tower_modes blade_modes": counts(3, 0, _MODES),
+}
+_OF_OBSERVERS = {"reference_condition": "clamped", "frame_update": "step", "frame_displacement": "second_order"}
+"""Defaults of what belongs to observer frames only."""
 
 
 @dataclass(frozen=True)
@@ -196,36 +223,10 @@ class Fidelity:
 
     def __post_init__(self) -> None:
         """Refuse values without meaning."""
-        if self.time_step is not None and not 0.0 < self.time_step < 10.0:
-            raise SimulationError(f"Fidelity.time_step is {self.time_step}; must be None or 0 … 10 s")
-        for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
-            value = getattr(self, name)
-            if not isinstance(value, numbers.Integral) or value < low:
-                raise SimulationError(f"Fidelity.{name} is {value!r}; must be a whole number of at least {low}")
-        if not 0.0 < self.max_substep <= 0.5:
-            raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; must be 0 … 0.5 s")
-        for name, allowed in (
-            ("formulation", ("embedded", "constrained", "observer")),
-            ("reference_condition", REFERENCE_CONDITIONS),
-            ("frame_displacement", DISPLACEMENTS),
-            ("tower_coordinates", COORDINATES),
-            ("blade_coordinates", COORDINATES),
-            ("yaw_drive", ("stiff", "spring")),
-            ("integrator", tuple(INTEGRATORS)),
-            ("starter", tuple(STARTERS)),
-            ("blade_basis", ("fixed", "deformed")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise SimulationError(
-                    f"Fidelity.{name} must be one of {', '.join(allowed)}, got {getattr(self, name)!r}"
-                    + did_you_mean(getattr(self, name), allowed)
-                )
-        if self.spectral_radius is not None and not 0.0 <= self.spectral_radius <= 1.0:
-            raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; must be None or 0 … 1")
-        if not isinstance(cast(object, self.blade_bodies), numbers.Integral) or self.blade_bodies < 1:
-            raise SimulationError(
-                f"Fidelity.blade_bodies is {self.blade_bodies!r}; must be a whole number of at least 1"
-            )
+        check_fields(self, RULES, SimulationError)
+        for name in ("tower_modes", "blade_modes"):
+            if sum(getattr(self, name)) < 1:
+                raise broken(self, name, _MODES, SimulationError)
         if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self._explicit):
             implicit = _integrators(lambda entry: not entry.explicit)
             raise SimulationError(
@@ -233,74 +234,35 @@ class Fidelity:
                 f"integrator = {self.integrator!r}; several bodies must have 'modal' or 'nodal' coordinates, and an "
                 f"implicit integrator ({implicit}) for their high frequencies"
             )
-        for name, low in (("tower_body", 3), ("nacelle_body", 5)):
-            value = getattr(self, name)
-            counts = value if isinstance(value, (tuple, list)) else ()
-            if value is not None and not (
-                len(counts) == 2 and all(isinstance(count, numbers.Integral) and int(count) >= low for count in counts)
-            ):
-                raise SimulationError(f"Fidelity.{name} is {value}; must be None or two counts of at least {low}")
-        for name in ("tower_modes", "blade_modes"):
-            modes = getattr(self, name)
-            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and int(count) >= 0 for count in modes)
-            if not whole or sum(modes) < 1:
-                raise SimulationError(f"Fidelity.{name} is {modes}; must be three whole counts with at least one mode")
-
-        self._check_shapes()
-        self._check_bodies_and_basis()
-        self._check_observer()
-
-    def _check_bodies_and_basis(self) -> None:
-        """Stabilization, moving bodies and the basis of the blades have a meaning."""
-        if not (isinstance(cast(object, self.stabilization), numbers.Real) and 0.0 <= self.stabilization < math.inf):
-            raise SimulationError(f"Fidelity.stabilization is {self.stabilization!r}; must be a finite number >= 0")
         if self.moving_bodies and self.tower_body is None and self.nacelle_body is None:
             raise SimulationError("Fidelity.moving_bodies needs a tower_body or a nacelle_body to move")
+        self._check_shapes()
         if self.blade_basis == "deformed":
-            for name, needed in (("blade_coordinates", "modal"), ("blade_bodies", 1)):
-                if getattr(self, name) != needed:
-                    raise SimulationError(
-                        f"Fidelity.blade_basis 'deformed' needs {name} {needed!r}, not {getattr(self, name)!r}"
-                    )
+            self._require("blade_basis 'deformed'", blade_coordinates="modal", blade_bodies=1)
             if not INTEGRATORS[self.integrator].keeps_states:
                 raise SimulationError(
                     "Fidelity.blade_basis 'deformed' needs an integrator whose history passes to other modes "
                     f"({_integrators(lambda entry: entry.keeps_states)}), not {self.integrator!r}"
                 )
-
-    @property
-    def _explicit(self) -> bool:
-        return INTEGRATORS[self.integrator].explicit
-
-    def _check_observer(self) -> None:
-        """Options of observer frames have a meaning, and stand beside that formulation only."""
-        update = self.frame_update
-        positive = (
-            not isinstance(update, str | bool)
-            and isinstance(cast(object, update), numbers.Real)
-            and 0.0 < update < math.inf
-        )
-        if update != "step" and not positive:
-            raise SimulationError(
-                f"Fidelity.frame_update is {update!r}; must be 'step' or a positive displacement in meters"
-            )
         if self.formulation == "observer":
-            for name, needed in (("blade_bodies", 1), ("blade_basis", "fixed"), ("moving_bodies", False)):
-                if getattr(self, name) != needed:
-                    raise SimulationError(
-                        f"Fidelity.{name} is {getattr(self, name)!r}; formulation 'observer' takes {needed!r} only"
-                    )
+            self._require("formulation 'observer'", blade_bodies=1, blade_basis="fixed", moving_bodies=False)
             return
-        for name, default in (
-            ("reference_condition", "clamped"),
-            ("frame_update", "step"),
-            ("frame_displacement", "second_order"),
-        ):
+        for name, default in _OF_OBSERVERS.items():
             if getattr(self, name) != default:
                 raise SimulationError(
                     f"Fidelity.{name} is {getattr(self, name)!r}, but the formulation is {self.formulation!r}; it "
                     "belongs to 'observer'"
                 )
+
+    def _require(self, choice: str, **needed: object) -> None:
+        """Refuse other values of fields beside a choice than those that it needs."""
+        for name, value in needed.items():
+            if getattr(self, name) != value:
+                raise SimulationError(f"Fidelity: {choice} needs {name} {value!r}, not {getattr(self, name)!r}")
+
+    @property
+    def _explicit(self) -> bool:
+        return INTEGRATORS[self.integrator].explicit
 
     def _check_shapes(self) -> None:
         """Prescribed shapes of the tower, if any, fit the counted modes."""

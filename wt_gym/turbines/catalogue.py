@@ -123,13 +123,7 @@ def load_turbine(
 
 
 def turbine_file(name_or_path: str | Path) -> Path:
-    """Return the path of the file behind a name of the catalogue, or the given path if it is a file.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If it is neither, or a turbine of the catalogue that has no file.
-    """
+    """Return the path of the file behind a name of the catalogue, or the given path if it is a file."""
     if isinstance(name_or_path, str) and name_or_path in RECORDS:
         source = RECORDS[name_or_path].source
         if not _has_file(name_or_path):

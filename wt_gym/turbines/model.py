@@ -568,11 +568,6 @@ def with_site(turbine: Turbine, site: Mapping[str, Any] | None) -> Turbine:
     site : mapping or None
         Any of the above; None or empty: the turbine as it is.
 
-    Raises
-    ------
-    TurbineDefinitionError
-        If a name is unknown or a value out of range.
-
     Examples
     --------
     >>> from wt_gym.turbines import load_turbine

@@ -350,13 +350,7 @@ def damping_ratio(node: Node, default: float) -> float:
 
 
 def require_straight(node: Node, points: NDArray[np.float64], length: float) -> None:
-    """Require a vertical axis, from its x and y (n, 2) [m].
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the axis leaves the vertical by more than 1e-6 of its length.
-    """
+    """Require a vertical axis, from its x and y (n, 2) [m]."""
     if np.any(np.abs(points) > 1e-6 * length):
         raise TurbineDefinitionError(f"{node.path}: x and y must be 0, only vertical towers can be computed")
 
@@ -371,13 +365,7 @@ _WITHOUT = re.compile(r"\bno (3-?D correction|rotational augmentation|stall dela
 
 
 class AirfoilLibrary:
-    """Airfoils of a file by name; converts each combination of airfoil, configuration and Reynolds number once.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the list is missing, or an airfoil has no name or two have the same.
-    """
+    """Airfoils of a file by name; converts each combination of airfoil, configuration and Reynolds number once."""
 
     def __init__(self, root: Node) -> None:
         self.path = root.where("airfoils")
@@ -426,11 +414,6 @@ class AirfoilLibrary:
             ``components.blade.outer_shape.airfoils[i]``: name and, optionally, configurations with weights.
         speed_chord : float
             Speed times chord at this place in rated operation [m^2/s].
-
-        Raises
-        ------
-        TurbineDefinitionError
-            If the name, a configuration, a polar or the contour is missing or wrong.
         """
         node = self._node(entry)
         sets = self._sets(entry, node, speed_chord / KINEMATIC_VISCOSITY)

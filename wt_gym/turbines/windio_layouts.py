@@ -43,12 +43,6 @@ def to_version_2(data: dict[str, Any], notes: list[str]) -> dict[str, Any]:
     -------
     dict
         ``data`` itself for a file of version 2.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the version is missing in a file that is not shaped as one of version 1, is not supported, or a part cannot
-        be converted; the last names the part and the key that it lacks.
     """
     version = data.get("windIO_version")
     if version is None and not _looks_like_version_1(data):
@@ -266,12 +260,6 @@ def adopt_layout(data: dict[str, Any], notes: list[str]) -> None:
     ----------
     data : dict
         Content of the file.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If a number that enters the rated rotor speed or the stretching is not one, or the largest torque is far below
-        the rated one.
     """
     foreign = any(_get(data, path) is not None for path in _MARKS)
     speed = _rated_rotor_speed(data, notes)
@@ -317,13 +305,7 @@ def _rated_rotor_speed(data: dict[str, Any], notes: list[str]) -> float | None:
 
 
 def _to_newton_meters(data: dict[str, Any], notes: list[str]) -> None:
-    """Turn torque limits that a tool wrote in kN m into N m; one far below the rated torque cannot be meant in N m.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the largest torque is less than half the rated one in either unit.
-    """
+    """Turn torque limits that a tool wrote in kN m into N m; one far below the rated torque cannot be meant in N m."""
     largest, speed = _number(data, "control.max_gen_torque"), _number(data, "control.rated_rotor_speed")
     power = _number(data, "assembly.rated_power") or _number(data, "control.rated_power")
     if not largest or not speed or not power:

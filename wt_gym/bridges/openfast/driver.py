@@ -211,13 +211,7 @@ def write_turbine(turbine: Turbine, path: Path) -> None:
 
 
 def read_turbine(path: Path) -> Turbine:
-    """Read a turbine that `write_turbine` has written.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the file is not such a one.
-    """
+    """Read a turbine that `write_turbine` has written."""
     try:
         found = _made(json.loads(path.read_text(encoding="utf-8")))
     except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:

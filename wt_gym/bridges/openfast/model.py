@@ -556,13 +556,7 @@ def blade_sections(turbine: Turbine) -> BladeSections:
 
 
 def tower_sections(turbine: Turbine) -> TowerSections:
-    """Sections and mode shapes of the tower, under the weight of what stands on it.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the tower stands on a monopile, for which ElastoDyn alone has no model.
-    """
+    """Sections and mode shapes of the tower, under the weight of what stands on it."""
     tower = turbine.tower
     if tower.support is not None:
         raise TurbineDefinitionError(

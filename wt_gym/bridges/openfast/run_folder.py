@@ -124,13 +124,6 @@ def prepare_run(
     -------
     Path
         Of the primary file of the run.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If a file or a keyword is missing in the model, or it is a model of another turbine.
-    SimulationError
-        If the model leaves out a module that is needed, or ``changes`` names none.
     """
     if unknown := set(changes) - {"OpenFAST", *MODULES}:
         raise SimulationError(f"changes must name modules {', '.join(('OpenFAST', *MODULES))}; got {sorted(unknown)}")

@@ -296,13 +296,6 @@ class OpenFASTSimulator:
         ----------
         duration, pitch, yaw_rate, generator_torque, accumulate
             As of `Simulator.advance`.
-
-        Raises
-        ------
-        ActionError
-            For demands that are not finite or a duration that is not a multiple of the time step.
-        SimulationError
-            With OpenFAST's message where it fails; the simulator must then be reset.
         """
         process, measurement = self._running()
         drives = self.drives

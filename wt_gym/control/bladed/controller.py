@@ -93,14 +93,7 @@ def _anchor(path: Path) -> ctypes.CDLL:
 
 
 class Library:
-    """One instance of a controller library.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    function : str
-    isolated : bool
-        Whether it runs in a process of its own.
+    """One instance of a controller library, isolated: in a process of its own.
 
     Raises
     ------
@@ -136,13 +129,7 @@ class Library:
         return self._child is None or self._child.alive
 
     def call(self, swap: np.ndarray, input_file: str) -> tuple[int, str]:
-        """Call the library once; it changes the records.
-
-        Parameters
-        ----------
-        swap : numpy.ndarray, float32
-            ``avrSWAP``.
-        input_file : str
+        """Call the library once; it changes the records ``avrSWAP``.
 
         Returns
         -------
@@ -266,8 +253,6 @@ class BladedController:
 
     Parameters
     ----------
-    turbine : Turbine
-    library : str or path
     input_file : str or path, optional
         Handed to the library by its absolute path.
     **parameters

@@ -77,11 +77,6 @@ def write_rosco_input(turbine: Turbine, path: Path) -> None:
 
     Tip-speed-ratio tracking with a Kalman filter, constant power above rated if the turbine's own controller holds it,
     set-point smoothing, a least pitch over the wind; individual pitch, dampers and yaw are off.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    path : pathlib.Path
     """
     table = _coefficients(turbine)
     write_text_whole(path.with_name(PERFORMANCE_FILE), performance_table(table))
@@ -99,7 +94,6 @@ def start_stop_values(turbine: Turbine, time_scale: float = 1.0) -> dict[str, ob
 
     Parameters
     ----------
-    turbine : Turbine
     time_scale : float
         Factor on the durations of the start-up, which are ROSCO's own, and on the time constant of the filter of the
         pitch, half of the ten minutes of a mean wind: winds that are compressed in time need less than 1 [-].
@@ -327,7 +321,6 @@ class RoscoController(BladedController):
 
     Parameters
     ----------
-    turbine : Turbine
     **parameters
         Of `RoscoOptions`.
 

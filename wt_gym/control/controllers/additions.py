@@ -38,7 +38,7 @@ from wt_gym.control.design import (
 )
 from wt_gym.control.operating_point import least_pitch
 from wt_gym.control.rotor import fine_pitch
-from wt_gym.control.sensors import AngleLowPass, BandLimitedIntegrator, LowPass, harmonic_of_blades, to_harmonic
+from wt_gym.control.sensors import AngleLowPass, BandLimitedIntegrator, LowPass, harmonic_of_blades, to_harmonic, within
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
@@ -107,14 +107,6 @@ class AboveRated:
     The product of a ramp in the collective pitch, low-pass filtered, and one in the rotor speed: blades at fine pitch
     mean that the wind is too weak for rated power. With ``fine_speed``, a ramp of its own in the rotor speed holds
     there.
-
-    Parameters
-    ----------
-    parameters : FadeParameters
-    fine_pitch : float
-        [rad].
-    rated_speed : float
-        Of the rotor [rad/s].
     """
 
     def __init__(self, parameters: FadeParameters, fine_pitch: float, rated_speed: float):
@@ -123,13 +115,7 @@ class AboveRated:
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, fade: FadeParameters | bool | float = True) -> AboveRated | None:
-        """Fade of a turbine; None where nothing is to fade.
-
-        Parameters
-        ----------
-        turbine : Turbine
-        fade : FadeParameters, bool or float
-            As of `fade_option`.
+        """Fade of a turbine, by `fade_option`; None where nothing is to fade.
 
         Raises
         ------
@@ -185,12 +171,6 @@ class ResidualPitch:
         Of the fade [-].
     mean : float
         Mean offset that acts, the share included, where there is a washout [rad].
-    fades, washes : bool
-
-    Raises
-    ------
-    ValueError
-        If tau is not positive.
     """
 
     def __init__(self, fade: AboveRated | None, washout: float | None, n_mean: int):
@@ -213,18 +193,9 @@ class ResidualPitch:
     def acting(
         self, offsets: NDArray[np.float64], base_pitch: NDArray[np.float64], rotor_speed: float, dt: float
     ) -> NDArray[np.float64]:
-        """Offsets that act in a step.
+        """Offsets (n_pitch,) that act in a step, of those that the agent asks for, in its coordinates [rad].
 
-        Parameters
-        ----------
-        offsets : numpy.ndarray, shape (n_pitch,)
-            That the agent asks for, in its coordinates [rad].
-        base_pitch : numpy.ndarray, shape (n_blades,)
-            Demand of the base controller [rad].
-        rotor_speed : float
-            [rad/s].
-        dt : float
-            [s].
+        The demand of the base controller (n_blades,) [rad] and the rotor speed [rad/s] decide on the fade.
         """
         if self._fade is not None:
             self.share = self._fade.update(base_pitch.tolist(), rotor_speed, dt)
@@ -313,10 +284,6 @@ class HarmonicPitch:
 
     Positive pitch feathers and lowers the moment, hence the signs. The rate of theta, and theta itself, are limited in
     their 2-norm; the integral is set to what the limits let through (anti-windup).
-
-    Parameters
-    ----------
-    parameters : HarmonicPitchParameters
     """
 
     def __init__(self, parameters: HarmonicPitchParameters):
@@ -342,18 +309,10 @@ class HarmonicPitch:
         self, moments: Sequence[float] | NDArray[np.float64], azimuth: float, dt: float, lead: float = 0.0,
         share: float = 1.0,
     ) -> list[float]:  # fmt: skip
-        """Pitch to be added to each blade [rad].
+        """Pitch to be added to each blade [rad], from flapwise root moments (n_blades,) [N m] at an azimuth [rad].
 
-        Parameters
-        ----------
-        moments : sequence of float, length n_blades
-            Flapwise root moments [N m].
-        azimuth, dt : float
-            [rad], [s].
-        lead : float
-            Azimuth through which the rotor turns until the blades have the pitch [rad].
-        share : float
-            Of the gains and of the limit that may be used, 0 … 1; at 0 the pitch returns at the rate limit.
+        ``lead`` is the azimuth through which the rotor turns until the blades have the pitch [rad], ``share`` that of
+        the gains and of the limit that may be used, 0 … 1; at 0 the pitch returns at the rate limit.
         """
         p = self.parameters
         self._moment = to_harmonic(moments, azimuth, p.harmonic)
@@ -365,19 +324,12 @@ class HarmonicPitch:
             kept * integral + (integrated + proportional) * moment
             for integral, moment in zip(self._integral, self._moment, strict=True)
         ]
-        wanted = _within(wanted, share * p.limit)
-        now = self._pitch
-        move = _within([w - x for w, x in zip(wanted, now, strict=True)], p.rate_limit * dt)
+        limited, now = within(wanted, share * p.limit), self._pitch
+        move = within([w - x for w, x in zip(limited, now, strict=True)], p.rate_limit * dt)
         self._pitch = (now[0] + move[0], now[1] + move[1])
         # without saturation this is the integral again; what did not get through does not pile up
         self._integral = tuple(x - proportional * m for x, m in zip(self._pitch, self._moment, strict=True))
         return harmonic_of_blades(*self._pitch, azimuth + lead, len(moments), p.harmonic)
-
-
-def _within(vector: list[float], size: float) -> list[float]:
-    """Vector shortened to a size."""
-    length = math.hypot(*vector)
-    return vector if length <= size else [x * size / length for x in vector]
 
 
 class IndividualPitch:
@@ -393,12 +345,9 @@ class IndividualPitch:
         None: always in full.
     drive : PitchSystem
         Its limits hold, and its delay leads the azimuth.
-    n_blades : int
-    lead : float, optional
-        Time by which the azimuth leads [s]; by default `pitch_delay` at the interval of the controller.
-    simulator_step : float, optional
-        Step of the simulator [s], by default the interval of the controller. At twice the step the lead is else half a
-        step too long, 3.6 degrees for the NREL 5-MW.
+    lead, simulator_step : float, optional
+        As of `IndividualPitchOptions` [s]; the lead is by default `pitch_delay`. At twice the step of the simulator it
+        is else half a step too long, 3.6 degrees for the NREL 5-MW.
 
     Attributes
     ----------
@@ -408,14 +357,9 @@ class IndividualPitch:
     """
 
     def __init__(
-        self,
-        harmonics: Iterable[HarmonicPitchParameters],
-        fade: AboveRated | None,
-        drive: PitchSystem,
-        n_blades: int = 3,
-        lead: float | None = None,
-        simulator_step: float | None = None,
-    ) -> None:
+        self, harmonics: Iterable[HarmonicPitchParameters], fade: AboveRated | None, drive: PitchSystem,
+        n_blades: int = 3, lead: float | None = None, simulator_step: float | None = None,
+    ) -> None:  # fmt: skip
         self.harmonics = tuple(HarmonicPitch(p) for p in harmonics)
         if n_blades < 3:
             raise ValueError(f"individual pitch in the fixed frame needs at least 3 blades, got {n_blades}")
@@ -509,18 +453,8 @@ CORNER = 0.2
 class ForeAftDamper:
     """Addition: collective pitch in proportion to the fore-aft velocity of the nacelle.
 
-    Parameters
-    ----------
-    gain : float
-        From velocity to pitch [rad s/m].
-    corner : float
-        Of the high-pass filter [rad/s].
-    limit : float
-        Largest pitch added or taken off [rad].
-    fade : AboveRated or None
-        Below rated, pitch costs power; None: always in full.
-    pitch_limits : (float, float)
-        [rad].
+    Gain from velocity to pitch [rad s/m], corner of the high-pass filter [rad/s], largest pitch added or taken off
+    [rad]. It fades below rated, where pitch costs power; without a fade it acts always in full.
     """
 
     channels = ("nacelle_acceleration_fore_aft", "rotor_speed")
@@ -571,16 +505,8 @@ class ForeAftDamper:
 class SideSideDamper:
     """Addition: generator torque in proportion to the side-side velocity of the nacelle.
 
-    Parameters
-    ----------
-    gain : float
-        From velocity to torque on the high-speed shaft [N m s/m]; negative for a rotor that turns counter-clockwise.
-    corner : float
-        Of the high-pass filter [rad/s].
-    limit : float
-        Largest torque added or taken off [N m].
-    max_torque : float
-        [N m].
+    Gain from velocity to torque on the high-speed shaft [N m s/m], negative for a rotor that turns counter-clockwise;
+    corner of the high-pass filter [rad/s]; largest torque added or taken off, and largest torque of all [N m].
     """
 
     channels = ("nacelle_acceleration_side_side",)

@@ -149,7 +149,6 @@ class WithLidar(RepairedReadings):
 
     Parameters
     ----------
-    signals : Readings
     seen : sequence of float
         Readings of the lidar, gate by gate [m/s].
     lidar : Lidar, optional
@@ -175,7 +174,6 @@ class WithDemandedPower(RepairedReadings):
 
     Parameters
     ----------
-    signals : Readings
     demanded : float
         Present power [W].
     reference : object, optional
@@ -204,13 +202,10 @@ class AtSetPoint:
     share : float
         Set point of the rotor speed over rated [-].
     power_share : float
-        By what a power that the controller makes of these readings is multiplied in the end [-]; what is demanded is
-        over it, so that the demanded power comes out.
+        Factor on the power that the controller makes of these readings [-]; the demanded power is divided by it.
 
     Attributes
     ----------
-    measured : Readings
-    share : float
     demanded : float or None
         Power that the controller is to make of these readings [W], None where nothing is asked for.
     """
@@ -280,10 +275,8 @@ def readings_of(
 
     Parameters
     ----------
-    controller : Controller
     signals : Signals
         As the sensors give them.
-    inflow : Inflow
     hub_height : float
         [m]
     rotation : {"clockwise", "counter-clockwise"}
@@ -352,13 +345,7 @@ def _name(controller: Controller | Addition) -> str:
 
 
 class Combined:
-    """A controller with additions, each of which changes the demand of what stands before it.
-
-    Parameters
-    ----------
-    base : Controller
-    *additions : Addition
-        In the order in which they act.
+    """A controller with additions, each of which changes the demand of what stands before it, in their order.
 
     Examples
     --------
@@ -409,17 +396,11 @@ _NUMBER = (bool, int, float, np.number)
 
 
 class Memory(NamedTuple):
-    """Numbers of a controller.
+    """Numbers of a controller."""
 
-    Attributes
-    ----------
-    values : numpy.ndarray, shape (n,)
-    sizes : numpy.ndarray, shape (n_parts,), int
-        Of the parts: numbers, arrays, and lists of numbers, which may grow and shrink.
-    """
-
-    values: NDArray[np.float64]
+    values: NDArray[np.float64]  #: shape (n,)
     sizes: NDArray[np.int_]
+    """Of the parts: numbers, arrays, and lists of numbers, which may grow and shrink, shape (n_parts,)."""
 
 
 def memory_of(controller: Controller) -> Memory:
@@ -443,16 +424,9 @@ def _split(memory: Memory) -> list[NDArray[np.float64]]:
 
 
 def remember(controller: Controller, memory: Memory, changing: NDArray[np.bool_]) -> None:
-    """Put numbers into a controller.
+    """Put numbers of a controller of the same kind into one with its own copies of everything that changes.
 
-    Parameters
-    ----------
-    controller : Controller
-        Its own copies of everything that changes.
-    memory : Memory
-        Of a controller of the same kind.
-    changing : numpy.ndarray, shape (n_parts,), bool
-        Which parts to put; the others, its parameters, stay.
+    ``changing`` (n_parts,) says which parts to put; the others, its parameters, stay.
 
     Raises
     ------

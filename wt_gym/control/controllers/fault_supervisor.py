@@ -96,45 +96,23 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class FaultSupervisorParameters:
-    """Numbers of a `FaultSupervisor`.
+    """Numbers of a `FaultSupervisor`."""
 
-    Attributes
-    ----------
-    speed_tolerance : float
-        [rad/s], rotor.
-    moment_jump : float
-        [N m].
-    frozen_time, pitch_time, fade_time : float
-        [s].
-    vane_jump, pitch_tolerance, stop_deviation : float
-        [rad].
-    gear_ratio : float
-    efficiency : float
-        Of the generator [-].
-    least_torque : float
-        [N m], high-speed shaft.
-    min_pitch, max_pitch, max_pitch_rate : float
-        Of the drives [rad], [rad/s].
-    pitch_lag : float
-        Of the drives behind a moving command [s].
-    n_blades : int
-    """
-
-    speed_tolerance: float
-    moment_jump: float
-    frozen_time: float
-    vane_jump: float
-    pitch_tolerance: float
-    pitch_time: float
-    stop_deviation: float
-    fade_time: float
+    speed_tolerance: float  #: of the rotor [rad/s]
+    moment_jump: float  #: [N m]
+    frozen_time: float  #: [s]
+    vane_jump: float  #: [rad]
+    pitch_tolerance: float  #: [rad]
+    pitch_time: float  #: [s]
+    stop_deviation: float  #: [rad]
+    fade_time: float  #: [s]
     gear_ratio: float
-    efficiency: float
-    least_torque: float
-    min_pitch: float
-    max_pitch: float
-    max_pitch_rate: float
-    pitch_lag: float
+    efficiency: float  #: of the generator [-]
+    least_torque: float  #: [N m], high-speed shaft
+    min_pitch: float  #: of the drives [rad]
+    max_pitch: float  #: of the drives [rad]
+    max_pitch_rate: float  #: of the drives [rad/s]
+    pitch_lag: float  #: of the drives behind a moving command [s]
     n_blades: int
 
 
@@ -143,13 +121,10 @@ class FaultSupervisor(Combined):
 
     Parameters
     ----------
-    parameters : FaultSupervisorParameters
-    base : Controller
     *additions : Addition
 
     Attributes
     ----------
-    parameters : FaultSupervisorParameters
     share : float
         Of the individual part of the pitch that acts [-].
     """
@@ -268,10 +243,6 @@ class FaultSupervisor(Combined):
 
         What begins to fail at this instant is found by the next step, and a failing encoder reads what the model of its
         drive had a step before.
-
-        Parameters
-        ----------
-        signals : Readings
         """
         return self._repaired(signals, self._speed_repairs(signals), 0.0)
 

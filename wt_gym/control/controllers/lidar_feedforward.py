@@ -73,7 +73,6 @@ class LidarFeedforward:
 
     Parameters
     ----------
-    base : ShiftablePitch
     winds, pitch : array_like
         Steady collective pitch [rad] over the wind [m/s].
     lidar : Lidar

@@ -43,7 +43,7 @@ from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.additions import AboveRated, FadeParameters
 from wt_gym.control.controllers.controller import part_of
 from wt_gym.control.design import same_rotor
-from wt_gym.control.sensors import LowPass, to_blades, to_harmonic
+from wt_gym.control.sensors import LowPass, to_blades, to_harmonic, within
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
 
@@ -79,16 +79,7 @@ def side_sign(turbine: Turbine) -> float:
 
 
 def measured_outputs(signals: Readings, n_blades: int, sign: float, out: NDArray[np.float64]) -> None:
-    """Put `OUTPUTS` of one instant into an array (6,).
-
-    Parameters
-    ----------
-    signals : Readings
-    n_blades : int
-    sign : float
-        Of `side_sign`.
-    out : numpy.ndarray, shape (6,)
-    """
+    """Put `OUTPUTS` of one instant into an array (6,); the sign is that of `side_sign`."""
     moments = [signals[f"root_flap_moment_{b + 1}"] for b in range(n_blades)]
     tilt, yaw = to_harmonic(moments, signals["azimuth"])
     out[0] = sum(moments) / n_blades
@@ -113,18 +104,9 @@ def recorded_outputs(channels: Mapping[str, NDArray[np.float64]], n_blades: int,
 
 
 def delay_bins(longest: float, dt: float, fine: int = 6, growth: float = 1.3) -> tuple[tuple[int, int], ...]:
-    """Bins [first, last) of delays in steps: single steps, then wider and wider ones.
+    """Bins [first, last) of delays in steps up to the longest [s]: single steps, then wider and wider ones.
 
-    Parameters
-    ----------
-    longest : float
-        Delay that the last bin reaches [s].
-    dt : float
-        [s].
-    fine : int
-        Number of bins of one step.
-    growth : float
-        Of the width from one bin to the next.
+    A step is ``dt`` [s]; ``fine`` is the number of bins of one step, ``growth`` the ratio of the widths of two bins.
     """
     end = max(round(longest / dt), fine)
     edges = list(range(fine + 1))
@@ -182,30 +164,6 @@ class LinearDesign:
 
     f being d without what lasts longer than the washout.
 
-    Attributes
-    ----------
-    pitch : numpy.ndarray, shape (n,)
-        Mean pitch of the blades at which each design holds, rising [rad].
-    responses : numpy.ndarray, shape (n, 6, 3, n_taps)
-        Of outputs over their scale to offsets [1/rad].
-    gains : numpy.ndarray, shape (n, 3, 6, n_delays)
-        From disturbances to offsets [rad].
-    scale : numpy.ndarray, shape (6,)
-        Of the outputs.
-    washout : numpy.ndarray, shape (6,)
-        Time constant of what lasts in each output [s]; 0: everything counts.
-    interval : float
-        Between two decisions [s].
-    limit, rate_limit : float
-        Of the offsets [rad], [rad/s].
-    fade : float
-        Collective pitch above fine pitch from which on all acts in full [rad], see `AboveRated.of_turbine`.
-    fine_speed : (float, float), optional
-        Rotor speed over the rated one at which offsets begin and act in full at fine pitch [-]; by default they do not
-        act there.
-    record : dict
-        How it was made: turbine, base controller, winds, options, what the models explain; JSON values.
-
     Raises
     ------
     wt_gym.base.errors.ControllerError
@@ -214,17 +172,20 @@ class LinearDesign:
 
     is_constant: ClassVar[bool] = True
     """Nothing in it is memory of a controller."""
-    pitch: NDArray[np.float64]
-    responses: NDArray[np.float64]
-    gains: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    washout: NDArray[np.float64]
-    interval: float
-    limit: float
-    rate_limit: float
-    fade: float
+    pitch: NDArray[np.float64]  #: mean pitch of the blades at which each design holds, rising [rad], shape (n,)
+    responses: NDArray[np.float64]  #: of outputs over their scale to offsets [1/rad], shape (n, 6, 3, n_taps)
+    gains: NDArray[np.float64]  #: from disturbances to offsets [rad], shape (n, 3, 6, n_delays)
+    scale: NDArray[np.float64]  #: of the outputs, shape (6,)
+    washout: NDArray[np.float64]  #: time constant of what lasts in each output [s]; 0: everything counts, shape (6,)
+    interval: float  #: between two decisions [s]
+    limit: float  #: of the offsets [rad]
+    rate_limit: float  #: of the offsets [rad/s]
+    fade: float  #: collective pitch above fine pitch from which on all acts in full [rad], see `AboveRated.of_turbine`
     record: dict[str, Any] = field(default_factory=dict)
+    """How it was made: turbine, base controller, winds, options, what the models explain; JSON values."""
     fine_speed: tuple[float, float] | None = None
+    """Rotor speed over the rated one at which offsets begin and act in full at fine pitch [-]; by default they do
+    not act there."""
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
@@ -329,14 +290,7 @@ LEAST_CHANGE = 1e-4
 
 
 class ModelFit:
-    """Gain and lag of several outputs, one value at every interval.
-
-    Parameters
-    ----------
-    n : int
-        Outputs.
-    interval : float
-        [s].
+    """Gain and lag of n outputs, one value at every interval [s].
 
     Attributes
     ----------
@@ -357,14 +311,9 @@ class ModelFit:
         self._count = 0.0
 
     def update(self, disturbance: NDArray[np.float64], explained: NDArray[np.float64], passed: int = 1) -> None:
-        """Take the values of an interval.
+        """Take a disturbance and its explained counterpart (n,), over their scale, ``passed`` intervals after the last.
 
-        Parameters
-        ----------
-        disturbance, explained : numpy.ndarray, shape (n,)
-            Over their scale.
-        passed : int
-            Intervals since the last time; where it is not one, no change is taken from it.
+        Where that is not one interval, no change is taken from them.
         """
         if passed != 1:
             self._count = 0.0
@@ -407,7 +356,6 @@ class PitchOffsets:
 
     Parameters
     ----------
-    turbine : Turbine
     limit, rate_limit : float
         [rad], [rad/s].
     fade : FadeParameters, bool or float
@@ -457,23 +405,16 @@ class PitchOffsets:
         return self.share
 
     def added(self, wanted: Sequence[float], demand: Demand, azimuth: float, rotor_speed: float, dt: float) -> Demand:
-        """Demand with offsets.
+        """Demand with offsets ``wanted``, mean, tilt and yaw [rad], as far as limits and rates let them through.
 
-        Parameters
-        ----------
-        wanted : sequence of float, length 3
-            Mean, tilt and yaw [rad]; what limits and rates let through counts.
-        demand : Demand
-            Stays as it is.
-        azimuth, rotor_speed, dt : float
-            [rad], [rad/s], [s].
+        At the azimuth of blade 1 [rad] and a rotor speed [rad/s]; ``dt`` is the step [s].
         """
         mean, tilt, yaw = wanted
         mean = min(max(mean, -self.limit), self.limit)
-        tilt, yaw = _within(tilt, yaw, self.limit)
+        tilt, yaw = within((tilt, yaw), self.limit)
         last, reach = self._asked, self.rate_limit * dt
         mean = last[0] + min(max(mean - last[0], -reach), reach)
-        move = _within(tilt - last[1], yaw - last[2], reach)
+        move = within((tilt - last[1], yaw - last[2]), reach)
         self._asked = (mean, last[1] + move[0], last[2] + move[1])
         ahead = azimuth + rotor_speed * pitch_delay(self.drive, dt)
         low, high = self.drive.min_pitch, self.drive.max_pitch
@@ -494,18 +435,8 @@ class PitchOffsets:
         return self._in_fixed_frame([own - base for own, base in pairs], ahead)
 
     def _in_fixed_frame(self, values: list[float], azimuth: float) -> tuple[float, float, float]:
-        """Mean, tilt and yaw, numbers one by one: arrays of three are slow."""
-        n = self.n_blades
-        angles = [azimuth + 2.0 * math.pi * b / n for b in range(n)]
-        tilt = sum(x * math.cos(a) for x, a in zip(values, angles, strict=True))
-        yaw = sum(x * math.sin(a) for x, a in zip(values, angles, strict=True))
-        return sum(values) / n, 2.0 / n * tilt, 2.0 / n * yaw
-
-
-def _within(x: float, y: float, size: float) -> tuple[float, float]:
-    """Vector shortened to a size."""
-    length = math.hypot(x, y)
-    return (x, y) if length <= size else (x * size / length, y * size / length)
+        """Mean, tilt and yaw."""
+        return sum(values) / self.n_blades, *to_harmonic(values, azimuth)
 
 
 @option_record
@@ -536,18 +467,11 @@ def seen_bins(design: LinearDesign) -> tuple[tuple[int, int], ...]:
 class LinearOptimalPitch:
     """Addition that answers disturbances of loads and rotor speed by mean, tilt and yaw pitch.
 
-    Parameters
-    ----------
-    turbine : Turbine
-    design : LinearDesign
-    gain : float
-        Factor on all offsets [-].
-
     Attributes
     ----------
     offsets : PitchOffsets
     disturbance : numpy.ndarray, shape (6,)
-        Found in the last step, in the units of `OUTPUTS`.
+        Of the last step, in the units of `OUTPUTS`.
     fit : ModelFit
         Of the model, over what is measured.
     """
@@ -607,10 +531,6 @@ class LinearOptimalPitch:
 
     def known(self, signals: Readings) -> NDArray[np.float64]:
         """What is known of the disturbances at an instant, before the controller acts on it.
-
-        Parameters
-        ----------
-        signals : Readings
 
         Returns
         -------

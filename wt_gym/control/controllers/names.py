@@ -77,29 +77,17 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Entry:
-    """A part of controllers.
-
-    Attributes
-    ----------
-    kind : {"base", "wrapper", "addition", "guard"}
-        Decides on pitch and torque; works on a base before all additions; changes the demand of a controller; stands
-        around a base with all its additions.
-    summary : str
-        One sentence.
-    make : callable
-        From the turbine, what the part stands on (the base of a wrapper; base and additions of a guard) and its
-        parameters.
-    options : type
-        Declaration of the parameters.
-    defaults : dict
-        Defaults other than those of the declaration.
-    """
+    """A part of controllers."""
 
     kind: str
-    summary: str
+    """One of "base", "wrapper", "addition", "guard". Decides on pitch and torque; works on a base before all
+    additions; changes the demand of a controller; stands around a base with all its additions."""
+    summary: str  #: one sentence
     make: Callable[..., Any]
-    options: type[Options]
-    defaults: Mapping[str, Any] = field(default_factory=dict)
+    """From the turbine, what the part stands on (the base of a wrapper; base and additions of a guard) and its
+    parameters."""
+    options: type[Options]  #: declaration of the parameters
+    defaults: Mapping[str, Any] = field(default_factory=dict)  #: defaults other than those of the declaration
 
 
 CATALOGUE = {
@@ -335,7 +323,6 @@ def compiled_files(choice: str, parameters: Mapping[str, Any]) -> tuple[Path, ..
     ----------
     choice : str
         Names of `CONTROLLERS` joined with "+".
-    parameters : mapping
 
     Raises
     ------
@@ -377,20 +364,13 @@ _NAME_BEHIND_PARAMETERS = re.compile(
 
 @dataclass(frozen=True)
 class Name:
-    """Meaning of a name.
+    """Meaning of a name."""
 
-    Attributes
-    ----------
-    kind : {"word", "controller", "class", "trained"}
-    target : str
-        Word, names of the catalogue joined with "+", ``file.py:Class`` or ``module:Class``, or path; aliases resolved.
-    parameters : dict
-        By key.
-    """
-
-    kind: str
+    kind: str  #: one of "word", "controller", "class", "trained"
     target: str
-    parameters: dict[str, Any] = field(default_factory=dict)
+    """Word, names of the catalogue joined with "+", ``file.py:Class`` or ``module:Class``, or path; aliases
+    resolved."""
+    parameters: dict[str, Any] = field(default_factory=dict)  #: by key
 
     @property
     def text(self) -> str:
@@ -409,7 +389,6 @@ def parse_name(
 
     Parameters
     ----------
-    text : str
     words : collection of str
         Further words that have a meaning here.
     aliases : mapping, optional
@@ -691,7 +670,6 @@ def make_controller(
         ``"module:Class"``, whose code is run; it is made by its ``of_turbine(turbine, ...)`` where it has one, gets
         ``turbine`` where it takes an argument of this name, and stands on "discon" where it is an addition. Or a
         controller, which is returned as it is, or a function that makes one for the turbine.
-    turbine : Turbine
     **parameters
         Of the parts, see `declared_parameters`. One that belongs to several parts of the name is told apart by the
         name of the part and two underscores: ``ipc__limit=0.05``. For a class or function they are its keyword

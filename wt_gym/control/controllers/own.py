@@ -169,7 +169,6 @@ def own_parameters(turbine: Turbine, **parameters: Any) -> BaselineParameters:
 
     Parameters
     ----------
-    turbine : Turbine
     **parameters
         Of `OwnOptions`; those of the torque below rated have no effect here.
     """
@@ -209,7 +208,6 @@ def own_controller(turbine: Turbine, **parameters: Any) -> Controller:
 
     Parameters
     ----------
-    turbine : Turbine
     **parameters
         Of `OwnOptions`.
 

@@ -92,11 +92,7 @@ class KineticOptions(DerateOptions):
 def pitch_over_share(turbine: Turbine, table: RotorTable | None = None) -> NDArray[np.float64]:
     """Least pitch by which a share of the largest power coefficient is left at the best tip-speed ratio.
 
-    Parameters
-    ----------
-    turbine : Turbine
-    table : RotorTable, optional
-        By default the turbine's.
+    By default of the turbine's own table.
 
     Returns
     -------
@@ -120,7 +116,6 @@ class PowerTrackingLaw(BaselineController):
 
     Parameters
     ----------
-    parameters : BaselineParameters
     way : {"speed", "torque", "pitch", "kinetic"}
     shares, pitch : array_like, shape (n,)
         As of `pitch_over_share`.
@@ -238,7 +233,6 @@ class PowerTracking(DisconController):
 
     Parameters
     ----------
-    law : PowerTrackingLaw
     generator_efficiency : float
         Electrical power over that on the shaft of the generator [-].
     level : float
@@ -255,7 +249,6 @@ class PowerTracking(DisconController):
 
         Parameters
         ----------
-        turbine : Turbine
         base : DisconController or TsrTrackingController
             Whose constants are taken; of one that tracks the tip-speed ratio those of its pitch law, beside the torque
             curve of the turbine.

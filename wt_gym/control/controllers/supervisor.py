@@ -105,56 +105,28 @@ _AS_GIVEN = ("least_speed", "least_power", "averaging", "restart_delay", "run_up
 
 @dataclass(frozen=True)
 class SupervisorParameters:
-    """Numbers of a `Supervisor`.
+    """Numbers of a `Supervisor`; between ``derate_from`` and ``cut_out`` the set points fall in straight lines."""
 
-    Attributes
-    ----------
-    cut_in, restart, derate_from, cut_out : float
-        Mean winds at which the turbine starts, starts again after a storm, is held back, and stops [m/s].
-    least_speed, least_power : float
-        Set points at ``cut_out``, over rated; between ``derate_from`` and there they fall in straight lines [-].
-    averaging, restart_delay, run_up : float
-        [s].
-    gust : float
-        Wind over 3 s at which the turbine stops [m/s].
-    overspeed : float
-        Over rated [-].
-    stop_rate, start_rate : float
-        Pitch rates of shut-down and start-up [rad/s].
-    feather, fine_pitch : float
-        [rad].
-    rated_speed : float
-        Of the rotor [rad/s].
-    cut_in_speed : float
-        Of the rotor over rated, at which the generator takes torque [-].
-    radius : float
-        70 % of that of the rotor [m].
-    gear_ratio : float
-    rated_torque : float
-        [N m], high-speed shaft.
-    n_blades : int
-    """
-
-    cut_in: float
-    restart: float
-    derate_from: float
-    cut_out: float
-    least_speed: float
-    least_power: float
-    averaging: float
-    restart_delay: float
-    run_up: float
-    gust: float
-    overspeed: float
-    stop_rate: float
-    start_rate: float
-    feather: float
-    fine_pitch: float
-    rated_speed: float
-    cut_in_speed: float
-    radius: float
+    cut_in: float  #: mean wind at which the turbine starts [m/s]
+    restart: float  #: mean wind at which it starts again after a storm [m/s]
+    derate_from: float  #: mean wind from which on it is held back [m/s]
+    cut_out: float  #: mean wind at which it stops [m/s]
+    least_speed: float  #: set point of the rotor speed at ``cut_out``, over rated [-]
+    least_power: float  #: set point of the power there, over rated [-]
+    averaging: float  #: [s]
+    restart_delay: float  #: [s]
+    run_up: float  #: [s]
+    gust: float  #: wind over 3 s at which the turbine stops [m/s]
+    overspeed: float  #: over rated [-]
+    stop_rate: float  #: pitch rate of a shut-down [rad/s]
+    start_rate: float  #: pitch rate of a start-up [rad/s]
+    feather: float  #: [rad]
+    fine_pitch: float  #: [rad]
+    rated_speed: float  #: of the rotor [rad/s]
+    cut_in_speed: float  #: of the rotor over rated, at which the generator takes torque [-]
+    radius: float  #: 70 % of that of the rotor [m]
     gear_ratio: float
-    rated_torque: float
+    rated_torque: float  #: [N m], high-speed shaft
     n_blades: int
 
     def __post_init__(self) -> None:
@@ -203,7 +175,6 @@ class Supervisor:
     base : Controller
         Of the package: ``discon``, ``retuned``, ``tsr_tracking``, with or without ``lidar``; or ``rosco``, which begins
         afresh with every production.
-    parameters : SupervisorParameters
     pitch_law : PitchLaw
         Of the start-up.
 

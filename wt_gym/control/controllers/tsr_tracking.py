@@ -75,6 +75,9 @@ def bandwidth_of(turbine: Turbine) -> float:
 class WindEstimator:
     """Estimator of the rotor-effective wind speed.
 
+    A step takes measurements that are held over it. The estimate moves to the fixed point of the equation with the
+    exponential of the local rate, exact for the equation linearized in v.
+
     Parameters
     ----------
     table : RotorTable
@@ -94,24 +97,12 @@ class WindEstimator:
     ----------
     wind : float
         Present estimate [m/s]; NaN before `start`.
-
-    Notes
-    -----
-    A step takes measurements that are held over it. The estimate moves to the fixed point of the equation with the
-    exponential of the local rate, exact for the equation linearized in v.
     """
 
     def __init__(
-        self,
-        table: RotorTable,
-        inertia: float,
-        gear_ratio: float = 1.0,
-        gearbox_efficiency: float = 1.0,
-        n_blades: int = 3,
-        bandwidth: float = 0.5,
-        lowest_speed: float = 0.1,
-        generator_share: float = 0.0,
-    ):
+        self, table: RotorTable, inertia: float, gear_ratio: float = 1.0, gearbox_efficiency: float = 1.0,
+        n_blades: int = 3, bandwidth: float = 0.5, lowest_speed: float = 0.1, generator_share: float = 0.0,
+    ) -> None:  # fmt: skip
         if not 0.0 < bandwidth < math.inf:
             raise ValueError(f"the bandwidth of the wind estimator must be positive, got {bandwidth!r} rad/s")
         self.table, self.inertia, self.bandwidth, self.lowest_speed = table, inertia, bandwidth, lowest_speed
@@ -124,12 +115,9 @@ class WindEstimator:
 
     @classmethod
     def of_turbine(
-        cls,
-        turbine: Turbine,
-        bandwidth: float | None = None,
-        table: RotorTable | None = None,
+        cls, turbine: Turbine, bandwidth: float | None = None, table: RotorTable | None = None,
         reads_generator: bool = False,
-    ) -> WindEstimator:
+    ) -> WindEstimator:  # fmt: skip
         """Make the estimator of a turbine.
 
         By default it has the table of `rotor_table.rotor_table` and the bandwidth of `bandwidth_of`. With
@@ -214,8 +202,8 @@ class SpeedExclusion:
 
     A set point that rises into the band stays at its lower end until the requested one has passed the upper end, and
     the other way round: as the resonance avoidance of ROSCO 2.10 (TRA_ExclSpeed, TRA_ExclBand, TRA_RateLimit), with
-    a hysteresis of the whole band. It crosses at a limited rate, and keeps
-    to that until it has reached the requested one.
+    a hysteresis of the whole band. It crosses at a limited rate, and keeps to that until it has reached the requested
+    one.
 
     Parameters
     ----------
@@ -243,15 +231,10 @@ class SpeedExclusion:
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, half_width: float, crossing: float = 5.0) -> SpeedExclusion:
-        """About the resonance of a turbine.
+        """Band about the resonance of a turbine.
 
-        Parameters
-        ----------
-        turbine : Turbine
-        half_width : float
-            Of the band over the resonant speed [-].
-        crossing : float
-            Time in which the set point crosses the band [s].
+        ``half_width`` is that of the band over the resonant speed [-], ``crossing`` the time in which the set point
+        crosses the band [s].
 
         Raises
         ------
@@ -349,23 +332,10 @@ class TsrTrackingOptions(Options):
 def pitch_schedule(
     table: RotorTable, turbine: Turbine, tip_speed_ratio: float, thrust_limit: float = 1.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least pitch over the wind: the best one below rated, and what keeps the thrust below a limit.
+    """Winds (n,) [m/s] and the least pitch there (n,) [rad]: best below rated, and limiting the thrust.
 
-    Parameters
-    ----------
-    table : RotorTable
-    turbine : Turbine
-    tip_speed_ratio : float
-        That is tracked while the rotor's speed range allows.
-    thrust_limit : float
-        Largest steady thrust over the peak that it has without a limit [-]; 1 limits nothing.
-
-    Returns
-    -------
-    wind : numpy.ndarray, shape (n,)
-        [m/s].
-    pitch : numpy.ndarray, shape (n,)
-        [rad].
+    ``tip_speed_ratio`` is tracked while the rotor's speed range allows; ``thrust_limit`` is the largest steady thrust
+    over the peak that it has without a limit [-]; 1 limits nothing.
     """
     drivetrain, radius = turbine.drivetrain, table.radius
     winds = np.linspace(turbine.cut_in, turbine.cut_out, 89)
@@ -391,51 +361,25 @@ def pitch_schedule(
 
 @dataclass(frozen=True)
 class TsrTrackingParameters:
-    """Constants of the controller.
+    """Constants of the controller."""
 
-    Attributes
-    ----------
-    baseline : BaselineParameters
-        Speed filter, pitch gains and limits.
-    speed_per_wind : float
-        Generator speed to be tracked per wind speed [rad/m]: tip-speed ratio times gear ratio over radius.
-    torque_gain, torque_integral_gain : float
-        From generator speed error to torque [N m s], [N m].
-    min_speed, rated_speed : float
-        Of the generator [rad/s].
-    rated_torque : float
-        [N m].
-    wind_time_constant : float
-        Of the filter on the estimated wind [s].
-    pitch_to_speed, torque_to_speed : float
-        Set-point smoothing: how far the set points move, in rated speeds, for pitch over its range and for torque
-        missing to rated [-].
-    smoothing_time_constant : float
-        [s].
-    schedule_wind, schedule_pitch : numpy.ndarray, shape (n,)
-        Least pitch over the wind [m/s], [rad].
-    table : RotorTable
-        Behind the estimated wind.
-    constant_power_pitch : float
-        Pitch above the least one from which on the torque may pass rated torque by a tenth, so that power is held while
-        the speed is below rated [rad]; 0: always.
-    """
-
-    baseline: BaselineParameters
-    speed_per_wind: float
-    torque_gain: float
-    torque_integral_gain: float
-    min_speed: float
-    rated_speed: float
-    rated_torque: float
-    wind_time_constant: float
-    pitch_to_speed: float
-    torque_to_speed: float
-    smoothing_time_constant: float
-    schedule_wind: NDArray[np.float64]
-    schedule_pitch: NDArray[np.float64]
-    table: RotorTable
+    baseline: BaselineParameters  #: speed filter, pitch gains and limits
+    speed_per_wind: float  #: generator speed to be tracked per wind: tip-speed ratio, gear ratio over radius [rad/m]
+    torque_gain: float  #: from generator speed error to torque [N m s]
+    torque_integral_gain: float  #: [N m]
+    min_speed: float  #: of the generator [rad/s]
+    rated_speed: float  #: of the generator [rad/s]
+    rated_torque: float  #: [N m]
+    wind_time_constant: float  #: of the filter on the estimated wind [s]
+    pitch_to_speed: float  #: how far the set point moves, in rated speeds, for pitch over its range [-]
+    torque_to_speed: float  #: how far it moves, in rated speeds, for torque missing to rated [-]
+    smoothing_time_constant: float  #: of the filter on both [s]
+    schedule_wind: NDArray[np.float64]  #: shape (n,) [m/s]
+    schedule_pitch: NDArray[np.float64]  #: least pitch over the wind, shape (n,) [rad]
+    table: RotorTable  #: behind the estimated wind
     constant_power_pitch: float = 0.0
+    """Pitch above the least one from which on the torque may pass rated torque by a tenth, so that power is held while
+    the speed is below rated [rad]; 0: always."""
 
     @classmethod
     def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters: Any) -> TsrTrackingParameters:
@@ -443,7 +387,6 @@ class TsrTrackingParameters:
 
         Parameters
         ----------
-        turbine : Turbine
         baseline : BaselineParameters
             Of the pitch law, the filter and the limits.
         **parameters
@@ -526,11 +469,6 @@ class TsrTrackingController:
 
     Where the speeds that are read are over a set point (`wt_gym.control.controllers.controller.AtSetPoint`), w is that
     speed; the wind is estimated from, and the excluded band lies in, speeds as they are measured.
-
-    Parameters
-    ----------
-    parameters : TsrTrackingParameters
-    estimator : WindEstimator
 
     Attributes
     ----------

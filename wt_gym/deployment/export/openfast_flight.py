@@ -127,14 +127,7 @@ def scene_of(
 
 
 def demanded_power(arguments: Mapping[str, Any]) -> float | None:
-    """Power that rows of the environment's ``power_reference`` demand throughout [W], None where nothing is demanded.
-
-    Raises
-    ------
-    ValueError
-        If it changes, is drawn, or stands in a file: ServoDyn hands the same number of its input file to the library at
-        every call.
-    """
+    """Power that rows of the environment's ``power_reference`` demand throughout [W], None where nothing is demanded."""
     given = flat_arguments(arguments).get("power_reference")
     if given is None:
         return None
@@ -407,11 +400,6 @@ def _played(
 
     In rad, -, rad/s. A lidar takes the place of that which controller and agent read; a start, options of the reset,
     that of the operating point.
-
-    Raises
-    ------
-    SimulationError
-        If the run ends early.
     """
     env = WindTurbineEnv(**arguments)
     if lidar is not None:

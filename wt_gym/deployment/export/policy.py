@@ -248,11 +248,6 @@ def network_of(agent: TrainedAgent, layout: EnvLayout) -> Network:
     ----------
     layout : EnvLayout
         Of an environment that it fits.
-
-    Raises
-    ------
-    ValueError
-        If the policy is not made of fully connected layers on a flat observation with one continuous action.
     """
     agent.check_fits(layout)
     policy, space = agent.model.policy, agent.model.action_space

@@ -21,7 +21,7 @@ import torch
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
 from wt_gym.base.constants import DAY
-from wt_gym.benchmark.fingerprint import benchmark_fingerprint
+from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.deployment.export.policy import network_of
 from wt_gym.envs.dial import scaled
 from wt_gym.envs.options.dial import DIAL_NAMES
@@ -421,12 +421,16 @@ class _Work:
     def _definition(self, job: EpisodeJob) -> dict[str, Any]:
         """Everything on which the numbers of an episode depend."""
         values = {part.name: getattr(job, part.name) for part in fields(job)}
-        return {"code": self._code, "wind_files": wind_files_of(json.loads(job.arguments)), **described(values)}
+        return {
+            "fingerprint": self._fingerprint,
+            "wind_files": wind_files_of(json.loads(job.arguments)),
+            **described(values),
+        }
 
     @cached_property
-    def _code(self) -> dict[str, str]:
-        """Digests of turbine, fidelity and code."""
-        return benchmark_fingerprint(self._env.turbine, self._env.fidelity, EpisodeJob.__module__)
+    def _fingerprint(self) -> dict[str, Any]:
+        """Turbine, fidelity, and behavior of the package."""
+        return benchmark_fingerprint(self._env.turbine, self._env.fidelity)
 
     def _job(self, speed: float, seed: int, condition: Mapping[str, Any], **more: Any) -> EpisodeJob:
         told = json.dumps(condition)
