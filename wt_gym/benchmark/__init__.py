@@ -4,8 +4,8 @@ A task (`load_task`) says where an agent runs; `play` makes one run of it; `scor
 the reference numbers that stand in the task's file. docs/benchmark.md has the rules.
 """
 
-from wt_gym.benchmark.ceiling import Ceiling, ceiling_file, ceiling_of, write_ceiling
-from wt_gym.benchmark.reference import Reference, confirm_reference, make_reference, reference_of, write_reference
+from wt_gym.benchmark.ceiling import Ceiling, ceiling_file, ceiling_of
+from wt_gym.benchmark.reference import Reference, make_reference, reference_of, write_reference
 from wt_gym.benchmark.results import ResultFolder, result_key
 from wt_gym.benchmark.run import INTERFACE, benchmark_fingerprint, play, run_definition
 from wt_gym.benchmark.scoring import Score, score

@@ -12,7 +12,6 @@ from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_text_whole
 from wt_gym.benchmark.tasks import task_file
-from wt_gym.experiment.benchmark_verification import SAME
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,7 +47,6 @@ class Reference:
     best_agent: str
     best_improvement: float
     improvements: dict[str, float | None]
-    equal: list[dict[str, Any]] = field(default_factory=list)
 
     def check(self, task: BenchmarkTask, definition: Mapping[str, Any]) -> None:
         """Refuse a result that cannot be compared with these numbers.
@@ -126,56 +124,6 @@ def make_reference(
         raise BenchmarkError(f"task {task.name}: no candidate is better than the baseline within the limits: {found}")
     fingerprint = dict(baseline[task.winds[0].label]["definition"]["fingerprint"])
     return Reference(task.digest, fingerprint, metrics, best, allowed[best], found)
-
-
-def confirm_reference(
-    task: BenchmarkTask,
-    reference: Reference,
-    baseline: Mapping[str, Mapping[str, Any]],
-    best: Mapping[str, Mapping[str, Any]],
-    fingerprint: Mapping[str, Any],
-) -> Reference:
-    """Reference numbers for sources that have changed in a way that changes no number.
-
-    Parameters
-    ----------
-    task : BenchmarkTask
-    reference : Reference
-        As made with the earlier sources.
-    baseline, best : mapping
-        Results of the baseline controller and of the best known agent with the present sources by the label of the
-        wind.
-    fingerprint : mapping
-        Of the present sources.
-
-    Returns
-    -------
-    Reference
-        The same numbers with the present fingerprint; the earlier one counts as equal, so that results of other
-        agents keep their score.
-
-    Raises
-    ------
-    wt_gym.base.errors.BenchmarkError
-        If a metric of the baseline has changed, or what the best known agent improves.
-    """
-    renew = f"the reference numbers are out of date; wt-gym benchmark reference --task {task.name} renews them"
-    for label, known in reference.baseline.items():
-        found = baseline[label]["metrics"]
-        changed = [name for name, value in known.items()
-                   if name not in found or not abs(found[name] - value) <= SAME * abs(value)]  # fmt: skip
-        if changed:
-            raise BenchmarkError(
-                f"task {task.name}: the baseline gives another {', '.join(changed[:3])} in {label}: {renew}"
-            )
-    found = make_reference(task, baseline, {reference.best_agent: best}).best_improvement
-    if not abs(found - reference.best_improvement) <= SAME:
-        raise BenchmarkError(
-            f"task {task.name}: {reference.best_agent} improves {found:.6g}, not {reference.best_improvement:.6g}: "
-            f"{renew}"
-        )
-    equal = [one for one in (reference.fingerprint, *reference.equal) if one != dict(fingerprint)]
-    return replace(reference, fingerprint=dict(fingerprint), equal=equal)
 
 
 def _keeps(task: BenchmarkTask, result: Mapping[str, Any], baseline: Mapping[str, float]) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.runs.definition import run_digest
+from wt_gym.runs.definition import digest
 from wt_gym.runs.store import RunStore
 
 if TYPE_CHECKING:
@@ -16,8 +16,8 @@ __all__ = ["ResultFolder", "result_key"]
 
 
 def result_key(definition: dict[str, Any]) -> str:
-    """Name of a result: `wt_gym.runs.definition.run_digest` of `wt_gym.benchmark.run_definition`."""
-    return run_digest(definition)
+    """Name of a result: a digest of `wt_gym.benchmark.run_definition`."""
+    return digest(definition)
 
 
 class ResultFolder(RunStore):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
+import warnings
 from functools import cache, partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -56,6 +57,8 @@ INTERFACE = (
 )  # fmt: skip
 """Arguments of the environment that an agent may choose: what it sees, what its actions mean, its base controller."""
 
+_LATER = (("sensor_washout", None), ("residual_form", "rate"))
+"""Arguments that came after results had been recorded, with the values that those were made with."""
 _ENDLESS = 10**9  # control steps
 _SHORT, _SHORT_SKIP = 4.0, 1.0
 """Length of the run whose metrics are compared, and of its start that they leave out, for a large turbine [s]."""
@@ -84,7 +87,7 @@ def run_definition(
         agent=agent,
         env_id=task.env_id,
         env_kwargs=task.env_kwargs,
-        interface=dict(interface or {}),
+        interface={name: value for name, value in (interface or {}).items() if (name, value) not in _LATER},
         more={"task": task.name, "version": task.version},
     ).to_json()
 
@@ -116,7 +119,9 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     given = {**task.env_kwargs, **interface} | {"relative_reward": False, "starts": None}  # compared with other runs
     if wind.transient is not None:
         given |= {"inflow": wind.inflow(_turbine(task)), "wind_speed": None}
-    env = gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=_ENDLESS)
+    with warnings.catch_warnings():  # a frozen task keeps the version of its id
+        warnings.filterwarnings("ignore", ".*is out of date", DeprecationWarning)
+        env = gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=_ENDLESS)
     turbine_env_of(env).outer_steps = _ENDLESS
     return env
 
