@@ -127,7 +127,7 @@ def scene_of(
 
 
 def demanded_power(arguments: Mapping[str, Any]) -> float | None:
-    """Power that rows of the environment's ``power_reference`` demand throughout [W], None where nothing is demanded."""
+    """Power that rows of ``power_reference`` demand throughout [W], None where nothing is demanded."""
     given = flat_arguments(arguments).get("power_reference")
     if given is None:
         return None
