@@ -238,8 +238,9 @@ def build(env: Parts, options: EnvOptions) -> None:
     env.layout = EnvLayout(
         turbine, env.observer.layout, action, env.control_dt, delay, lidar.lidar, env.observer.washed
     )  # fmt: skip
-    env.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
-    env.observation_space = spaces.Box(env.observer.layout.low, env.observer.layout.high, dtype=np.float32)
+    spaces_of = cast(Any, env)  # declared by the environment, in whose other base they have a wider type
+    spaces_of.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
+    spaces_of.observation_space = spaces.Box(env.observer.layout.low, env.observer.layout.high, dtype=np.float32)
     env.to_reward = _scalar
     if options.rewards.vector:
         env.reward_names = (*(term.name for term in env.reward_terms), "termination")
