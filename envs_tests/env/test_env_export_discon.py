@@ -183,7 +183,7 @@ def fly_both(env, agent, library, parameters, duration, held=(), **options):
 
     env.operation.measured = measured
     observation, _ = env.reset(seed=2, options=options or {"wind_seed": 7})
-    env.operation._sensor_faults = (None,)  # so that what the controller reads is measured
+    env.operation._filters = [None]  # so that what the controller reads is measured
     ours = Exported(library, env.turbine, parameters, env.demand)
     begin, worst, offset = env.signals["time"], np.zeros(3), 0.0
     advance = env.simulator.advance

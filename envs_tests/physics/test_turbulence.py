@@ -12,8 +12,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from wt_gym.base.errors import InflowError
 from wt_gym.control import Lidar
-from wt_gym.envs.options.wind import WindOptions
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import (
     SteadyInflow,

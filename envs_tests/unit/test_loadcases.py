@@ -9,7 +9,7 @@ import pytest
 
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
 from wt_gym.commands.loadcases import main
-from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment import pool
 from wt_gym.experiment.loadcases import study
 from wt_gym.experiment.loadcases.cases import CASES, Condition, inflow_of, plan_of

@@ -1,4 +1,4 @@
-"""The velocity of a semi-infinite vortex cylinder as a table: what lies behind the last row of a rotor wake."""
+"""The unsteady vortex-lattice method: blades on their camber surfaces, free wake, loads."""
 
 from __future__ import annotations
 

@@ -28,11 +28,10 @@ from wt_gym.base.canary import Canary, cached_canary, canary_differences, canary
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import write_whole
 from wt_gym.base.user_cache import user_cache
-from wt_gym.control.controllers import make_controller
-from wt_gym.envs.options.wind import WindOptions
-from wt_gym.envs.rewards import available_power
+from wt_gym.control.controllers.names import make_controller
+from wt_gym.envs.power import available_power
 from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, RowLayout, StartRecorder
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
@@ -75,7 +74,6 @@ class StartFile:
         Name.
     dimensions : tuple of float
         See `dimensions`.
-    fidelity : str
     controller : str
         Name.
     level : float
@@ -159,7 +157,6 @@ def find_record(turbine: Turbine, level: float) -> tuple[StartFile, Record] | No
 
     Parameters
     ----------
-    turbine : Turbine
     level : float
         Demanded power over the available one [-]; the record with the nearest level is taken.
     """

@@ -15,8 +15,7 @@ import numpy as np
 from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import write_whole
-from wt_gym.control.controllers import make_controller
-from wt_gym.envs.options.wind import WindOptions
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs.record_store import (
     FOLDER,
     StartFile,
@@ -27,7 +26,7 @@ from wt_gym.envs.record_store import (
     recorded_speeds,
 )
 from wt_gym.envs.running_record import PLAN, ControllerForm, Instants, RowLayout, StartRecorder
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.turbine_records import RECORDS
@@ -140,12 +139,10 @@ def make_record(
 
     Parameters
     ----------
-    recorded : RecordedTurbine
     path : pathlib.Path
         Of the file.
     pieces : pathlib.Path
         Folder of the runs that are done: they are not made again. With the file they are removed.
-    processes : int
     report : callable
         Gets the number of finished runs, and of all.
 

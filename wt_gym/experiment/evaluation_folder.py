@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
 from wt_gym.base.canary import differing
 from wt_gym.base.files import json_values, write_text_whole
-from wt_gym.envs.wind_files import wind_files_of
+from wt_gym.envs.options import wind_files_of
 from wt_gym.experiment.names import fingerprint
 from wt_gym.runs.definition import RunDefinition, described, run_digest
 from wt_gym.runs.store import SWEEP_FILE, RunStore

@@ -9,7 +9,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from wt_gym.base.files import json_values
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.options.environment import argument_default, flat_arguments, registered_arguments
+from wt_gym.envs.options import argument_default, flat_arguments, registered_arguments
 from wt_gym.experiment.names import read_name
 
 if TYPE_CHECKING:

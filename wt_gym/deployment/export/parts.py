@@ -28,8 +28,8 @@ from wt_gym.control.controllers.linear_optimal import OUTPUTS, SCHEDULE_TIME, Li
 from wt_gym.control.controllers.power_tracking import WAYS, PowerTracking
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.envs.options.dial import DIAL_NAMES
-from wt_gym.envs.rewards import available_power
+from wt_gym.envs.dial import DIAL_NAMES
+from wt_gym.envs.power import available_power
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:

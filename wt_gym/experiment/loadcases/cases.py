@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.control.design import reference_flap_moment
-from wt_gym.envs.options import WindOptions
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindOptions, WindSampler
 from wt_gym.runs.definition import described
 from wt_gym.simulation.drivetrain.faults import DriveFault, GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow

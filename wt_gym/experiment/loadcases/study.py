@@ -16,7 +16,7 @@ import wt_gym
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.base.files import json_values, require_writable, write_text_whole
 from wt_gym.benchmark.run import benchmark_fingerprint
-from wt_gym.envs.simulators import OWN
+from wt_gym.envs.operation import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.experiment.loadcases.cases import CASES, SKIP, Plan, plan_of

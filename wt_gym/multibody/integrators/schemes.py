@@ -1,6 +1,4 @@
-"""The modified Hamming predictor–corrector scheme on a multibody system.
-
-Time integrators of a multibody system: one family with one contract, and the registry of its members.
+"""Time integrators of a multibody system: one family with one contract, and the registry of its members.
 
 Every one is an `Integrator`. `INTEGRATORS` says of each by which name it is chosen, what it needs, up to which step it
 is stable, and how a coupled simulation makes and moves it:
