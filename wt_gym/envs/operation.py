@@ -18,7 +18,7 @@ from wt_gym.control.controllers.additions import yaw_drive_of
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.supervisor import supervisor_of
-from wt_gym.envs.terms import Stateful
+from wt_gym.envs.terms import Stateful, hooks
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import DriveFault, PitchMisalignment, SensorBias, VoltageDip
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -212,11 +212,7 @@ class Operation(Stateful):
         """Start simulator and controller."""
         start = beginning.start
         simulator = self._enter(beginning.wind, beginning.plant, beginning.faults)
-        self.pitch_gain, self.instruments, self.reference = None, None, None
-        for drawn in beginning.drawn.values():
-            if (equip := getattr(drawn, "equip", None)) is not None:
-                equip(self)
-        self._resolve()
+        self._equip(beginning)
         self.signals = simulator.reset(
             rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=beginning.yaw,
             generator_torque=start.generator_torque, tower_top=start.tower_top, wake_thrust=start.wake_thrust,
@@ -255,6 +251,13 @@ class Operation(Stateful):
         if drive_faults != self._drive_faults:
             simulator.faults = self._drive_faults = drive_faults
         return simulator
+
+    def _equip(self, beginning: Beginning) -> None:
+        """Take what is drawn of features."""
+        self.pitch_gain = self.instruments = self.reference = None
+        for equip in hooks(beginning.drawn.values(), "equip"):
+            equip(self)
+        self._resolve()
 
     def _resolve(self) -> None:
         """Filters that the readings of the episode pass: response to pitch, then failing sensors."""

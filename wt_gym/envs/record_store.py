@@ -28,7 +28,7 @@ from wt_gym.base.canary import Canary, cached_canary, canary_differences, canary
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import write_whole
 from wt_gym.base.user_cache import user_cache
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs.power import available_power
 from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, RowLayout, StartRecorder
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler

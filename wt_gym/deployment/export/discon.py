@@ -14,10 +14,17 @@ import numpy as np
 from wt_gym.base.files import write_text_whole
 from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control.bladed.records import LIDAR_SENSOR, LIDAR_SPEEDS, MOST_LIDAR_POINTS
+from wt_gym.control.controllers import make_controller, parse_name
 from wt_gym.control.controllers.lidar_feedforward import SPACING
-from wt_gym.control.controllers.names import make_controller, parse_name
 from wt_gym.control.design import reference_flap_moment
-from wt_gym.deployment.export.parts import FASTEST_LIDAR_WIND, LONGEST_LIDAR_DELAY, SUPPORTED, Parts, controller_parts
+from wt_gym.deployment.export.parts import (
+    FASTEST_LIDAR_WIND,
+    KINDS,
+    LONGEST_LIDAR_DELAY,
+    SUPPORTED,
+    Parts,
+    controller_parts,
+)
 from wt_gym.envs.dial import DIAL_NAMES, LEAST_FACTOR, MOST_FACTOR, constant_factors
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine

@@ -29,7 +29,7 @@ from wt_gym.bridges.openfast import (
 )
 from wt_gym.control import Lidar
 from wt_gym.control.bladed import BladedController
-from wt_gym.control.controllers.names import parse_name
+from wt_gym.control.controllers import parse_name
 from wt_gym.control.controllers.power_tracking import LEAST_SHARE
 from wt_gym.control.operating_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
