@@ -33,7 +33,7 @@ import wt_gym
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.commands import COMMANDS
 from wt_gym.control.controllers import CONTROLLERS, make_controller
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
 from wt_gym.deployment.export.openfast_flight import export_openfast, scene_of
 from wt_gym.experiment.trained_agent import TrainedAgent
@@ -80,10 +80,10 @@ def digest(*values: Any) -> str:
 
 
 def environments() -> Iterator[tuple[str, Callable[[], str]]]:
-    """Every registered id from a steady start, the newest of each task from its own; infos apart, where keys come."""
+    """Every registered id from a steady start, each task from its own too; infos apart, where keys come."""
     ids = sorted(name for name in gym.registry if name.startswith("wt_gym/"))
     episodes = [(f"env/{name}", name, {"start": "steady"}) for name in ids]
-    episodes += [(f"start/{task.ids[-1]}", task.ids[-1], {}) for task in TASKS.values()]
+    episodes += [(f"start/{task.id}", task.id, {}) for task in TASKS.values()]
     for title, name, arguments in episodes:
         infos: list[Any] = []
         yield title, lambda name=name, arguments=arguments, infos=infos: _episode(name, infos, **arguments)

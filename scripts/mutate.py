@@ -2,7 +2,7 @@
 """Mutants of a file of Python against the tests that should notice them.
 
     pip install cosmic-ray
-    scripts/mutate.py wt_gym/control/residual.py -- envs_tests/unit/test_control_residual.py
+    scripts/mutate.py wt_gym/control/actions.py -- envs_tests/unit/test_control_residual.py
 
 cosmic-ray changes one sign, factor, comparison or number at a time; each mutant runs in a process of its own, forked
 from one that has imported all that does not depend on the file, in a copy of the repository. Mutants of annotations,

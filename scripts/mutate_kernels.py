@@ -31,9 +31,9 @@ from mutate import ROOT, noticed
 
 UNIT, PHYSICS = "envs_tests/unit", "envs_tests/physics"
 KERNELS, AERO = f"{UNIT}/test_kernels.py", f"{UNIT}/test_aerodynamics_kernels.py"
-LAGRANGE = f"{PHYSICS}/test_multibody_dynamics.py::test_equations_of_motion_are_those_of_lagrange[True]"
+LAGRANGE = f"{PHYSICS}/test_multibody.py::test_equations_of_motion_are_those_of_lagrange[True]"
 RING = f"{PHYSICS}/test_local_induction.py"
-DRIVES, STEADY = f"{UNIT}/test_simulation_drives.py", f"{UNIT}/test_wind_steady.py"
+DRIVES, STEADY = f"{UNIT}/test_simulation_drives.py", f"{UNIT}/test_wind_inflows.py"
 TREE, RATES = "wt_gym/multibody/tree/tree_kernels.py", "wt_gym/multibody/tree/rate_kernels.py"
 ROTATION = "wt_gym/multibody/tree/rotation_kernels.py"
 LATTICE, WAKE = "wt_gym/aerodynamics/lattice", "wt_gym/aerodynamics/wake"
@@ -147,7 +147,7 @@ MUTANTS = tuple(Mutant(*row) for row in (
      "u += near * fluctuation[t, j, iy, 0] + far * fluctuation[t, j, iy + 1, 0]",
      "u += (near + far) * fluctuation[t, j, iy, 0]",
      f"{UNIT}/test_wind_turbulence_box.py::test_interpolation_between_the_samples"),
-    ("Coleman angle turns back", "wt_gym/control/coleman.py", "psi = [azimuth + 2.0 * math.pi / n_blades * b",
+    ("Coleman angle turns back", "wt_gym/control/sensors.py", "psi = [azimuth + 2.0 * math.pi / n_blades * b",
      "psi = [azimuth - 2.0 * math.pi / n_blades * b",
      f"{UNIT}/test_control_controllers.py::test_coordinates_of_the_fixed_frame_and_back"),
     ("rainflow by means", "wt_gym/analysis/metrics.py", "for span, _, count, _, _ in rainflow",

@@ -21,8 +21,16 @@ from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the cases are no part of the installed package
-from validation.case import CaseResult, Check, all_cases, load_cases, run_case
-from validation.record import as_dict, source_commit, update_record
+from envs_tests.physics.validation import (
+    CaseResult,
+    Check,
+    as_dict,
+    load_cases,
+    run_case,
+    source_commit,
+    update_record,
+    write_report,
+)
 
 
 def parse(arguments=None):
@@ -50,7 +58,7 @@ def choose(parser, names, fast):
     unknown = [name for name in names if name != "all" and name not in known]
     if unknown:
         parser.error(f"unknown case {', '.join(unknown)}; known: {', '.join(known)}")
-    chosen = list(all_cases()) if "all" in names else [known[name] for name in names]
+    chosen = list(known.values()) if "all" in names else [known[name] for name in names]
     left = [case for case in chosen if not (fast and case.slow)]
     if not left:
         parser.error(f"nothing to run: with --fast no case is left of {', '.join(names)}, which are all slow")
@@ -78,29 +86,18 @@ def show(console, case, result):
     for heading in ("quantity", "expected", "obtained", "error", "tolerance", ""):
         table.add_column(heading, justify="left" if heading == "quantity" else "right", overflow="fold")
     for check in result.checks:
-        table.add_row(*columns(check), "[green]pass[/]" if check.passed else "[bold red]FAIL[/]")
+        table.add_row(check.quantity, *check.cells, "[green]pass[/]" if check.passed else "[bold red]FAIL[/]")
     console.print(table)
     if result.notes:
         console.print(result.notes, style="dim", highlight=False, markup=False)
     console.print(f"source: {case.source}  ({result.wall_time:.1f} s)\n", style="dim", highlight=False, markup=False)
 
 
-def columns(check):
-    """Texts of one row of a table: quantity, expected, obtained, error, tolerance."""
-    unit = f" {check.unit}" if check.unit else ""
-    expected = check.expected if isinstance(check.expected, str) else f"{check.expected:.6g}"
-    if check.is_relative:
-        error, tolerance = f"{100.0 * check.error:.3g} %", f"{100.0 * check.tolerance:.3g} %"
-    else:
-        error, tolerance = f"{check.error:.3g}", f"{check.tolerance:.3g}"
-    return check.quantity, expected + unit, f"{check.obtained:.6g}{unit}", error, tolerance
-
-
 def main(arguments=None):
     """Run the command line; returns the exit status."""
     parser, options = parse(arguments)
     if options.command == "list":
-        cases = all_cases()
+        cases = load_cases().values()
         if options.json:
             print(json.dumps([{"name": c.name, "title": c.title, "source": c.source, "slow": c.slow} for c in cases]))
             return 0
@@ -127,8 +124,6 @@ def main(arguments=None):
         f"{len(cases)} cases, {n_checks} checks, {n_failed} failed" + (f": {', '.join(failed)}" if failed else "")
     )
     if options.report:
-        from validation.report import write_report
-
         console.print(f"report: {write_report(options.report, list(zip(cases, results, strict=True)))}")
     if options.json:
         both = zip(cases, results, strict=True)

@@ -30,14 +30,11 @@ from typing import Any
 
 from gymnasium.envs.registration import register
 
-from wt_gym import deprecated
 from wt_gym.tasks import TASKS
 from wt_gym.turbine_records import RECORDS
 
 __all__ = ["__version__"]
 __version__ = "0.1.0"
-
-deprecated.install()
 
 
 def _register(env_id: str, arguments: dict[str, Any], **limits: Any) -> None:
@@ -56,5 +53,4 @@ for _record in RECORDS.values():
         _register(_id, _arguments)
 
 for _task in TASKS.values():
-    for _id, _arguments in _task.registered.items():
-        _register(_id, _arguments, max_episode_steps=_task.max_episode_steps(_id))
+    _register(_task.id, _task.arguments, max_episode_steps=_task.max_episode_steps)

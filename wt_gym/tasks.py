@@ -5,15 +5,12 @@ of `wt_gym.envs.turbine_env.WindTurbineEnv` can be given to ``gymnasium.make`` o
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from wt_gym.turbine_records import RECORDS
 
-__all__ = ["DEFAULT_ENV", "TASKS", "Task"]
-
-_CONTROL_DT = 0.2
-"""Of the environment, where nothing else is said [s]."""
+__all__ = ["DEFAULT_ENV", "TASKS", "Task", "task_of"]
 
 
 @dataclass(frozen=True)
@@ -23,7 +20,8 @@ class Task:
     Attributes
     ----------
     name : str
-        ``wt_gym/<name>-v<version>`` are the ids.
+    version : int
+        ``wt_gym/<name>-v<version>`` is the id (``docs/versions.md``).
     goal : str
         What is to be done, in one sentence.
     score : str
@@ -31,43 +29,44 @@ class Task:
     episode : float
         Length of an episode [s]; ``max_episode_steps`` of the id.
     arguments : dict
-        Of the environment, in the oldest version.
-    first_version : int
-        Number of the oldest id: those before it cannot be repeated any more and are gone (``docs/versions.md``).
-    versions : tuple of dict
-        What each version from there on changes of the arguments, the newest last.
+        Arguments of the environment.
     """
 
     name: str
+    version: int
     goal: str
     score: str
     episode: float
-    arguments: dict[str, Any] = field(default_factory=dict)
-    first_version: int = 0
-    versions: tuple[dict[str, Any], ...] = ({},)
+    arguments: dict[str, Any]
 
     @property
-    def ids(self) -> tuple[str, ...]:
-        """Id of each version, the newest last."""
-        return tuple(f"wt_gym/{self.name}-v{self.first_version + k}" for k in range(len(self.versions)))
+    def id(self) -> str:
+        """Id of the environment."""
+        return f"wt_gym/{self.name}-v{self.version}"
 
     @property
-    def registered(self) -> dict[str, dict[str, Any]]:
-        """Arguments of the environment by id, the newest last."""
-        return {name: {**self.arguments, **more} for name, more in zip(self.ids, self.versions, strict=True)}
-
-    @property
-    def newest(self) -> dict[str, Any]:
-        """Arguments of the newest id."""
-        return self.registered[self.ids[-1]]
-
-    def max_episode_steps(self, env_id: str) -> int:
-        """Control steps of an episode of an id."""
-        return round(self.episode / float(self.registered[env_id].get("control_dt", _CONTROL_DT)))
+    def max_episode_steps(self) -> int:
+        """Control steps of an episode."""
+        return round(self.episode / float(self.arguments["control_dt"]))
 
 
-_RESIDUAL = {"turbine": "nrel_5mw", "inflow": "turbulent", "action_mode": "residual", "episode_length": None}
-_FIXED_FRAME = {**_RESIDUAL, "pitch": "fixed-frame"}
+# What a turbine measures, at the step of the simulator. Two simulators agree on what changes of loads, not on their
+# means, so these are washed out, as is the mean of the blades' offsets, which the integrator of the controller takes
+# back above rated wind. The reward is relative to the controller alone, whose own is recorded once a start: there are
+# as many as make four or five hours of wind.
+_RESIDUAL = {
+    "turbine": "nrel_5mw",
+    "inflow": "turbulent",
+    "action_mode": "residual",
+    "episode_length": None,
+    "observation": ("measurable",),
+    "sensor_washout": 20.0,
+    "control_dt": 0.1,
+    "relative_reward": True,
+    "starts": 256,
+}
+# An early end costs more than the worst operation for as long as the discount of the training looks ahead.
+_FIXED_FRAME = {**_RESIDUAL, "pitch": "fixed-frame", "residual_washout": 15.0, "termination_penalty": 200.0}
 # Loads are to be spared at no cost in power. With all of the mean pitch in the hands of an agent, blades held a degree
 # or two off fine pitch about rated wind earned more than none, and agents gave 6 to 8 % of the power at 12 m/s for
 # loads. So the mean has half a degree, enough to damp the tower, and all of it fades out below rated wind as individual
@@ -77,44 +76,21 @@ _LOAD_REDUCTION = {
     **_FIXED_FRAME,
     **_NO_PEAK_SHAVING,
     "action_components": ("pitch",),
+    "wind_speed": (12.0, 20.0),
     "reward": {"actuator_use": 0.5},
 }
-
-_ENERGY_FIRST = {
-    "blade_fatigue": 0.3,
-    "tower_fore_aft_fatigue": 0.2,
-    "tower_side_side_fatigue": 0.05,
-    "actuator_use": 0.02,
-}
-
-# What a turbine measures, at the step of the simulator. Two simulators agree on what changes of loads, not on their
-# means, so these are washed out, as is the mean of the blades' offsets, which the integrator of the controller takes
-# back above rated wind. The reward is relative to the controller alone, whose own is recorded once a start: there are
-# as many as make four or five hours of wind.
-_MEASURED = {
-    "observation": ("measurable",),
-    "sensor_washout": 20.0,
-    "control_dt": 0.1,
-    "relative_reward": True,
-    "starts": 256,
-}
-# An early end costs more than the worst operation for as long as the discount of the training looks ahead.
-_ABOVE_RATED = {**_MEASURED, "residual_washout": 15.0, "termination_penalty": 200.0}
 
 # A year of operation passes in ten minutes: the wind is averaged over a minute in place of ten. Energy comes first,
 # since a turbine that stands has no fatigue; loads count as changes and, beyond the reference moments, as extremes.
 _FULL_OPERATION = {
-    **_MEASURED,
-    "turbine": "nrel_5mw",
+    **_RESIDUAL,
     "inflow": "path",
     "wind_speed": (0.0, 32.0),
-    "action_mode": "residual",
     "pitch": "fixed-frame",
     "action_spans": {"pitch_mean": math.radians(0.5)},
     "action_components": ("pitch", "torque", "set_point"),
     "controller": "discon+supervisor:averaging=60",
     "observation": ("measurable", "supervisor"),
-    "episode_length": None,
     "standstill_limit": -0.5,
     "reward": {
         "blade_fatigue": 0.5,
@@ -132,15 +108,15 @@ TASKS = {
     for task in (
         Task(
             "LoadReduction",
+            2,
             "Less blade fatigue above rated wind, without more tower fatigue, by pitch on top of the controller.",
             "flap DEL at no less than 99.5 % of the energy; pitch travel beside it",
             60.0,
-            {**_LOAD_REDUCTION, "wind_speed": (12.0, 20.0)},
-            first_version=1,
-            versions=({}, _ABOVE_RATED),
+            _LOAD_REDUCTION,
         ),
         Task(
             "FullRange",
+            2,
             "The same over the whole range of winds, with torque too.",
             "flap and tower DEL weighted over the winds, energy, pitch travel",
             60.0,
@@ -150,11 +126,10 @@ TASKS = {
                 "action_components": ("pitch", "torque"),
                 "wind_speed": (5.0, 22.0),
             },
-            first_version=1,
-            versions=({}, _ABOVE_RATED),
         ),
         Task(
             "MaxPower",
+            2,
             "Make the most of winds below rated by collective pitch and torque.",
             "energy, corrected for the rotor's kinetic energy, at no higher DELs",
             60.0,
@@ -162,14 +137,14 @@ TASKS = {
                 **_RESIDUAL,
                 "action_components": ("pitch", "torque"),
                 "wind_speed": (5.0, 10.0),
+                "observation": ("measurable", "wind_estimate"),
                 "reward": {"blade_fatigue": 0.3, "tower_fore_aft_fatigue": 0.2, "tower_side_side_fatigue": 0.05},
-                "termination_penalty": 100.0,
+                "termination_penalty": 150.0,
             },
-            first_version=1,
-            versions=({}, {**_MEASURED, "observation": ("measurable", "wind_estimate"), "termination_penalty": 150.0}),
         ),
         Task(
             "Yaw",
+            3,
             "Keep the rotor in a wind whose direction wanders, by a noisy vane, on top of the dead-band controller.",
             "energy against yaw travel",
             300.0,
@@ -181,26 +156,21 @@ TASKS = {
                 "wind_direction": (-0.35, 0.35),
                 "wind_wander": (0.15, 120.0),
                 "sensor_noise": 1.0,
-                "observation": ("rotor", "power", "wind", "tower", "previous_action"),
-                "history": 3,
-                "reward": _ENERGY_FIRST,
-                "termination_penalty": 100.0,
-            },
-            first_version=2,
-            versions=(
-                {},
-                {
-                    **_MEASURED,
-                    "observation": ("measurable", "dead_band"),
-                    "sensors": "all",
-                    "history": 1,
-                    "starts": 64,
-                    "termination_penalty": 800.0,
+                "sensors": "all",
+                "observation": ("measurable", "dead_band"),
+                "starts": 64,
+                "reward": {
+                    "blade_fatigue": 0.3,
+                    "tower_fore_aft_fatigue": 0.2,
+                    "tower_side_side_fatigue": 0.05,
+                    "actuator_use": 0.02,
                 },
-            ),
+                "termination_penalty": 800.0,
+            },
         ),
         Task(
             "Gusts",
+            3,
             "Survive the gusts of IEC 61400-1 (gust, change of direction, both, shear, extreme turbulence) "
             "with the least loads.",
             "share of survived episodes, largest flap and tower moments, largest rotor speed",
@@ -212,30 +182,33 @@ TASKS = {
                 "wind_speed": (6.0, 22.0),
                 "gusts": ("EOG", "EDC", "ECD", "EWS", "ETM"),
             },
-            first_version=2,
-            versions=({}, _ABOVE_RATED),
         ),
         Task(
             "IEA15MW-LoadReduction",
+            3,
             "Load reduction on a turbine of three times the power: does a method carry over?",
             "as LoadReduction",
             60.0,
             {**_LOAD_REDUCTION, **RECORDS["iea_15mw"].arguments, "turbine": "iea_15mw", "wind_speed": (11.0, 20.0)},
-            first_version=2,
-            versions=({}, _ABOVE_RATED),
         ),
         Task(
             "IEA22MW-LoadReduction",
+            2,
             "Load reduction on a turbine of 22 MW, whose own controller cuts the peak of the thrust.",
             "as LoadReduction",
             60.0,
-            {**_LOAD_REDUCTION, **RECORDS["iea_22mw"].arguments, "turbine": "iea_22mw", "wind_speed": (12.0, 20.0)},
-            # The fatigue terms gain 0.08 to 0.12 a second with the best agent, and 0.5 of its actuator use is 0.12 to
-            # 0.14: zero actions had the higher return.
-            versions=({}, _ABOVE_RATED, {**_ABOVE_RATED, "reward": {"actuator_use": 0.2}}),
+            {
+                **_LOAD_REDUCTION,
+                **RECORDS["iea_22mw"].arguments,
+                "turbine": "iea_22mw",
+                # The fatigue terms gain 0.08 to 0.12 a second with the best agent, and 0.5 of its actuator use is 0.12
+                # to 0.14: zero actions had the higher return.
+                "reward": {"actuator_use": 0.2},
+            },
         ),
         Task(
             "FullOperation",
+            0,
             "From standstill to storm: most energy for the least extreme and lifetime loads, by pitch, torque and the "
             "set point of a supervisor that starts, holds back and stops the turbine.",
             "energy; flap and tower DEL, largest flap and tower moments",
@@ -244,12 +217,12 @@ TASKS = {
         ),
         Task(
             "PowerTracking",
+            0,
             "Make the power that a grid operator asks for, neither less nor more, with the least loads.",
             "tracking error of the power and flap DEL; tower DELs and pitch travel beside them",
             60.0,
             {
                 **_FIXED_FRAME,
-                **_ABOVE_RATED,
                 "residual_fade": True,
                 "action_components": ("pitch", "torque"),
                 "action_spans": {"pitch_mean": math.radians(0.5), "torque": 800.0},
@@ -264,14 +237,13 @@ TASKS = {
         ),
         Task(
             "Dial",
+            0,
             "Load reduction whose weights of fatigue, power and travel change within an episode and are observed: one "
             "policy for every compromise.",
             "hypervolume of fatigue, power and pitch travel against policies for single weights; monotone in each",
             60.0,
             {
                 **_LOAD_REDUCTION,
-                **_ABOVE_RATED,
-                "wind_speed": (12.0, 20.0),
                 "observation": ("measurable", "dial"),
                 "dial_weights": "log_uniform",
                 # with all of the dial on fatigue the worst second costs 11, and the discount looks 20 s ahead
@@ -280,14 +252,13 @@ TASKS = {
         ),
         Task(
             "Faults",
+            0,
             "Less blade fatigue while drives, sensors and blades fail: detect what is broken, keep what can be kept, "
             "and fall back.",
             "flap DEL, energy and early ends in each fault; share of the gain that is kept in it",
             60.0,
             {
                 **_LOAD_REDUCTION,
-                **_ABOVE_RATED,
-                "wind_speed": (12.0, 20.0),
                 "controller": "discon+yaw",
                 "fault_kinds": "all",
                 # a turbine that is stopped stands, and makes no power
@@ -298,5 +269,11 @@ TASKS = {
 }
 """Tasks by name."""
 
-DEFAULT_ENV = TASKS["LoadReduction"].ids[-1]
+
+def task_of(env_id: str) -> Task | None:
+    """Task with an id; None where there is none."""
+    return next((task for task in TASKS.values() if task.id == env_id), None)
+
+
+DEFAULT_ENV = TASKS["LoadReduction"].id
 """Environment of commands that are not told another one."""

@@ -30,37 +30,36 @@ class TurbineRecord:
         comes with windIO}``, ``{"function": "module:function" that makes it}`` and ``{"turbine": another name,
         "water_depth": [m]}``, that turbine on the monopile of its file.
     label : str, optional
-        ``wt_gym/<label>-Steady-v<N>`` and ``wt_gym/<label>-Turbulent-v<N>`` are ids of environments; None: there are
-        none.
-    versions : dict
-        Number of each version of these ids, ascending, to what it changes of the arguments.
+        ``wt_gym/<label>-Steady-v<version>`` and ``wt_gym/<label>-Turbulent-v<version>`` are ids of environments; None:
+        there are none.
+    version : int, optional
     arguments : dict
         Of environments with this turbine, where the defaults do not fit it.
     region_2_gain_factor : float, optional
         Multiple of the published gain below rated that made the most power in coupled runs
-        (`wt_gym.control.controllers.retuned`).
+        (`wt_gym.control.controllers.own`).
     rotor_table : dict, optional
-        Coefficients of the rotor as measured in the simulator (`wt_gym.control.rotor_table`).
+        Coefficients of the rotor as measured in the simulator (`wt_gym.control.rotor`).
     """
 
     name: str
     source: dict[str, Any]
     label: str | None = None
-    versions: dict[int, dict[str, Any]] = field(default_factory=dict)
+    version: int | None = None
     arguments: dict[str, Any] = field(default_factory=dict)
     region_2_gain_factor: float | None = None
     rotor_table: dict[str, Any] | None = None
 
     @property
     def ids(self) -> tuple[tuple[str, dict[str, Any]], ...]:
-        """Every id, the newest last, with the arguments of its environment."""
+        """Ids with the arguments of their environments."""
+        inflows = () if self.label is None else ("Steady", "Turbulent")
         return tuple(
             (
-                f"wt_gym/{self.label}-{inflow}-v{number}",
-                {"turbine": self.name, "inflow": inflow.lower(), **self.arguments, **changes},
+                f"wt_gym/{self.label}-{inflow}-v{self.version}",
+                {"turbine": self.name, "inflow": inflow.lower(), **self.arguments},
             )
-            for inflow in ("Steady", "Turbulent")
-            for number, changes in self.versions.items()
+            for inflow in inflows
         )
 
 
@@ -76,17 +75,16 @@ def read_records(folder: Path) -> dict[str, TurbineRecord]:
     for path in sorted(folder.glob("*.json")):
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            versions = {int(number): _as_tuples(more) for number, more in content.pop("versions", {}).items()}
             arguments = _as_tuples(content.pop("arguments", {}))
-            record = TurbineRecord(path.stem, **content, versions=versions, arguments=arguments)
+            record = TurbineRecord(path.stem, **content, arguments=arguments)
         except (ValueError, TypeError, AttributeError) as error:
             raise ValueError(f"{path} must hold the record of a turbine, see TurbineRecord: {error}") from error
         if len(record.source.keys() & {"file", "windio_example", "function", "turbine"}) != 1:
             raise ValueError(
                 f"{path}: source must have one of file, windio_example, function and turbine, got {record.source}"
             )
-        if bool(record.label) != bool(record.versions):
-            raise ValueError(f"{path}: label and versions must both be given or both be left out")
+        if (record.label is None) != (record.version is None):
+            raise ValueError(f"{path}: label and version must both be given or both be left out")
         found[path.stem] = record
     return found
 

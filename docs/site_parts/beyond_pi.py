@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 
 import numpy as np
+from dial_front import covered
+from task_scores import STORM_CONTROLLER
 
 from wt_gym.benchmark import load_task
 from wt_gym.experiment.comparison import half_width
-from wt_gym.experiment.dial_front import covered
-from wt_gym.experiment.task_scores import STORM_CONTROLLER
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 _SUPERVISED = "discon+supervisor:averaging=60"

@@ -5,10 +5,19 @@ from __future__ import annotations
 import inspect
 from dataclasses import fields
 
-from site_parts.markdown import attributes_of, first_sentence, table, value
+from site_parts.markdown import attributes_of, table, value
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.control.bladed import RECORDS
-from wt_gym.control.controllers import ADDITIONS, BASES, GUARDS, WRAPPERS, controller_parameters, declared_parameters
+from wt_gym.control.controllers import (
+    ADDITIONS,
+    BASES,
+    GUARDS,
+    WRAPPERS,
+    controller_parameters,
+    controller_summary,
+    declared_parameters,
+)
+from wt_gym.control.controllers.names import default_text
 from wt_gym.simulation import FIDELITIES, Fidelity, channel_table
 from wt_gym.simulation.channels import EVEN
 from wt_gym.turbines import catalogue, load_turbine
@@ -61,9 +70,9 @@ def controllers():
     rows = []
     kinds = {"base": BASES, "works inside a base": WRAPPERS, "addition": ADDITIONS, "around all parts": GUARDS}
     for kind, makers in kinds.items():
-        for name, maker in makers.items():
+        for name in makers:
             parameters = ", ".join(f"`{key}`" for key in controller_parameters(name))
-            rows.append((f"`{name}`", kind, first_sentence(maker), parameters))
+            rows.append((f"`{name}`", kind, controller_summary(name), parameters))
     return table(("name", "kind", "what it is", "parameters"), rows, "options")
 
 
@@ -72,7 +81,7 @@ def parameters():
     rows = []
     for name in (*BASES, *WRAPPERS, *ADDITIONS, *GUARDS):
         for parameter in declared_parameters(name):
-            shown = parameter.default_text()
+            shown = default_text(parameter)
             default = shown if parameter.default is None else f"`{shown}`"
             rows.append(
                 (f"`{name}`", f"`{parameter.name}`", parameter.unit, default, parameter.allowed, parameter.meaning)

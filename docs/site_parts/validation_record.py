@@ -5,9 +5,8 @@ from __future__ import annotations
 import textwrap
 from pathlib import Path
 
+from envs_tests.physics.validation import load_cases, read_record
 from site_parts.markdown import table
-from validation.case import load_cases
-from validation.record import read_record
 
 RECORD = Path(__file__).resolve().parents[1] / "data" / "validation.json"
 _NAME = "docs/data/validation.json"

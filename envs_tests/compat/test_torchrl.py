@@ -16,7 +16,7 @@ def make(env_id, **kwargs):
     return torchrl_envs.GymEnv(env_id, **SETTLED | kwargs)
 
 
-@pytest.mark.parametrize("env_id", [*(task.ids[-1] for task in TASKS.values()), "wt_gym/NREL5MW-Steady-v1"])
+@pytest.mark.parametrize("env_id", [*(task.id for task in TASKS.values()), "wt_gym/NREL5MW-Steady-v1"])
 def test_specs_agree_with_what_the_environment_gives(scripted, env_id):
     """Every id is made, though TorchRL tries an argument that none has."""
     env = make(env_id)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from stable_baselines3 import PPO
+from turbine_contract import PLAIN
 
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
@@ -17,6 +18,7 @@ from wt_gym.benchmark.run import benchmark_metrics, delivered_power, make_env
 from wt_gym.benchmark.scoring import wind_score
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.experiment.benchmark_runs import definition_of, entry_of, jobs_of, results_of, run_jobs
+from wt_gym.experiment.trained_environment import resolved_arguments
 from wt_gym.runs.executors import ProcessExecutor
 from wt_gym.turbines import load_turbine
 
@@ -173,12 +175,12 @@ def test_a_series_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
 def model(tmp_path_factory):
     """Folder of a model that was made and never trained, with the record of a training."""
     folder = tmp_path_factory.mktemp("runs") / "mine"
-    kwargs = {"pitch": "collective", "observation": ["rotor", "pitch"], "wind_speed": [10.0, 20.0]}
-    env = gym.make("wt_gym/LoadReduction-v1", **kwargs)
+    kwargs = PLAIN | {"pitch": "collective", "observation": ["rotor", "pitch"], "wind_speed": [10.0, 20.0]}
+    env = gym.make("wt_gym/LoadReduction-v2", **kwargs)
     folder.mkdir()
     PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=0).save(folder / "model.zip")
-    config = {"env_id": "wt_gym/LoadReduction-v1", "env_kwargs": kwargs}
-    record = {"algorithm": "PPO", "config": config, "control_dt": 0.2}
+    environment = resolved_arguments("wt_gym/LoadReduction-v2", kwargs)
+    record = {"algorithm": "PPO", "environment": environment, "control_dt": 0.2}
     (folder / "training.json").write_text(json.dumps(record), encoding="utf-8")
     return folder
 
@@ -199,8 +201,9 @@ def test_a_model_of_another_task_keeps_its_own_bounds(model):
     """Gusts has four degrees of the mean and no fade; the ids of load reduction name others."""
     path = model / "training.json"
     before = path.read_text(encoding="utf-8")
-    config = {"env_id": "wt_gym/Gusts-v0", "env_kwargs": {"pitch": "collective", "action_components": ["pitch"]}}
-    path.write_text(json.dumps(json.loads(before) | {"config": config}), encoding="utf-8")
+    kwargs = PLAIN | {"pitch": "collective", "action_components": ["pitch"]}
+    changed = json.loads(before) | {"environment": resolved_arguments("wt_gym/Gusts-v3", kwargs)}
+    path.write_text(json.dumps(changed), encoding="utf-8")
     entry, task = entry_of(str(model)), short()
     path.write_text(before, encoding="utf-8")
     env = make_env(task, task.winds[0], entry.interface)
@@ -213,7 +216,7 @@ def test_another_model_is_another_run(model):
     before = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
     assert before == definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
     content = (model / "model.zip").read_bytes()
-    env = gym.make("wt_gym/LoadReduction-v1", pitch="collective", observation=["rotor", "pitch"])
+    env = gym.make("wt_gym/LoadReduction-v2", **PLAIN | {"pitch": "collective", "observation": ["rotor", "pitch"]})
     PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=1).save(model / "model.zip")
     after = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
     (model / "model.zip").write_bytes(content)

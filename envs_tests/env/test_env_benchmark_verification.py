@@ -9,6 +9,7 @@ import tarfile
 import gymnasium as gym
 import pytest
 from stable_baselines3 import PPO
+from turbine_contract import PLAIN
 
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import BenchmarkTask, ResultFolder
@@ -17,6 +18,7 @@ from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
 from wt_gym.experiment.benchmark_runs import entry_of, jobs_of, run_jobs
 from wt_gym.experiment.benchmark_verification import drawn, opened, pack, verify
+from wt_gym.experiment.trained_environment import resolved_arguments
 
 
 @pytest.fixture(scope="module")
@@ -35,11 +37,11 @@ def entry(task, tmp_path_factory):
     """Archive of a controller with parameters, even draws and a model, the folder of the model, and the results."""
     root = tmp_path_factory.mktemp("entry")
     model, folder = root / "model", ResultFolder(root / "runs")
-    kwargs = {"pitch": "collective", "observation": ["rotor", "pitch"]}
+    kwargs = PLAIN | {"pitch": "collective", "observation": ["rotor", "pitch"]}
     env = gym.make("wt_gym/LoadReduction-v2", **kwargs)
     PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=0).save(model / "model.zip")
-    config = {"env_id": "wt_gym/LoadReduction-v2", "env_kwargs": kwargs}
-    record = {"algorithm": "PPO", "config": config, "control_dt": 0.1}
+    environment = resolved_arguments("wt_gym/LoadReduction-v2", kwargs)
+    record = {"algorithm": "PPO", "environment": environment, "control_dt": 0.1}
     (model / "training.json").write_text(json.dumps(record), encoding="utf-8")
     agents = ["constrained_ipc:level=0.1", "random", f"mine={model}"]
     jobs = [job for job in jobs_of([task], [entry_of(text) for text in agents]) if job.wind == task.winds[0]]
@@ -84,11 +86,11 @@ def test_a_metric_that_was_changed_is_found(entry, tmp_path, capsys):
 
 def test_other_sources_are_named_and_compared_all_the_same(entry, tmp_path):
     result = next(one for one in entry[2] if one["agent"] == "random")
-    result["definition"]["fingerprint"]["control"] = "0" * 16
+    result["definition"]["fingerprint"]["canary"]["residual/return"] = "0"
     folder = ResultFolder(tmp_path)
     folder.write(result)
     (made,) = verify(folder, {})
-    assert (made.same, made.other) == (True, ("control",))
+    assert (made.same, made.other) == (True, ("behavior (residual/return by 1 of its range)",))
 
 
 def test_models_that_are_not_there_are_named(entry, tmp_path):

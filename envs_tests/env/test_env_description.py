@@ -29,11 +29,11 @@ def rows(env):
 
 @pytest.mark.parametrize("task", TASKS.values(), ids=lambda task: task.name)
 def test_every_task_has_its_goal_wind_and_names(task):
-    env = gym.make(task.ids[-1]).unwrapped
+    env = gym.make(task.id).unwrapped
     found = rows(env)
     assert len(str(env).splitlines()) <= 15
     assert tuple(name for name in found if name != "conditions") == LINES
-    assert found["task"] == f"{task.ids[-1]}: {task.goal}"
+    assert found["task"] == f"{task.id}: {task.goal}"
     assert env.turbine.title in found["turbine"]
     assert f"{env.wind.speeds[1]:.4g} m/s" in found["wind"]
     for name in env.action_names:

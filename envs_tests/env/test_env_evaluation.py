@@ -12,6 +12,7 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.analysis.results import Evaluation, Wind
+from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.commands import evaluate as command
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -19,7 +20,7 @@ from wt_gym.experiment import evaluation as module
 from wt_gym.experiment import evaluation_run
 from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
-from wt_gym.experiment.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.experiment.evaluation_folder import EvaluationFolder
 from wt_gym.experiment.evaluation_winds import DEFAULT_WIND_SEEDS
 from wt_gym.experiment.pool import AgentPool, Environments
 from wt_gym.experiment.trained_environment import check_environment, resolved_arguments
@@ -129,20 +130,22 @@ def test_one_evaluation_at_a_time_in_a_folder(tmp_path, count_runs):
     assert not list(tmp_path.iterdir())
 
 
-def test_runs_of_other_code_are_not_gone_on_with(tmp_path):
-    turbine = load_turbine("nrel_5mw")
-    code = code_fingerprint(turbine, "training")
-    assert code.keys() == {"turbine", "fidelity", "code"}
+def test_runs_of_another_behavior_are_not_continued(tmp_path):
+    fingerprint = benchmark_fingerprint(load_turbine("nrel_5mw"), "training")
+    assert fingerprint.keys() == {"turbine", "fidelity", "canary"}
     folder = EvaluationFolder(tmp_path, AGENTS, CONFIG)
-    folder.begin(code, overwrite=False)
-    folder.begin(dict(code), overwrite=False)
-    with pytest.raises(ValueError, match="with other code, turbine: take another folder"):
-        folder.begin(code | {"code": "x", "turbine": "y"}, overwrite=False)
-    old = json.loads((tmp_path / "configuration.json").read_text())
-    del old["code"]  # as of a version that told code apart by its number
-    (tmp_path / "configuration.json").write_text(json.dumps(old))
-    with pytest.raises(ValueError, match="with other code: take"):
-        folder.begin(code, overwrite=False)
+    folder.begin(fingerprint, overwrite=False)
+    first = (tmp_path / "configuration.json").read_text()
+    place = "residual/reward"
+    numbers = np.array(fingerprint["canary"][place].split(), float)
+    rounded = fingerprint["canary"] | {place: " ".join(map(str, numbers + 0.5e-4 * np.ptp(numbers)))}
+    EvaluationFolder(tmp_path, AGENTS, CONFIG).begin(fingerprint | {"canary": rounded}, overwrite=False)
+    assert (tmp_path / "configuration.json").read_text() == first
+    others = fingerprint["canary"] | {place: " ".join(map(str, 2.0 * numbers))}
+    with pytest.raises(
+        ValueError, match=r"other turbine, behavior \(residual/reward by .* range\): take another folder"
+    ):
+        folder.begin(fingerprint | {"canary": others, "turbine": "y"}, overwrite=False)
 
 
 class Trained(ConstantAgent):
@@ -150,7 +153,7 @@ class Trained(ConstantAgent):
 
     def __init__(self, layout, env_id, **env_kwargs):
         super().__init__(layout)
-        self.record = {"config": {"env_id": env_id, "env_kwargs": env_kwargs}}
+        self.record = {"environment": resolved_arguments(env_id, env_kwargs)}
 
 
 @pytest.mark.parametrize(
@@ -220,19 +223,17 @@ def test_a_model_brings_the_controller_it_was_trained_on():
 
 def test_fidelity_inflow_and_an_idle_controller_are_free():
     env = gym.make(STEADY, inflow="gusts", wind_speed=9.0, fidelity="engineering")
-    config = {"env_id": "wt_gym/NREL5MW-Turbulent-v1", "env_kwargs": {"controller": "ipc", "action_spans": {}}}
-    check_environment({"config": config}, env)  # nothing runs beneath rates
+    arguments = resolved_arguments("wt_gym/NREL5MW-Turbulent-v1", {"controller": "ipc", "action_spans": {}})
+    check_environment({"environment": arguments}, env)  # nothing runs beneath rates
     check_environment({}, env)
 
 
 def test_a_record_says_what_an_id_meant_then():
     """The id may mean another action in the version that reads the record."""
-    env = gym.make("wt_gym/LoadReduction-v1")
-    record = {"config": {"env_id": "wt_gym/LoadReduction-v1", "env_kwargs": {}}}
-    check_environment(record, env)
-    before = resolved_arguments("wt_gym/LoadReduction-v1", {}) | {"residual_fade": False}
+    env, arguments = gym.make("wt_gym/LoadReduction-v2"), resolved_arguments("wt_gym/LoadReduction-v2", {})
+    check_environment({"environment": arguments}, env)
     with pytest.raises(ValueError, match=r"residual_fade False, here True;"):
-        check_environment(record | {"environment": before}, env)
+        check_environment({"environment": arguments | {"residual_fade": False}}, env)
 
 
 def test_folders_that_cannot_be_used_are_refused_before_the_first_run(tmp_path, count_runs):
@@ -477,5 +478,5 @@ def test_refused_agents_leave_no_environment_open(monkeypatch):
     closed = []
     monkeypatch.setattr(WindTurbineEnv, "close", lambda self: closed.append(self))
     with pytest.raises(FileNotFoundError, match=r"no trained model at \./nobody"):
-        AgentPool({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v1", {})
+        AgentPool({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v2", {})
     assert len(closed) == 1

@@ -27,8 +27,8 @@ KWARGS = {"turbine": "nrel_5mw", "inflow": "steady", "wind_speed": 15.0, "action
 
 def test_a_shipped_agent_acts_alike_in_an_episode(tmp_path):
     """Actions of the file for the physical values of the channels against those of the agent in its environment."""
-    agent = TrainedAgent.load(TRAINED / "load_reduction")
-    made = export_onnx(str(TRAINED / "load_reduction"), tmp_path)
+    agent = TrainedAgent.load(TRAINED / "load_reduction_on_linear_optimal")
+    made = export_onnx(str(TRAINED / "load_reduction_on_linear_optimal"), tmp_path)
     session = onnxruntime.InferenceSession(made["files"][0])
     env = WindTurbineEnv(
         "nrel_5mw", inflow="steady", wind_speed=15.0, action_mode="residual", pitch="fixed-frame",
@@ -98,13 +98,16 @@ def test_statistics_of_the_training_are_inside(tmp_path):
 
 
 def test_the_card_says_what_the_agent_is_made_for(tmp_path, capsys):
-    main([str(TRAINED / "load_reduction"), "--out", str(tmp_path), "--json"])
+    main([str(TRAINED / "load_reduction_on_linear_optimal"), "--out", str(tmp_path), "--json"])
     printed = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {Path(file).name for file in printed["files"]} == {"policy.onnx", "card.json", "README.md"}
     card = json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))
-    assert card["base_controller"] == "discon"
-    assert card["control_step_s"] == 0.2
-    assert [channel["name"] for channel in card["channels"]][:2] == ["rotor_speed", "generator_speed"]
+    assert card["base_controller"] == "linear_optimal"
+    assert card["control_step_s"] == 0.1
+    assert [channel["name"] for channel in card["channels"]][:2] == [
+        "disturbance_flap_mean_1",
+        "disturbance_flap_mean_2",
+    ]
     text = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert all(f"| {channel['name']} | {channel['unit']} |" in text for channel in card["channels"])
     session = onnxruntime.InferenceSession(tmp_path / "policy.onnx")

@@ -3,6 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from turbine_contract import PLAIN
 
 from wt_gym.base.errors import ActionError, InflowError
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, StuckPitch
@@ -13,7 +14,7 @@ WIND = {"wind_speed": 14.0, "wind_seed": 1001, "azimuth": 0.0}
 
 @pytest.fixture(scope="module")
 def env():
-    made = gym.make("wt_gym/LoadReduction-v1")
+    made = gym.make("wt_gym/LoadReduction-v2", **PLAIN)
     yield made
     made.close()
 

@@ -12,7 +12,7 @@ from wt_gym.control.controllers import STATES, supervisor_of
 from wt_gym.tasks import TASKS
 from wt_gym.wind import MirroredInflow, PathInflow, SteadyInflow
 
-ID = TASKS["FullOperation"].ids[-1]
+ID = TASKS["FullOperation"].id
 PROFILE = SteadyInflow(1.0, 90.0, shear_exponent=0.2)
 FAST = "discon+supervisor:averaging=10,restart_delay=2"
 

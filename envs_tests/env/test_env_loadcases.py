@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import gymnasium as gym
 import pytest
+from turbine_contract import PLAIN
 
 from wt_gym.base.errors import SimulationError
 from wt_gym.envs.layout import layout_of
@@ -18,7 +19,7 @@ from wt_gym.turbines import load_turbine
 
 @pytest.fixture(scope="module")
 def env():
-    made = gym.make("wt_gym/LoadReduction-v1", max_episode_steps=10**9)
+    made = gym.make("wt_gym/LoadReduction-v2", max_episode_steps=10**9, **PLAIN)
     yield made
     made.close()
 

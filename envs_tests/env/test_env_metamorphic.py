@@ -18,14 +18,14 @@ from wt_gym.analysis.metrics import METRICS, run_metrics
 from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.files import shipped_folder
 from wt_gym.control.controllers import COMPILED, CONTROLLERS, lidar_of
-from wt_gym.envs.observations import OBSERVATION_GROUPS
+from wt_gym.envs.channels import OBSERVATION_GROUPS
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.recorder import Recorder
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import mirrored
 from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
-from wt_gym.wind.protocol import PointInflow
+from wt_gym.wind.inflow import PointInflow
 
 AGENTS = sorted(path.parent for path in (shipped_folder() / "trained").glob("*/model.zip"))
 ANGLES = (*(pytest.param(angle, marks=pytest.mark.slow) for angle in (30.0, 90.0, 180.0)), 237.0)
@@ -86,7 +86,7 @@ def task_env(name, controller=None):
     arguments = {} if controller is None else {"controller": controller}
     if "wind_speed" not in TASKS[name].arguments or TASKS[name].arguments["inflow"] == "turbulent":
         arguments |= {"wind_seeds": (1,)}
-    return gym.make(TASKS[name].ids[-1], **arguments)
+    return gym.make(TASKS[name].id, **arguments)
 
 
 @cache
@@ -114,7 +114,7 @@ VARIED = {
 
 def test_a_turned_world_is_the_same_with_a_variation():
     variation = {**VARIED, "yaw_error": 0.2, "shear_exponent": -0.1, "turbulence_class": ("A",)}
-    env = gym.make(TASKS["LoadReduction"].ids[-1], wind_seeds=(1,), variation=variation, controller="constrained_ipc")
+    env = gym.make(TASKS["LoadReduction"].id, wind_seeds=(1,), variation=variation, controller="constrained_ipc")
     assert_same(play(env), play(env, {"yaw": math.radians(30.0)}))
 
 
@@ -289,7 +289,7 @@ def test_density_mass_and_stiffness_scaled_alike_change_no_motion(task, controll
     """Every term of the equations of motion is a force: times s all of them, it is the same motion."""
     turbine, scales = load_turbine("nrel_5mw"), (0.8, 1.25)
     courses = [
-        play(gym.make(TASKS[task].ids[-1], turbine=scaled(turbine, s), controller=controller, wind_seeds=(1,)))
+        play(gym.make(TASKS[task].id, turbine=scaled(turbine, s), controller=controller, wind_seeds=(1,)))
         for s in scales
     ]
     ratio = scales[1] / scales[0]
@@ -318,7 +318,7 @@ def test_the_published_turbine_hides_no_absolute_number(task, controller, turbin
     """Itself, with the numbers of its own controller, and in air and of material half as dense again."""
     turbine, ratio = load_turbine(turbine), 1.5
     first, second = (
-        play(gym.make(TASKS[task].ids[-1], turbine=t, controller=controller, wind_seeds=(1,), start="steady"))
+        play(gym.make(TASKS[task].id, turbine=t, controller=controller, wind_seeds=(1,), start="steady"))
         for t in (turbine, scaled(turbine, ratio, published=True))
     )
     assert_same(first, second, factor=ratio)
@@ -411,7 +411,7 @@ class Rest(Waves):
 def mirrored_envs(name, **arguments):
     """An environment and that of the counter-clockwise turbine."""
     arguments = TASKS[name].arguments | arguments if name in TASKS else arguments
-    spec = TASKS[name].ids[-1] if name in TASKS else name
+    spec = TASKS[name].id if name in TASKS else name
     turbine = load_turbine(arguments.get("turbine", "nrel_5mw"))
     return tuple(gym.make(spec, **{**arguments, "turbine": t}) for t in (turbine, mirrored(turbine)))
 

@@ -16,7 +16,7 @@ from wt_gym.experiment.benchmark_runs import entries_of, entry_of
 from wt_gym.experiment.names import env_choices_of, named_choices
 from wt_gym.experiment.pool import AgentPool
 
-RESIDUAL = "wt_gym/LoadReduction-v1"
+RESIDUAL = "wt_gym/LoadReduction-v2"
 STEADY = "wt_gym/NREL5MW-Steady-v1"
 
 MINE = """

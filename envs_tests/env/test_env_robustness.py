@@ -10,8 +10,8 @@ import pytest
 from wt_gym.analysis.results import Wind
 from wt_gym.benchmark import load_task
 from wt_gym.commands.robustness import main
-from wt_gym.envs.options import Variation
-from wt_gym.envs.options.faults import FAULT_KINDS, NO_FAULT
+from wt_gym.envs.faults import FAULT_KINDS, NO_FAULT
+from wt_gym.envs.variation import Variation
 from wt_gym.experiment import robustness
 from wt_gym.experiment.evaluation_config import EvaluationConfig
 from wt_gym.experiment.robustness import (
@@ -28,7 +28,7 @@ from wt_gym.experiment.robustness import (
 )
 from wt_gym.runs.store import SWEEP_FILE
 
-TASK = "wt_gym/LoadReduction-v1"
+TASK = "wt_gym/LoadReduction-v2"
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained" / "load_reduction_on_linear_optimal"
 WINDS = (Wind(15.0, 1001), Wind(15.0, 1002), Wind(18.0, 1001))
 TERMS = [term.metric for term in load_task(COST_TASK).terms]
@@ -86,7 +86,7 @@ def test_conditions_are_variations_of_one_environment():
     for one in CONDITIONS.values():
         env = gym.make(TASK, variation=one.variation.as_dict()).unwrapped
         assert env.options.variation == one.variation
-        assert (env._draws is None) == (one.name == NOMINAL)
+        assert ("variation" not in env.terms) == (one.name == NOMINAL)
     with pytest.raises(ValueError, match=r"a condition must be faults or one of nominal, .*, got 'dely'; did you mean"):
         chosen(["dely"])
 

@@ -17,11 +17,11 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.benchmark.run import make_env
 from wt_gym.benchmark.tasks import load_task
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
-from wt_gym.control.coleman import to_fixed_frame
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers.names import make_controller
+from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.envs import rewards
+from wt_gym.envs.channels import RESIDUAL_GROUPS
 from wt_gym.envs.dial import factor_of
-from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.pool import Environments
 from wt_gym.learning.training.hyperparameters import hyperparameters_for
@@ -68,7 +68,7 @@ def test_both_checkers_have_nothing_to_say(mode, pitch):
     "name", [pytest.param(name, marks=pytest.mark.slow) if name.startswith("IEA22MW") else name for name in TASKS]
 )  # turbulence over a rotor of 284 m takes half a minute a box to make
 def test_tasks_start_step_and_tell_their_length(name):
-    env = gym.make(TASKS[name].ids[-1])
+    env = gym.make(TASKS[name].id)
     assert env.spec.max_episode_steps * env.unwrapped.control_dt == TASKS[name].episode
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -95,10 +95,10 @@ def test_ending_a_task_early_never_pays(name):
 
     Of a reward relative to the controller goes what that earns at most: twice the weight of the power.
     """
-    env = gym.make(TASKS[name].ids[-1]).unwrapped
-    dials = [(1.0, 1.0, 1.0)] if env.dials is None else [(3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 3.0)]
+    env = gym.make(TASKS[name].id).unwrapped
+    dials = [(1.0, 1.0, 1.0)] if "dial" not in env.terms else [(3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 3.0)]
     worst = min(_worst(env, dial) for dial in dials)  # the reward is linear in the factors: at a corner
-    gamma = hyperparameters_for("PPO", TASKS[name].ids[-1])["gamma"]
+    gamma = hyperparameters_for("PPO", TASKS[name].id)["gamma"]
     assert -worst * env.control_dt / (1.0 - gamma) < env.termination_penalty
 
 
@@ -106,7 +106,7 @@ def test_what_tasks_pay():
     """Power, blades, tower fore-aft and side-side, actuators, overspeed, an early end."""
     paid = {}
     for name, task in TASKS.items():
-        env = gym.make(task.ids[-1]).unwrapped
+        env = gym.make(task.id).unwrapped
         weights = [term.weight for term in env.reward_terms if term.weight]
         paid[name] = (*weights, env.termination_penalty)
     load_reduction, full = (1.0, 1.5, 1.0, 1.0, 0.5, 0.4, 200.0), (1.0, 1.5, 1.0, 1.0, 0.1, 0.4, 200.0)
@@ -134,7 +134,7 @@ def test_what_tasks_pay():
 
 
 def test_the_time_limit_of_a_task_is_a_truncation():
-    env = gym.make("wt_gym/LoadReduction-v1", max_episode_steps=4)
+    env = gym.make("wt_gym/LoadReduction-v2", max_episode_steps=4)
     env.reset(seed=0)
     ends = [env.step(np.zeros(3, dtype=np.float32))[2:4] for _ in range(4)]
     assert ends == [(False, False)] * 3 + [(False, True)]
@@ -145,9 +145,9 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
     """Made with episode_length=120 a task of 60 s stays at 60 s, which shows when its first episode has ended there."""
     use(monkeypatch, ScriptedSimulator)
 
-    def warned(steps=300, **kwargs):
+    def warned(steps=600, **kwargs):
         make = partial(gym.make_vec, num_envs=2) if vector else gym.make
-        env = make("wt_gym/LoadReduction-v1", **kwargs)
+        env = make("wt_gym/LoadReduction-v2", relative_reward=False, starts=None, **kwargs)
         with warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always")
             for seed in range(3):
@@ -160,12 +160,12 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
         return [str(w.message) for w in found if "max_episode_steps" in str(w.message)]
 
     (message,) = warned(episode_length=120.0)
-    assert "the limit of wt_gym/LoadReduction-v1 ends episodes after 300 steps, 60 s, before the" in message
-    assert "episode_length of 120 s: make it with max_episode_steps=600 instead" in message
-    for quiet in ({"max_episode_steps": 600}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
+    assert "the limit of wt_gym/LoadReduction-v2 ends episodes after 600 steps, 60 s, before the" in message
+    assert "episode_length of 120 s: make it with max_episode_steps=1200 instead" in message
+    for quiet in ({"max_episode_steps": 1200}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
         assert warned(**quiet) == []
-    assert warned(600, episode_length=120.0, max_episode_steps=600) == []
-    assert vector or warned(299, episode_length=120.0) == []  # ended by its user
+    assert warned(1200, episode_length=120.0, max_episode_steps=1200) == []
+    assert vector or warned(599, episode_length=120.0) == []  # ended by its user
 
 
 def test_evaluations_take_the_limit_away_without_a_warning(monkeypatch):
@@ -289,7 +289,7 @@ def test_cyclic_pitch_is_that_of_the_fixed_frame_without_its_mean():
 
 
 def test_random_residual_policies_survive():
-    """Three winds here; two hundred episodes: scripts/survival.py."""
+    """Three winds."""
     for wind_speed, seed in ((6.0, 1), (12.0, 2), (18.0, 3)):
         env = gym.make(TURBULENT, wind_speed=wind_speed, episode_length=40.0, **RESIDUAL)
         env.reset(seed=seed)
@@ -327,6 +327,14 @@ def test_vector_reward_has_the_terms_and_a_space():
     assert env.reward_space.contains(reward)
     assert env.reward_names[-1] == "termination"
     np.testing.assert_allclose(reward[:-1], [info["reward_terms"][n] for n in env.reward_names[:-1]], rtol=1e-6)
+
+
+def test_a_vector_reward_needs_no_warning_of_gymnasium():
+    env = gym.make("wt_gym/NREL5MW-Steady-v1", vector_reward=True)
+    env.reset(seed=0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert env.step(np.zeros(3, dtype=np.float32))[1].shape == env.unwrapped.reward_space.shape
 
 
 # ---- observations ----
@@ -538,23 +546,24 @@ def test_what_can_be_read_once_is_read_once():
     assert info["wind_speed"] == 9.0
     _, reward, *_, info = env.step(np.zeros(3))
     assert reward == 0.0
-    assert set(info["reward_terms"]) == {term.name for term in env._twin.env.reward_terms}
+    assert set(info["reward_terms"]) == {term.name for term in env.terms["twin"].env.reward_terms}
 
 
 def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
     """The twin's end is no income, and what it earned last goes on being taken off."""
     env = WindTurbineEnv(inflow=SteadyInflow(15.0), relative_reward=True, episode_length=4.0, **RESIDUAL)
-    env._twin.env.limits.overspeed = 0.5
+    env.terms["twin"].env.limits.overspeed = 0.5
     env.reset(seed=0)
     rewards = [env.step(np.zeros(5))[1] for _ in range(5)]
-    assert env._twin.course.ended
-    assert len(env._twin.course) == 1
+    assert env.terms["twin"].course.ended
+    assert len(env.terms["twin"].course) == 1
     assert np.abs(rewards).max() < 0.1
 
 
 def test_yaw_task_is_on_top_of_the_dead_band():
-    env = gym.make("wt_gym/Yaw-v2", sensor_noise=0.0, wind_direction=0.3, wind_wander=None).unwrapped
+    relative = {"relative_reward": False, "starts": None}
+    env = gym.make("wt_gym/Yaw-v3", sensor_noise=0.0, wind_direction=0.3, wind_wander=None, **relative).unwrapped
     env.reset(seed=0)
-    for _ in range(600):
+    for _ in range(1200):
         env.step(np.zeros(1))
     assert env.signals["yaw"] > 0.1  # towards the wind, within two minutes

@@ -16,7 +16,7 @@ import torch
 
 from wt_gym.base.files import whole_file, write_whole
 from wt_gym.commands import train as train_command
-from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import evaluation
 from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.experiment.names import named_choices
@@ -515,23 +515,6 @@ def test_evaluations_on_the_way_in_winds_of_ones_own(tmp_path):
     kwargs = {"inflow": [SteadyInflow(12.0), SteadyInflow(13.0)], "episode_length": 5.0}
     record = train(replace(SMALL, env_kwargs=kwargs, eval_every=64, eval_winds=1), tmp_path, progress=False)
     assert record["evaluation"]["curve"]["steps"] == [64]
-
-
-def test_a_training_goes_on_where_only_the_spelling_of_its_pay_has_changed(tmp_path):
-    config = replace(SMALL, env_id="wt_gym/LoadReduction-v1", env_kwargs={"inflow": "steady", "wind_speed": 14.0})
-    train(config, tmp_path, progress=False)
-    record = json.loads((tmp_path / "training.json").read_text())
-    assert "termination_penalty" not in record["environment"]
-    record["environment"] |= {
-        "reward": {"actuator_use": 0.5, "tower_side_side_fatigue": 1.0},
-        "termination_penalty": 120.0,
-    }
-    (tmp_path / "training.json").write_text(json.dumps(record))
-    assert resume(tmp_path, total_steps=96, progress=False)["steps"] == 96
-    record["environment"]["reward"]["tower_side_side_fatigue"] = 0.2
-    (tmp_path / "training.json").write_text(json.dumps(record))
-    with pytest.raises(ValueError, match=r"has other arguments now .* reward; start a new one"):
-        resume(tmp_path, total_steps=128, progress=False)
 
 
 # ---- the same words again ----

@@ -10,18 +10,19 @@ from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv
 from threadpoolctl import threadpool_info, threadpool_limits
+from turbine_contract import PLAIN
 
 from wt_gym.base.errors import ActionError, ControllerError
 from wt_gym.control import Lidar
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.learning.training.turbine_vec_env import TurbineVecEnv
 
-ID = "wt_gym/LoadReduction-v1"
+ID = "wt_gym/LoadReduction-v2"
 STEPS = 9
 
 
 def make(mode=AutoresetMode.NEXT_STEP, n=3, limit=4, **kwargs):
-    return gym.make_vec(ID, n, autoreset_mode=mode, max_episode_steps=limit, **kwargs)
+    return gym.make_vec(ID, n, autoreset_mode=mode, max_episode_steps=limit, **PLAIN, **kwargs)
 
 
 def actions(n, size):
@@ -30,7 +31,7 @@ def actions(n, size):
 
 def single_episodes(k, given, limit=4):
     """Transitions of one environment that begins anew when its episode is over: what every mode must contain."""
-    env = gym.make(ID, max_episode_steps=limit)
+    env = gym.make(ID, max_episode_steps=limit, **PLAIN)
     observation, _ = env.reset(seed=7 + k)
     found = []
     for action in given:
@@ -196,7 +197,7 @@ def test_after_an_interrupt_all_turbines_have_to_begin_anew(monkeypatch):
 
 
 def test_a_lidar_looks_once_for_observation_and_controller(monkeypatch):
-    env = gym.make(ID, controller="lidar", observation=("rotor", "lidar")).unwrapped
+    env = gym.make(ID, **PLAIN | {"controller": "lidar", "observation": ("rotor", "lidar")}).unwrapped
     env.reset(seed=0)
     looks, read = [], Lidar.read
 
@@ -230,8 +231,8 @@ def test_rewards_by_terms():
 
 
 def test_the_interface_of_stable_baselines3_gives_what_its_own_gives():
-    mine = TurbineVecEnv(ID, 2, max_episode_steps=3)
-    theirs = DummyVecEnv([lambda: gym.make(ID, max_episode_steps=3)] * 2)
+    mine = TurbineVecEnv(ID, 2, max_episode_steps=3, **PLAIN)
+    theirs = DummyVecEnv([lambda: gym.make(ID, max_episode_steps=3, **PLAIN)] * 2)
     given = actions(2, 3)
     for venv in (mine, theirs):
         venv.seed(5)

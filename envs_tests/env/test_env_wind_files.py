@@ -15,8 +15,7 @@ import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import InflowError
 from wt_gym.commands.evaluate import configuration, parse_arguments
-from wt_gym.envs.options.wind import TRANSIENTS, WindOptions
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import TRANSIENTS, WindOptions, WindSampler
 from wt_gym.experiment import evaluation_run
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.evaluation_folder import EvaluationFolder
@@ -27,6 +26,7 @@ from wt_gym.learning.training.selection import SelectionEvaluation
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox
+from wt_gym.wind.files import read_bts, write_bts
 
 TURBINE = load_turbine("nrel_5mw")
 STEADY = "wt_gym/NREL5MW-Steady-v1"
@@ -38,7 +38,7 @@ def files(tmp_path):
     """Two periodic files at 12 and 9 m/s and one at 15 m/s that is not."""
     for name, speed, periodic in (("a", 12.0, True), ("b", 9.0, True), ("once", 15.0, False)):
         box = TurbulenceBox.kaimal(speed, 90.0, 126.0, seed=1, duration=DURATION, grid=(3, 3), cache=False)
-        replace(box, periodic=periodic).to_bts(tmp_path / f"{name}.bts")
+        write_bts(replace(box, periodic=periodic), tmp_path / f"{name}.bts")
     return tmp_path
 
 
@@ -62,7 +62,7 @@ def test_a_periodic_file_is_entered_anywhere(files, kind):
     assert 0.0 <= offsets.min() < 1.0
     assert DURATION - 1.0 < offsets.max() < DURATION
     assert {wind.wind_seed for wind in winds} == {-1}
-    box, hub = TurbulenceBox.from_bts(files / "a.bts"), np.array([[0.0, 0.0, 90.0]])
+    box, hub = read_bts(files / "a.bts"), np.array([[0.0, 0.0, 90.0]])
     first = winds[0]
     k = 7.0 + first.time_offset
     expected = np.interp(
@@ -117,7 +117,7 @@ def test_environments_know_how_long_their_episodes_are(files):
     once = str(files / "once.bts")
     for env in (
         gym.make(STEADY, inflow=once, episode_length=40.0),
-        gym.make("wt_gym/Gusts-v2", inflow=once, gusts=TRANSIENTS),
+        gym.make("wt_gym/Gusts-v3", inflow=once, gusts=TRANSIENTS),
         gym.make_vec(STEADY, num_envs=2, inflow=once, episode_length=None, max_episode_steps=200).envs[0],
     ):
         offsets = []
@@ -154,7 +154,7 @@ def test_missing_and_damaged_files_are_refused_when_the_environment_is_made(file
 def test_a_file_that_was_replaced_is_read_again(files):
     sampler = WindSampler(TURBINE, WindOptions(files / "a.bts", None))
     sampler.sample(np.random.default_rng(0))
-    TurbulenceBox.from_bts(files / "b.bts").to_bts(files / "a.bts")
+    write_bts(read_bts(files / "b.bts"), files / "a.bts")
     os.utime(files / "a.bts", (1.0, 1.0))
     assert WindSampler(TURBINE, WindOptions(files / "a.bts", None)).speeds == (9.0, 9.0)
 

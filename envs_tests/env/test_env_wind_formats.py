@@ -13,15 +13,14 @@ from wt_gym.base.errors import InflowError, SimulationError, TurbineDefinitionEr
 from wt_gym.commands import evaluate, simulate
 from wt_gym.commands.site_options import site_word, wind_word, with_options
 from wt_gym.commands.training_options import add_training_options, config_from
-from wt_gym.envs.options.wind import WindOptions
-from wt_gym.envs.wind_files import wind_files_of, with_whole_paths
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.options import wind_files_of, with_whole_paths
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.experiment.evaluation import EvaluationConfig
 from wt_gym.experiment.evaluation_winds import winds_of
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
-from wt_gym.wind.mann_files import write_hawc2
+from wt_gym.wind.files import read_bts, write_bts, write_hawc2
 
 TURBINE = load_turbine("nrel_5mw")
 STEADY = "wt_gym/NREL5MW-Steady-v1"
@@ -39,8 +38,8 @@ def files(tmp_path):
     """One wind of each format, by suffix; ``small`` does not reach around the rotor."""
     box = TurbulenceBox.kaimal(12.0, 90.0, 126.0, seed=1, duration=40.0, grid=(5, 5), cache=False)
     small = TurbulenceBox.kaimal(12.0, 90.0, 126.0, seed=1, duration=40.0, grid=(3, 3), width=54.0, cache=False)
-    box.to_bts(tmp_path / "a.bts")
-    small.to_bts(tmp_path / "small.bts")
+    write_bts(box, tmp_path / "a.bts")
+    write_bts(small, tmp_path / "small.bts")
     (tmp_path / "a.csv").write_text("time,speed\n0,8\n20,8\n20,12\n")
     (tmp_path / "a.wnd").write_text("0 9 10 0 0 0.2 0 0\n100 9 10 0 0 0.2 0 0\n")
     parts = [str(tmp_path / f"{name}.bin") for name in "uvw"]
@@ -98,7 +97,7 @@ def test_winds_without_a_file_are_described_too():
 @pytest.mark.usefixtures("scripted")
 def test_a_grid_that_does_not_reach_around_the_rotor_is_refused_everywhere(files):
     numbers = "y from -27 to 27 m and z from 63 to 117 m; the rotor needs y from -63 to 63 m and z from 27 to 153 m"
-    box = TurbulentInflow(TurbulenceBox.from_bts(files["small"]))
+    box = TurbulentInflow(read_bts(files["small"]))
     for given in (files["small"], box, [SteadyInflow(8.0), box]):
         with pytest.raises(InflowError, match=numbers):
             gym.make(STEADY, inflow=given)

@@ -7,13 +7,17 @@ import numpy as np
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
+PLAIN = {
+    "control_dt": 0.2, "observation": None, "sensor_washout": None, "residual_washout": None, "relative_reward": False,
+    "starts": None, "termination_penalty": 120.0,
+}  # fmt: skip
+"""Arguments that give a task of load reduction the step, the observation and the reward of environments without one."""
+
 
 def both_checkers_are_content(env_id, **kwargs):
     """The checkers of Gymnasium and stable-baselines3 have nothing to say, not even a warning."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        # An earlier version of an id stays for a while, and is no worse for it.
-        warnings.filterwarnings("ignore", ".*is out of date", DeprecationWarning)
         env = gym.make(env_id, **kwargs)
         check_env(env.unwrapped, skip_render_check=True)
         sb3_check_env(env)

@@ -6,26 +6,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from validation.lifting_surfaces import starting_impulse
-from validation.lifting_tools import (
+from envs_tests.physics.cases.airfoils import (
     INVISCID,
     UniformStream,
     WingFlow,
+    exact_lift,
     far_field_drag,
     flat_planform,
     half_span_edges,
+    oscillating_lift,
     panels_of,
     steady_coefficients,
     steady_wing,
 )
-from validation.unsteady_airfoil import exact_lift, oscillating_lift
+from envs_tests.physics.cases.wings import starting_impulse
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.aerodynamics.wake.sheet_kernels import LAMB, build_wake_sheet
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -338,7 +339,7 @@ def test_refused_options():
         AeroOptions(trailing_edge_wake=False, tip_wake=False)
     with pytest.raises(AerodynamicsError, match="sparse_from is 135; must be None or more than full_rows, 135"):
         AeroOptions(sparse_from=135)
-    with pytest.raises(AerodynamicsError, match="sparse_stride is 6; it must be a multiple of coarse_stride, 4"):
+    with pytest.raises(AerodynamicsError, match="sparse_stride is 6; must be a multiple of coarse_stride, 4"):
         AeroOptions(full_rows=8, coarse_stride=4, sparse_from=20, sparse_stride=6)
     with pytest.raises(AerodynamicsError, match="wind_stride is 0"):
         AeroOptions(wind_stride=0)
@@ -346,29 +347,6 @@ def test_refused_options():
         AeroOptions(wake_rows=0)
     with pytest.raises(AerodynamicsError, match="'pressure'; must be one of joukowski, bernoulli"):
         AeroOptions(load_form="pressure")
-
-
-@pytest.mark.parametrize(
-    ("name", "values", "allowed"),
-    [
-        ("ground_height", (np.nan, np.inf, -1.0, "sea"), "None or finite and >= 0"),
-        ("azimuth_step_deg", (np.nan, np.inf, -3.0, 0.0, None), "positive and finite"),
-        ("viscosity", (np.nan, np.inf, -1.0), "finite and >= 0"),
-        ("tree_tolerance", (np.nan, 0.0), r"\(0, 0.1\)"),
-        ("shed_fraction", (np.nan, 0.0), r"\(0, 1\]"),
-        ("sparse_from", (np.nan, 200.5), "more than full_rows, 135, a whole number"),
-        ("fresh_rows", (np.nan, 1.5, -1), "at least 0, a whole number"),
-        *((name, (np.nan, 2.5, 3.0, 0, "2", None, True), "at least 1, a whole number") for name in (
-            "n_chord", "n_span", "wake_rows", "full_rows", "coarse_stride", "sparse_stride", "sparse_span",
-            "refresh_stride", "wind_stride", "far_wake_rows",
-        )),
-    ],
-)  # fmt: skip
-def test_refused_numbers(name, values, allowed):
-    """The message names the field, the value and what is allowed."""
-    for value in values:
-        with pytest.raises(AerodynamicsError, match=rf"AeroOptions\.{name} is {value!r}; .*{allowed}"):
-            AeroOptions(**{name: value})
 
 
 def test_strides_follow_the_step():
@@ -493,13 +471,8 @@ def test_refused_planforms():
     ("field", "value", "message"),
     [
         ("alpha0_lattice", np.full(4, np.nan), "alpha0_lattice is not finite"),
-        ("alpha0_lattice", np.zeros(7), r"alpha0_lattice has shape \(7,\); must be \(4,\)"),
         ("lift_slope", np.zeros(4), "lift_slope must be positive"),
-        ("lift_slope", -np.ones(4), "lift_slope must be positive"),
-        ("moment0_lattice", np.full(4, np.inf), "moment0_lattice is not finite"),
         ("slope_angle", np.zeros((4, 1)), r"slope_angle has shape \(4, 1\)"),
-        ("chord", np.full(4, np.inf), "chord is not finite"),
-        ("chord", np.full(4, np.nan), "chord is not finite"),
         ("edge_chord", np.ones(4), r"edge_chord has shape \(4,\); must be \(5,\)"),
         ("edge_chord", -np.ones(5), "edge chords must be at least 0"),
         ("span_edges", np.arange(4.0), r"span_edges has shape \(4,\); must be \(5,\)"),

@@ -1,14 +1,26 @@
-"""Source panels, closed bodies, their coupling with a lattice, and the tower as a cylinder."""
+"""Closed bodies of source panels, their coupling with a lattice, their forces, and the tower as a cylinder."""
 
 import numpy as np
 import pytest
 
-from validation.bodies import box_body
+from envs_tests.physics.cases.airfoils import UniformStream
+from envs_tests.physics.cases.bodies import box_body
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.bodies import body_kernels
-from wt_gym.aerodynamics.bodies.body_set import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
-from wt_gym.aerodynamics.bodies.tower_flow import TowerFlow
+from wt_gym.aerodynamics.bodies.body_set import (
+    BodySet,
+    BodySurface,
+    TowerFlow,
+    convective_force,
+    ellipsoid_body,
+    impulse,
+    revolution_body,
+    tower_body,
+)
 from wt_gym.aerodynamics.bodies.tower_kernels import flag_wake_segments
+
+# ---- bodies and towers ----------------------------------------------------------------------------------------------
+# Source panels, closed bodies, their coupling with a lattice, and the tower as a cylinder.
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -64,14 +76,6 @@ def test_normal_velocity_jumps_by_the_strength(sphere):
 # ---- flows ----
 
 
-def test_sphere_in_a_stream(sphere):
-    s = sphere.strengths(uniform(sphere, [0, 0, 2.0]))
-    assert abs(s @ sphere.area) < 1e-12
-    points = np.array([[0, 0, -1.5], [1.5, 0, 0], [0, 3.0, 0]])
-    exact = 2.0 * np.array([-1 / 1.5**3, 0.5 / 1.5**3, 0.5 / 27])
-    np.testing.assert_allclose(sphere.velocity(points, s)[:, 2], exact, rtol=0.012)
-
-
 def test_moving_body_is_a_body_in_a_stream(sphere):
     body = BodySet(sphere.bodies)
     assert not body.place([np.eye(3)], [[0, 0, 0]], [[0, 0, -2.0]])
@@ -92,20 +96,6 @@ def test_turned_body_in_a_turned_stream():
     after = one.velocity(point @ turn.T + shift, one.strengths(uniform(one, turn @ stream)))
     np.testing.assert_allclose(after, before @ turn.T, atol=1e-10)
     assert not one.place([turn], [shift])
-
-
-def test_tower_matches_the_cylinder_at_mid_height(scene):
-    s = scene.strengths(uniform(scene, [8.0, 0, 0]))
-    points = np.array([[-5.0, 0, 40.0], [0.5, 6.0, 35.0], [-4.0, 4.0, 45.0]])
-    wind = np.tile([8.0, 0, 0], (3, 1))
-    TowerFlow((0, 0, 0), [0, 87.6], [6.0, 3.87]).add(points, wind, np.array([0, 0, 87.6]))
-    # the formula knows no vertical velocity along the taper
-    np.testing.assert_allclose(scene.velocity(points, s)[:, :2], wind[:, :2] - [8.0, 0], atol=0.05)
-
-
-def test_nothing_flows_through_the_ground(scene):
-    s = scene.strengths(uniform(scene, [8.0, 3.0, 0]))
-    assert np.abs(scene.velocity([[5.0, 2.0, 0.0], [-4.0, 0.0, 0.0]], s)[:, 2]).max() < 1e-12
 
 
 def test_float32_targets(scene):
@@ -166,18 +156,13 @@ def wing_nodes(lattice, height, incidence):
     return np.stack([c * y + s * x, 2.0 - z, c * x - s * y + height], axis=-1)[None]
 
 
-class Uniform:
-    def velocity(self, points, time):
-        return np.broadcast_to([10.0, 0.0, 0.0], np.shape(points))
-
-
 def fly(lattice, steps, height=0.0):
     nodes, state = wing_nodes(lattice, height, np.radians(5.0)), lattice.new_state()
     wind = np.tile([10.0, 0, 0], (*nodes.shape[:3], 1))
     lattice.body_wind[:] = [10.0, 0, 0]
     lattice.reset(state, nodes, 0 * nodes, wind)
     for k in range(steps):
-        lattice.convect_wake(state, Uniform(), 0.05 * k, 0.05)
+        lattice.convect_wake(state, UniformStream([10.0, 0.0, 0.0]), 0.05 * k, 0.05)
         lattice.solve(state, nodes, 0 * nodes, wind, 0.05)
         lattice.accept(state)
     return state
@@ -340,3 +325,81 @@ def test_wake_segments_near_the_tower_are_marked():
     assert np.sum(flags != expected) <= unsure
     assert np.sum(expected > 0) > 30
     assert count == np.sum(flags & 1) + np.sum(flags >> 1)
+
+
+# ---- forces ---------------------------------------------------------------------------------------------------------
+# Force of the air on closed bodies, and bodies that move with the tower.
+
+DENSITY = 1.2
+STILL = np.zeros(3)
+
+
+@pytest.fixture(scope="module")
+def fine_sphere():
+    return BodySet([ellipsoid_body((1.0, 1.0, 1.0), 24, 24)])
+
+
+def solved(bodies, flow, velocity=STILL):
+    """Fluxes (n,) of a body in a flow (n, 3) that moves with a velocity, arms from the origin (n, 3)."""
+    n = len(bodies.names)
+    bodies.place(np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3)), np.tile(velocity, (n, 1)))
+    return bodies.strengths(flow) * bodies.area, bodies.control_points
+
+
+def test_no_force_in_a_steady_stream(fine_sphere):
+    """D'Alembert's paradox."""
+    stream = np.array([7.0, -3.0, 2.0])
+    flux, _ = solved(fine_sphere, uniform(fine_sphere, stream))
+    force = convective_force(flux, uniform(fine_sphere, stream), STILL, DENSITY)
+    assert np.linalg.norm(force) < 1e-9 * DENSITY * np.pi * stream @ stream
+
+
+@pytest.mark.parametrize(("stream", "velocity", "expected"), [(1.0, 0.0, 1.5), (0.0, 1.0, -0.5), (1.0, 1.0, 1.0)])
+def test_impulse_of_a_sphere(fine_sphere, stream, velocity, expected):
+    """F = dP/dt: 3/2 ρV dU/dt in a stream, −1/2 ρV du/dt of its own, ρV d/dt moving with the fluid (Lamb, art. 92)."""
+    u = np.array([velocity, 0.0, 0.0])
+    flux, arm = solved(fine_sphere, uniform(fine_sphere, (stream, 0.0, 0.0)), u)
+    volume = 4.0 / 3.0 * np.pi
+    momentum = impulse(flux, arm, volume, u, DENSITY)
+    np.testing.assert_allclose(momentum, [expected * DENSITY * volume, 0.0, 0.0], atol=0.01 * DENSITY * volume)
+
+
+@pytest.mark.parametrize("distance", [1.8, 3.0])
+def test_a_source_attracts_a_sphere(fine_sphere, distance):
+    """F = ρ m² a³ / (4 π d (d² − a²)²) towards the source (Milne-Thomson, Theoretical Hydrodynamics, 16.41)."""
+    strength, place = 5.0, np.array([0.0, 0.0, distance])
+    arm = fine_sphere.control_points - place
+    flow = strength * arm / (4.0 * np.pi * np.linalg.norm(arm, axis=1)[:, None] ** 3)
+    flux, _ = solved(fine_sphere, flow)
+    force = convective_force(flux, flow, STILL, DENSITY)
+    exact = DENSITY * strength**2 / (4.0 * np.pi * distance * (distance**2 - 1.0) ** 2)
+    np.testing.assert_allclose(force, [0.0, 0.0, exact], atol=0.02 * exact)
+
+
+def test_strip_of_a_long_cylinder():
+    """At mid-height of a slender tower 2 ρ S dU/dt per length in an accelerating stream, −ρ S du/dt of its own."""
+    radius, height, along = 1.0, 60.0, 60
+    tower = tower_body([0.0, height], [2.0, 2.0], STILL, (0.0, 0.0, height), 24, along, ground=0.0)
+    bodies = BodySet([tower], 0.0)
+    middle = np.abs(bodies.arrays.center[2] - 20.5) < 0.5
+    section = np.pi * radius**2 * height / along
+    for stream, velocity, expected in ((1.0, 0.0, 2.0), (0.0, 1.0, -1.0)):
+        u = np.array([velocity, 0.0, 0.0])
+        flux, arm = solved(bodies, uniform(bodies, (stream, 0.0, 0.0)), u)
+        momentum = impulse(flux[middle], arm[middle], section, u, DENSITY)
+        assert momentum[0] == pytest.approx(expected * DENSITY * section, rel=0.02)
+
+
+def test_a_bent_body_is_the_body_built_there():
+    """Vertices that are shifted and turned as a whole give the panels, influences and axis of a body placed there."""
+    ends = STILL, np.array([0.0, 0.0, 30.0])
+    straight = tower_body([0.0, 30.0], [4.0, 2.0], *ends, 10, 6)
+    one, two = BodySet([straight]), BodySet([straight])
+    c, s = np.cos(0.1), np.sin(0.1)
+    turn, shift = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]), np.array([1.0, -2.0, 3.0])
+    one.place(turn[None], shift[None])
+    two.bend(0, straight.vertices @ turn.T + shift)
+    assert two.place(np.eye(3)[None], STILL[None])
+    assert not two.place(np.eye(3)[None], STILL[None])
+    for name in ("corners", "center", "normal", "far", "axis", "inverse"):
+        np.testing.assert_allclose(getattr(two.arrays, name), getattr(one.arrays, name), atol=1e-9)

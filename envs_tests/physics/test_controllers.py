@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from wt_gym.control import Demand
-from wt_gym.control.coleman import from_harmonic, to_harmonic
-from wt_gym.control.controllers import IndividualPitch, WindEstimator, make_controller
-from wt_gym.experiment.comparison import Case, inflow_of, run_cases
+from wt_gym.control.controllers import IndividualPitch, make_controller
+from wt_gym.control.sensors import from_harmonic, to_harmonic
+from wt_gym.experiment.comparison import Case, run_cases
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
@@ -78,23 +78,3 @@ def test_fore_aft_damper_adds_the_damping_of_its_rule(turbine):
             rows.append(signals["nacelle_acceleration_fore_aft"])
         left[name] = np.std(rows[60:])
     assert left["fore_aft_damper"] < 0.8 * left["discon"]
-
-
-@pytest.mark.parametrize("wind", [8.0, 16.0])
-def test_estimated_wind_is_the_rotor_effective_wind(turbine, wind):
-    inflow = inflow_of(turbine, Case(wind, SEED))
-    simulator = Simulator(turbine, inflow)
-    estimator, found = WindEstimator.of_turbine(turbine), []
-
-    def estimate(signals):
-        if not found:
-            estimator.start(signals)
-        found.append(estimator.update(signals, 0.1))
-
-    run_controller(simulator, make_controller("discon", turbine), 120.0, on_step=estimate)
-    times = 0.1 * np.arange(1, len(found) + 1)
-    truth = inflow.rotor_effective_speed(times[200:], turbine.rotor_diameter)
-    error = np.array(found[200:]) - truth
-    assert np.corrcoef(found[200:], truth)[0, 1] > 0.9
-    assert np.sqrt(np.mean(error**2)) < 0.06 * wind
-    assert math.isclose(np.mean(error), 0.0, abs_tol=0.03 * wind)

@@ -6,19 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from validation.dynamic_stall import (
+from envs_tests.physics.cases.airfoils import UniformStream, WingFlow, flat_planform, half_span_edges
+from envs_tests.physics.cases.stall import (
     Pitching,
-    StallingSection,
-    attached_response,
-    landmarks,
     lattice_loop,
-    oye_loop,
     s809_polar,
 )
-from validation.lifting_tools import UniformStream, WingFlow, flat_planform, half_span_edges
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions
+from wt_gym.aerodynamics.lattice.planform import separation_tables
 from wt_gym.aerodynamics.lattice.section_kernels import ATTACHED, DRAG, POINT, SEPARATED
-from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.lattice.separation_kernels import advance_separation, separation_drag
 from wt_gym.aerodynamics.options import TRAINING
 from wt_gym.base.attached_flow import attached_lift
@@ -141,29 +137,6 @@ def test_drag_of_the_separated_flow():
     assert separation_drag.py_func(table, -1.0, stalled) == 0.0
     partly = np.radians(14.0)
     assert separation_drag.py_func(table, np.interp(partly, ALPHA, point), partly) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_attached_flow_stays_theodorsens():
-    """The lattice has the wake's lag already: the model must not add another."""
-    ratio, deficiency = attached_response(0.1)
-    assert abs(deficiency) == pytest.approx(0.850, abs=0.001)
-    assert np.degrees(np.angle(deficiency)) == pytest.approx(-11.7, abs=0.05)
-    assert abs(ratio - 1.0) < 1e-3
-
-
-@pytest.mark.parametrize(("mean", "k", "published"), [(8.0, 0.05, 1.24), (14.0, 0.077, 1.38)])
-def test_loops_of_the_s809(mean, k, published):
-    polar = s809_polar()
-    motion = Pitching(np.radians(mean), np.radians(10.0), k)
-    section = StallingSection(polar)
-    assert landmarks(oye_loop(StallingSection(polar, monotone=False), motion)[1])[0] == pytest.approx(
-        published, abs=0.01
-    )
-    expected = landmarks(oye_loop(section, motion, shed_wake=True)[1])
-    obtained = landmarks(lattice_loop(motion, polar, dynamic_stall="oye")[1])
-    np.testing.assert_allclose(obtained, expected, atol=0.04)
-    assert obtained[1] > obtained[2]  # clockwise in deep stall
-    assert obtained[0] > landmarks(lattice_loop(motion, polar)[1])[0] + 0.1
 
 
 def stalled_wing(**options):

@@ -7,7 +7,7 @@ import pytest
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import BladeIce, load_turbine
 from wt_gym.turbines.blade import LIFT_LOSS, MORE_DRAG, ice_mass, iced_structure, spread
 from wt_gym.turbines.variants import mirrored

@@ -11,7 +11,7 @@ from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, span_di
 from wt_gym.base.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.channels import channel_table, parities
-from wt_gym.simulation.model.turbine_structure import averaged_over_yaw, rotor_axial_inertia
+from wt_gym.simulation.turbine_structure import averaged_over_yaw, rotor_axial_inertia
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import mirrored
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
@@ -20,14 +20,19 @@ GLOBAL = ("wind_x", "wind_y", "yaw", "tower_top_x", "tower_top_y", "tower_base_m
 NAMES = [channel.name for channel in channel_table(3)]
 
 
-def course(simulator, inflow, angle, seconds=4.0):
-    """Signals (n, n_channels) of a nacelle that yaws in a sheared wind from its side, all turned by an angle."""
-    simulator.inflow = TurningInflow.by(inflow, angle)
-    rows = [simulator.reset(1.1, pitch=0.1, azimuth=0.4, yaw=angle + 0.1).values]
+def played(simulator, side=1.0, seconds=4.0, yaw=0.1, angle=0.0):
+    """Signals (n, n_channels) of a nacelle that yaws to the side of the sign, its heading shifted by an angle."""
+    rows = [simulator.reset(1.1, pitch=0.1, azimuth=0.4, yaw=angle + side * yaw).values]
     for k in range(round(seconds / 0.2)):
         pitch = 0.1 + 0.02 * np.sin(0.5 * k + np.arange(3))
-        rows.append(simulator.advance(0.2, pitch, 0.004, 40e3).values)
+        rows.append(simulator.advance(0.2, pitch, side * 0.004, 40e3).values)
     return np.array(rows)
+
+
+def course(simulator, inflow, angle, seconds=4.0):
+    """Signals in a sheared wind from the side, all turned by an angle."""
+    simulator.inflow = TurningInflow.by(inflow, angle)
+    return played(simulator, 1.0, seconds, angle=angle)
 
 
 def assert_turned(first, second, angle, tolerance):
@@ -208,15 +213,6 @@ def lopsided(turbine):
     nacelle = turbine.nacelle
     inertia = nacelle.inertia + 0.1 * nacelle.inertia[0, 0] * (1.0 - np.eye(3))
     return replace(turbine, nacelle=replace(nacelle, cm=nacelle.cm + np.array([0.0, 0.8, 0.0]), inertia=inertia))
-
-
-def played(simulator, side, seconds=4.0, yaw=0.1):
-    """Signals (n, n_channels) of a nacelle that yaws, with what it does to the side of the sign."""
-    rows = [simulator.reset(1.1, pitch=0.1, azimuth=0.4, yaw=side * yaw).values]
-    for k in range(round(seconds / 0.2)):
-        pitch = 0.1 + 0.02 * np.sin(0.5 * k + np.arange(3))
-        rows.append(simulator.advance(0.2, pitch, side * 0.004, 40e3).values)
-    return np.array(rows)
 
 
 def assert_mirrored(first, second, tolerance=0.0, signs=SIGNS):

@@ -8,12 +8,11 @@ import pytest
 
 from wt_gym.analysis.scene import cut_at_sea_level
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
-from wt_gym.control.controllers.rotor_rules import tower_top
+from wt_gym.control.design import tower_top
 from wt_gym.simulation import Fidelity, Simulator
-from wt_gym.simulation.model.turbine_structure import tower_beam
-from wt_gym.structure.beam import Beam, BeamSections
+from wt_gym.simulation.turbine_structure import tower_beam
+from wt_gym.structure.beam import Beam, BeamSections, pile_head_stiffness
 from wt_gym.structure.flexible_body import FlexibleBody
-from wt_gym.structure.foundation import pile_head_stiffness
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import BeamStations, Support, load_turbine
 from wt_gym.wind import SteadyInflow

@@ -1,30 +1,28 @@
 """Local observer frames against exact results, the floating-frame tree and the published example."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from validation import observer_frame as example
-from validation import observer_frame_follower as follower
-from validation import observer_frame_updates as updates
-from validation import observer_second_order, three_formulations
-from validation.exact_rod import exact_rod
+from envs_tests.physics.cases import observer_frame as example
+from envs_tests.physics.cases import rotating_beams
+from envs_tests.physics.cases.beams import exact_rod
+from envs_tests.physics.cases.tools import upward_crossings
 from wt_gym.base.constants import GRAVITY
+from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
-from wt_gym.multibody.observer_frame.frame import (
+from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
+from wt_gym.multibody.observer_frame.observer_frame_body import (
     DISPLACEMENTS,
     REFERENCE_CONDITIONS,
     ObserverFrameError,
-    ObserverFrameIntegrator,
-    ObserverFrameSystem,
     Substructure,
 )
 from wt_gym.multibody.observer_frame.observer_frame_from_system import mass_points, observer_frame_from_system
-from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections, skew
-from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, particle_fields
+from wt_gym.structure.flexible_body import FlexibleBody, without_second_order
 from wt_gym.structure.modes import clamped_modes
 
 LENGTH, EI, MASS = 10.0, 1.4e4, 1.2
@@ -218,12 +216,10 @@ def test_consistent_load_is_the_beam_column():
 
 def test_couple_of_eq_4_has_a_largest_load():
     """At rest M = F u θ is quadratic in the couple; the time stepping finds its smaller root, and none beyond."""
-    limit = follower.largest_printed_load()
+    limit = example.largest_printed_load()
     assert limit == pytest.approx(60.6e3, rel=1e-3)
-    assert follower.static_tip(0.9 * limit, "deformed") == pytest.approx(
-        follower.printed_balance(0.9 * limit), rel=1e-3
-    )
-    assert np.isnan(follower.static_tip(1.03 * limit, "deformed"))
+    assert example.static_tip(0.9 * limit, "deformed") == pytest.approx(example.printed_balance(0.9 * limit), rel=1e-3)
+    assert np.isnan(example.static_tip(1.03 * limit, "deformed"))
 
 
 def test_exact_follower_force_by_quadrature_and_by_shooting():
@@ -232,7 +228,7 @@ def test_exact_follower_force_by_quadrature_and_by_shooting():
     for _ in range(4):
         _, position, frame = exact_rod(example.blade_sections(), tip_force=force * direction, n=100, load_steps=1)
         direction = frame[-1, :, 0]
-    assert follower.exact_follower(force) == pytest.approx(position[-1, 0], rel=2e-3)
+    assert example.exact_follower(force) == pytest.approx(position[-1, 0], rel=2e-3)
 
 
 def test_rigid_pendulum_period():
@@ -244,22 +240,17 @@ def test_rigid_pendulum_period():
     for _ in range(1600):
         run.advance()
         heights.append(run.position("beam", "tip")[0])
-    x = np.array(heights)
-    down = np.flatnonzero((x[:-1] > 0) & (x[1:] <= 0))
-    crossing = 0.01 * (down + x[down] / (x[down] - x[down + 1]))
     expected = 4.0 * 1.8540746773013719 * np.sqrt(2.0 * LENGTH / 3.0 / GRAVITY)
-    assert np.diff(crossing)[0] == pytest.approx(expected, rel=1e-4)
+    assert np.diff(upward_crossings(-np.array(heights), 0.01))[0] == pytest.approx(expected, rel=1e-4)
 
 
 def swinging_tree(time, displacement="linear"):
     """Swinging beam in the floating-frame tree: hinge angle, modal coordinates."""
     beam = slender_beam()
     basis = clamped_modes(beam, 4).shape
-    full, fields = FlexibleBody.from_beam("beam", beam, basis), particle_fields(beam, basis)
-    none = np.zeros((len(beam.particle_mass), 3, 4, 4))
-    plain = SimpleNamespace(position=fields.position, linear=fields.linear, second=none)
-    inertia = BodyInertia.from_particles(beam.particle_mass, plain) if displacement == "linear" else full.inertia
-    body = FlexibleBody("beam", inertia, full.stiffness, full.damping, full.markers, full.coordinate_names)
+    body = FlexibleBody.from_beam("beam", beam, basis)
+    if displacement == "linear":
+        body = without_second_order(body, beam, basis)
     system = MultibodySystem()
     system.add(body, Joint("revolute", (0.0, 1.0, 0.0), name="swing"))
     system.build()
@@ -371,18 +362,6 @@ def test_update_on_demand_follows_the_update_every_step():
         np.testing.assert_allclose(other_q, q, atol=0.01 * np.abs(q).max())
 
 
-def test_spinning_beam_has_no_geometric_stiffness():
-    """Flap keeps ω₀ and lag falls to √(ω₀² − Ω²), away from the true rotating beam."""
-    assert all(check.passed for check in example.spinning_frequencies().checks)
-
-
-@pytest.mark.parametrize(("plane", "eta"), [("flap", 4.0), ("lag", 4.0), ("flap", 8.0)])
-def test_second_order_displacements_give_the_rotating_beam(plane, eta):
-    """Geometric stiffness of the centrifugal force, against the table of exact frequencies."""
-    known = observer_second_order.TABLE[eta][plane == "lag"]
-    assert observer_second_order.rotating_frequency(eta, plane) == pytest.approx(known, rel=2e-3)
-
-
 def test_weight_softens_a_column_with_second_order_displacements():
     """(ω/ω₀)² = 1 − P/P_E to a good approximation: the load of a heavy mass on a clamped column, P_E = π² EI/(2L)².
 
@@ -407,10 +386,7 @@ def test_weight_softens_a_column_with_second_order_displacements():
     for _ in range(550):
         run.advance()
         out.append(run.position("top", "origin")[0])
-    x = np.array(out)
-    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-    crossing = step * (up + x[up] / (x[up] - x[up + 1]))
-    assert 2.0 * np.pi / np.diff(crossing)[0] == pytest.approx(omega, rel=3e-3)
+    assert 2.0 * np.pi / np.diff(upward_crossings(out, step))[0] == pytest.approx(omega, rel=3e-3)
 
 
 def test_shaft_about_its_own_axis_is_updated_on_demand():
@@ -428,36 +404,12 @@ def test_shaft_about_its_own_axis_is_updated_on_demand():
     assert turned == pytest.approx(0.5 * 0.05 / inertia * 16.0, rel=0.01)
 
 
-def test_frame_updates_as_printed():
-    """16 modes at 1.6 rad/s and finite elements at 0.2 rad/s keep the momentum; the latter diverge at 1.6 rad/s."""
-    assert updates.follow(example.SPEED, 16, "printed")[0] < 1e-4
-    assert updates.follow(updates.SLOW, None, "printed")[0] < 1e-3
-    assert updates.follow(example.SPEED, None, "printed")[0] == np.inf
-
-
 def test_published_follower_load_example():
     """At u/L ≈ 0.15 three and five modes fall short, ten do not; the reference is converged in its step."""
-    tip = {n: follower.tip_after_loading(follower.LOAD, "consistent", n_modes=n)[0] for n in (None, 3, 5, 10)}
+    tip = {n: example.tip_after_loading(example.LOAD, "consistent", n_modes=n)[0] for n in (None, 3, 5, 10)}
     assert tip[None] == pytest.approx(0.15, rel=0.01)
     assert tip[3] < tip[5] < 0.95 * tip[None] < tip[10] < 1.05 * tip[None]
-    assert follower.halved(follower.LOAD, "consistent").passed
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "case",
-    [
-        example.spin_up,
-        follower.follower,
-        follower.printed,
-        follower.references,
-        updates.printed_updates,
-        updates.thresholds,
-        three_formulations.one_rotor,
-    ],
-)
-def test_published_example(case):
-    assert [check.quantity for check in case().checks if not check.passed] == []
+    assert example.halved(example.LOAD, "consistent").passed
 
 
 class TestFromSystem:
@@ -469,16 +421,6 @@ class TestFromSystem:
         arm = np.einsum("p,pij->ij", mass, -skew(position) @ skew(position))
         np.testing.assert_allclose(mass @ position, body.inertia.c0, atol=1e-12)
         np.testing.assert_allclose(arm, body.inertia.j0, atol=1e-12)
-
-    @pytest.mark.parametrize("form", ["embedded", "constrained"])
-    def test_frequencies_of_the_rotor_at_rest(self, form):
-        embedded = three_formulations.build(push=0.0)
-        known = three_formulations.frequencies(embedded, embedded.initial_state())
-        system = three_formulations.build(form, push=0.0)
-        y = system.initial_state()
-        system.place_free_bodies(y)
-        observed = observer_frame_from_system(system, three_formulations.rotor_beams(), y)
-        np.testing.assert_allclose(three_formulations.observed_frequencies(observed)[1:], known[1:], rtol=1e-8)
 
     def test_spherical_pendulum_on_a_turned_joint_keeps_energy_and_swings_like_the_tree(self):
         tree = MultibodySystem()
@@ -495,7 +437,7 @@ class TestFromSystem:
         known.start(y)
         run.advance(2000)
         known.advance(1000)
-        position, rotation = three_formulations.body_pose(tree, known.state, 1)
+        position, rotation = rotating_beams.body_pose(tree, known.state, 1)
         np.testing.assert_allclose(run.position("other", "end"), position + rotation @ (0.0, 0.0, -1.0), atol=2e-5)
 
     def test_refusals(self):

@@ -16,9 +16,9 @@ from wt_gym.bridges.openfast import VARIABLE, OpenFASTSimulator
 from wt_gym.bridges.openfast.model import tower_sections
 from wt_gym.commands.crosscheck import main as crosscheck
 from wt_gym.control import Demand
-from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.control.controllers import make_controller
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
+from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import parities
 from wt_gym.turbines import load_turbine

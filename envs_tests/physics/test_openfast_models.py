@@ -12,7 +12,7 @@ import pytest
 
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import Recorder, Simulator
-from wt_gym.simulation.linear.campbell import campbell
+from wt_gym.simulation.campbell import campbell
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import load_turbine

@@ -7,20 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from validation.linearization import (
-    TOLERANCES,
-    free_vibration,
+from envs_tests.physics.cases.tools import mass_matrix, rate_jacobian
+from envs_tests.physics.cases.turbine_modes import (
     rigid_support,
-    step_responses,
     weightless_simulator,
     whirl_frequencies,
 )
-from validation.tree_tools import mass_matrix, rate_jacobian
 from wt_gym.base.errors import SimulationError
+from wt_gym.commands.campbell import parse_arguments
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.linear.campbell import campbell
-from wt_gym.simulation.linear.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
-from wt_gym.simulation.linear.linearization import linearize
+from wt_gym.simulation.campbell import campbell
+from wt_gym.simulation.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
+from wt_gym.simulation.linearization import linearize
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow
 
@@ -109,25 +107,11 @@ def test_parked_frequencies_are_those_of_the_mass_damping_and_stiffness_matrices
     assert {mode.name for mode in model.modes()} >= {"flap_1 yaw", "flap_1 tilt", "fore_aft_1", "shaft_torsion"}
 
 
-@pytest.mark.parametrize("speed", [0.0, RATED])
-def test_linear_model_reproduces_small_free_vibrations(simulator, weightless, speed):
-    exact, linear = free_vibration(weightless if speed else simulator, speed, amplitude=1e-4, duration=2.0)
-    n = simulator.structure.system.n_u
-    error = np.abs(exact - linear)[:, :n].max(axis=0) / np.abs(exact)[:, :n].max(axis=0)
-    assert error.max() < 1e-4
-
-
-def test_whirl_on_a_rigid_support():
-    """Regressive and progressive lie one rotor speed from the collective mode, which stiffens with the speed."""
+def test_rotation_stiffens_the_blades():
+    """Southwell: f² = f0² + c (Ω/2π)², 1.5 < c < 2 for the first flap mode of a tapered blade clamped near the axis."""
     rotor = weightless_simulator(rigid_support(load_turbine("nrel_5mw")))
-    still, turning = (whirl_frequencies(rotor, speed) for speed in (0.0, RATED))
-    shift = RATED / (2.0 * np.pi)
-    for base in ("flap_1", "edge_1"):
-        assert turning[f"{base} regressive"] == pytest.approx(turning[f"{base} collective"] - shift, rel=1e-4)
-        assert turning[f"{base} progressive"] == pytest.approx(turning[f"{base} collective"] + shift, rel=1e-4)
-    # Southwell: f² = f0² + c (Ω/2π)², 1.5 < c < 2 for the first flap mode of a tapered blade clamped near the axis
-    southwell = (turning["flap_1 collective"] ** 2 - still["flap_1 collective"] ** 2) / shift**2
-    assert 1.5 < southwell < 2.0
+    still, turning = (whirl_frequencies(rotor, speed)["flap_1 collective"] for speed in (0.0, RATED))
+    assert 1.5 < (turning**2 - still**2) / (RATED / (2.0 * np.pi)) ** 2 < 2.0
 
 
 def test_modes_of_the_turbine_in_operation(operating):
@@ -169,14 +153,6 @@ def test_trim_is_the_operating_point_of_the_simulation(operating, simulator):
     p = point.signals
     trimmed = [p.aero_thrust, p.generator_torque, p.tip_out_of_plane.mean(), p.tower_top_fore_aft]
     np.testing.assert_allclose(trimmed, np.mean(means, axis=0), rtol=0.05)
-
-
-def test_linear_model_forecasts_small_steps():
-    """Steps of pitch, torque and wind at 18 m/s over 6 s; tolerances as for the validation case."""
-    for label, _, pairs in step_responses(settle=40.0):
-        for name, (exact, linear) in pairs.items():
-            error = np.abs(exact - linear).max() / np.abs(exact).max()
-            assert error < TOLERANCES[name], (label, name)
 
 
 def test_present_state_can_be_linearized_and_stays(simulator):
@@ -309,3 +285,21 @@ def test_campbell_over_wind_follows_the_schedule(simulator):
         campbell(simulator, wind_speeds=[8.0])
     with pytest.raises(SimulationError, match="either"):
         campbell(simulator)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--out", "a.xyz"], "endings of figures are"),
+        (["--wind-speed", "0"], "--wind-speed 0.0: allowed are finite speeds above 0"),
+        (["--rotor-speed", "-1"], "--rotor-speed -1.0"),
+        (["--wind-speed", "8", "--pitch", "3"], "--pitch goes with --rotor-speed"),
+        (["--azimuths", "0"], "at least one"),
+        (["--fidelity", "gebhardt"], "linear models need the embedded formulation"),
+        (["--fidelity", "nope"], "--fidelity must be one of training"),
+    ],
+)
+def test_what_the_command_refuses_before_it_computes(capsys, arguments, message):
+    with pytest.raises(SystemExit, match="2"):
+        parse_arguments(arguments)
+    assert message in capsys.readouterr().err

@@ -14,7 +14,7 @@ import pytest
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.compiled import way_to_compile
 from wt_gym.simulation import Fidelity, Simulator, SimulatorState
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 WIND = SteadyInflow(10.0, 90.0, shear_exponent=0.2)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from wt_gym.control import Demand
-from wt_gym.control.bladed.library import Library
+from wt_gym.control.bladed.controller import Library
 from wt_gym.control.bladed.records import new_swap, write_demand, write_lidar, write_readings, write_turbine
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 
 INTERVAL = 0.1
 """Step of exported controllers [s]."""

@@ -3,7 +3,7 @@
 import math
 
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.control.rotor_table import rotor_table
+from wt_gym.control.rotor import rotor_table
 
 
 class SimpleRotor:

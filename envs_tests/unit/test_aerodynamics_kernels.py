@@ -7,16 +7,15 @@ from scipy.special import ellipk
 from wt_gym.aerodynamics import AerodynamicsError, tower_perturbation
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.induction.tree_induction import RingWork
 from wt_gym.aerodynamics.lattice import section_kernels
 from wt_gym.aerodynamics.lattice.bound_kernels import bound_influence, invert
-from wt_gym.aerodynamics.lattice.edges import SheddingEdge, bound_segments
-from wt_gym.aerodynamics.lattice.ring_work import RingWork
+from wt_gym.aerodynamics.lattice.planform import SheddingEdge, bound_segments, separation_tables
 from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state, settle_strips
-from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.lattice.separation_kernels import STATIC
 from wt_gym.aerodynamics.options import AeroOptions
 from wt_gym.aerodynamics.state import AeroArrays
-from wt_gym.aerodynamics.wake.far_wake import cylinder_table, ring_velocity
+from wt_gym.aerodynamics.vortex_lattice import cylinder_table, ring_velocity
 from wt_gym.aerodynamics.wake.far_wake_kernels import (
     ACTIVE,
     AXIS,

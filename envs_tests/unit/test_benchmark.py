@@ -8,14 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from load_travel_front import (
+    FAMILIES,
+    distance_table,
+    draw_front,
+    front_distance,
+    front_entries,
+    front_rows,
+    write_csv,
+)
 
+from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import (
     INTERFACE,
     BenchmarkTask,
     Reference,
     ResultFolder,
-    confirm_reference,
     into_page,
     leaderboard,
     load_task,
@@ -27,22 +36,12 @@ from wt_gym.benchmark import (
     to_markdown,
     write_reference,
 )
-from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
 from wt_gym.control.bladed import rosco_library
-from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import benchmark_runs
 from wt_gym.experiment.benchmark_runs import definition_of, entries_of, entry_of, jobs_of
-from wt_gym.experiment.front import (
-    FAMILIES,
-    distance_table,
-    draw_front,
-    front_distance,
-    front_entries,
-    front_rows,
-    write_csv,
-)
 from wt_gym.experiment.names import LEVELS, controller_of
 
 TASK = load_task("load-reduction-15")
@@ -155,45 +154,6 @@ def test_scores_fall_with_every_load_and_every_use(reference, metric):
 def test_scores_rise_with_power(reference):
     found = [score(TASK, results(TASK, {"captured_power": x}), reference).score for x in (0.996, 1.0, 1.01)]
     assert np.all(np.diff(found) > 0.0)
-
-
-PRESENT = PRINT | {"code": "new"}
-BETTER = {"blade_flap_del": 0.8}
-
-
-def test_reference_numbers_take_the_fingerprint_of_sources_that_change_no_number(reference):
-    best = results(TASK, BETTER, fingerprint=PRESENT)
-    rounded = results(TASK, {"blade_flap_del": 1.0 + 8e-6}, fingerprint=PRESENT)  # by another kind of processor
-    confirmed = confirm_reference(TASK, reference, rounded, best, PRESENT)
-    assert confirmed.fingerprint == PRESENT
-    assert confirmed.baseline == reference.baseline
-    assert confirmed.best_improvement == reference.best_improvement
-    assert confirmed.equal == [PRINT]
-    again = confirm_reference(TASK, confirmed, rounded, best, PRESENT)
-    assert again.equal == [PRINT]
-
-
-def test_results_of_sources_that_gave_the_same_numbers_keep_their_score(reference):
-    made = results(TASK, BETTER)
-    before = score(TASK, made, reference)
-    confirmed = dataclasses.replace(reference, fingerprint=PRESENT, equal=[PRINT])
-    assert score(TASK, made, confirmed) == before
-    other = results(TASK, BETTER, fingerprint=PRINT | {"fidelity": "x"})
-    with pytest.raises(BenchmarkError, match="another"):
-        score(TASK, other, confirmed)
-
-
-@pytest.mark.parametrize(
-    ("base", "best", "message"),
-    [
-        ({"blade_flap_del": 1.0 + 1e-4}, BETTER, "another blade_flap_del in"),
-        ({}, {"blade_flap_del": 0.8005}, "better improves"),
-    ],
-)
-def test_reference_numbers_that_have_changed_are_not_confirmed(reference, base, best, message):
-    runs = [results(TASK, changes, fingerprint=PRESENT) for changes in (base, best)]
-    with pytest.raises(BenchmarkError, match=message):
-        confirm_reference(TASK, reference, *runs, PRESENT)
 
 
 def test_scores_are_clipped(reference):
@@ -489,38 +449,26 @@ def test_runs_that_will_have_no_score_are_warned_of_before_the_first(sweeps, mon
         "warning: runs of load-reduction-15 will have no score: the reference numbers were made with another code, "
         "turbine; "
     )
-    assert "benchmark reference --task load-reduction-15 --confirm takes them over" in said[1]
+    assert "benchmark reference --task load-reduction-15 makes them again" in said[1]
     assert said[2].startswith("warning: the task load-reduction-15-v3 has no reference numbers yet")
     assert [text.count("\n") for text in said] == [0, 1, 1]
 
 
-@pytest.mark.parametrize("words", [["front"], ["reference"], ["reference", "--confirm"]])
-def test_all_tasks_of_a_command_are_one_sweep(words, sweeps, monkeypatch, tmp_path, capsys):
+def test_all_tasks_of_a_command_are_one_sweep(sweeps, monkeypatch, tmp_path):
     tasks, written = [load_task(f"load-reduction-{speed}") for speed in (12, 15)], {}
     better = {"blade_flap_del": 0.9}
     known = [make_reference(task, results(task), {"ipc": results(task, better)}) for task in tasks]
     tasks = [dataclasses.replace(t, reference=dataclasses.asdict(k)) for t, k in zip(tasks, known, strict=True)]
     monkeypatch.setattr(command, "chosen", lambda names: tasks)
     monkeypatch.setattr("wt_gym.benchmark.write_reference", lambda task, made: written.update({task.name: made}))
-    more = ["--data", str(tmp_path / "front")] if words == ["front"] else []
-    command.main([*words, *more, "--out", str(tmp_path / "runs"), "--json"])
-    lines = capsys.readouterr().out.splitlines()
-    found = json.loads(lines[-1])
+    command.main(["reference", "--out", str(tmp_path / "runs")])
     (jobs,) = sweeps
     assert {job.task.name for job in jobs} == {"load-reduction-12", "load-reduction-15"}
-    if words == ["front"]:
-        changes = {(row["task"], row["agent"]): row["blade_flap_del"] for row in found}
-        assert len(changes) == 2 * len(front_entries())
-        assert changes[tasks[0].id, "discon"] == 0.0
-        assert changes[tasks[1].id, "ipc:bandwidth=0.1"] == pytest.approx(-0.1)
-        compared = [line for line in lines if line.startswith("| 12 m/s | lidar+constrained_ipc:level=")]
-        assert len(compared) == len(LEVELS)
-        return
     for task, before in zip(tasks, known, strict=True):
         made = written[task.name]
         assert made.baseline == baseline_of(task)
         assert made.best_improvement == pytest.approx(before.best_improvement)
-        assert set(made.improvements) == ({"ipc"} if "--confirm" in words else set(task.measures))
+        assert set(made.improvements) == set(task.measures)
         assert made.fingerprint != PRINT
 
 

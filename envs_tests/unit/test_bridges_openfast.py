@@ -39,7 +39,7 @@ from wt_gym.commands import loadcases
 from wt_gym.commands.loads import main as loads_command
 from wt_gym.control import Lidar
 from wt_gym.control.operating_point import operating_point
-from wt_gym.envs.simulators import simulator_maker
+from wt_gym.envs.operation import simulator_maker
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import StuckPitch
 from wt_gym.structure.beam import Beam, BeamSections
@@ -50,8 +50,9 @@ from wt_gym.turbines.openfast import read_openfast
 from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import mirrored, unloaded_clearance
 from wt_gym.turbines.windio_writer import require_same
-from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, bts
-from wt_gym.wind.turning import TurningInflow
+from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind.files import BtsContent
+from wt_gym.wind.inflow import TurningInflow
 
 
 def has_compiler():
@@ -273,8 +274,8 @@ class TestWind:
 
     def test_written_and_read_are_the_same(self, turbine, tmp_path):
         content = sampled(SteadyInflow(12.0, 90.0, veer=-0.002), turbine, 600.0)
-        bts.write(tmp_path / "a.bts", content)
-        np.testing.assert_allclose(bts.read(tmp_path / "a.bts").grid, content.grid, atol=1e-3)
+        content.write(tmp_path / "a.bts")
+        np.testing.assert_allclose(BtsContent.read(tmp_path / "a.bts").grid, content.grid, atol=1e-3)
 
 
 class TestPitchPath:

@@ -5,8 +5,20 @@ import json
 import math
 from pathlib import Path
 
+import ceiling as ceilings
 import numpy as np
 import pytest
+from ceiling import CeilingOptions, ceiling_table, ladder_table, make_ceiling, write_ceiling
+from ceiling_ladder import Rung, Seen, beam_readings, climb, known_wind, rungs_of
+from ceiling_oracle import (
+    LoadQuadratic,
+    OracleOptions,
+    Played,
+    best_of,
+    learn_offsets,
+    limited,
+    optimal_change,
+)
 
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import (
@@ -18,27 +30,13 @@ from wt_gym.benchmark import (
     load_task,
     task_names,
     to_markdown,
-    write_ceiling,
 )
-from wt_gym.benchmark.ceiling import ceiling_table, ladder_table
-from wt_gym.benchmark.tasks import earlier_ids, task_file
+from wt_gym.benchmark.tasks import task_file
 from wt_gym.control import Demand
-from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.controllers.linear_optimal import PitchOffsets
 from wt_gym.control.sensors import Lidar
-from wt_gym.learning.linear_design import ceiling as ceilings
-from wt_gym.learning.linear_design.ceiling import CeilingOptions, make_ceiling
 from wt_gym.learning.linear_design.feedback import FeedbackOptions, Plant, forecast
 from wt_gym.learning.linear_design.identification import respond
-from wt_gym.learning.linear_design.ladder import Rung, Seen, beam_readings, climb, known_wind, rungs_of
-from wt_gym.learning.linear_design.oracle import (
-    LoadQuadratic,
-    OracleOptions,
-    Played,
-    best_of,
-    learn_offsets,
-    limited,
-    optimal_change,
-)
 from wt_gym.learning.linear_design.recording import Recording
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
@@ -365,7 +363,7 @@ def test_a_ceiling_comes_back_from_its_file(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_ceiling(made(improvement=math.nan), path)
     path.write_text('{"task": 1}', encoding="utf-8")
-    with pytest.raises(BenchmarkError, match=r"must be a ceiling of wt-gym benchmark ceiling"):
+    with pytest.raises(BenchmarkError, match=r"must be a ceiling of scripts/studies/ceiling.py"):
         ceiling_of(TASK, path)
 
 
@@ -393,17 +391,6 @@ def test_the_table_says_how_high_the_ceiling_is(monkeypatch):
     assert "made with another kernels than the reference numbers" in to_markdown(leaderboard([result]))
     monkeypatch.setattr("wt_gym.benchmark.table.ceiling_of", lambda task: None)
     assert "Ceiling" not in to_markdown(leaderboard([result]))
-
-
-def test_earlier_versions_can_still_be_loaded_and_scored():
-    for name in earlier_ids():
-        task = load_task(name)
-        assert task.id == name
-        assert load_task(task.name).version > task.version
-    (old,) = (name for name in earlier_ids() if name.startswith("load-reduction-15"))
-    definition = {"task": "load-reduction-15", "version": 2, "wind": TASK.winds[0].definition, "agent": {"name": "x"}}
-    result = {"definition": definition | {"fingerprint": {}}, "agent": "x", "ending": "time", "metrics": {}}
-    assert list(leaderboard([result])["tasks"]) == [old]
 
 
 def test_a_task_has_a_yardstick_or_candidates():

@@ -16,7 +16,6 @@ import xarray as xr
 
 from wt_gym.commands import (
     COMMANDS,
-    bench,
     compare_controllers,
     evaluate,
     loadcases,
@@ -342,46 +341,12 @@ def test_a_stopped_recording_keeps_its_episodes(monkeypatch, tmp_path, capsys):
 
 
 def test_a_stopped_diagram_leaves_no_files(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("wt_gym.simulation.linear.campbell.campbell", broken_off)
+    monkeypatch.setattr("wt_gym.simulation.campbell.campbell", broken_off)
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
     stopped_in_one_line(["campbell", "--csv", str(tmp_path / "new" / "table.csv")], capsys)
     assert not list((tmp_path / "new").iterdir())
     (tmp_path / "file").write_text("")
     assert "File exists" in ended(main, ["campbell", "--csv", str(tmp_path / "file" / "table.csv")])
-
-
-BREAKS_OFF = """
-import os, signal, subprocess, sys
-if len(sys.argv) > 1:  # what the measurement has begun
-    os.kill(int(sys.argv[1]), signal.SIGINT)
-else:
-    subprocess.Popen([sys.executable, "-c", {program!r}, str(os.getppid())])
-signal.pause()
-"""
-"""A measurement that begins another program, by which Ctrl-C comes; both wait for ever and hold the output open."""
-
-
-def test_stopped_measurements_end_with_all_they_have_begun(monkeypatch, capsys):
-    program, outputs, popen = BREAKS_OFF.format(program=BREAKS_OFF.format(program="")), [], subprocess.Popen
-
-    def start(*words, **options):
-        process = popen(*words, **options)
-        outputs.append(os.dup(process.stdout.fileno()))
-        return process
-
-    monkeypatch.setattr(subprocess, "Popen", start)
-    monkeypatch.setattr(bench, "in_process", lambda *_, **__: bench.output_of([sys.executable, "-c", program]))
-    out, before = stopped_in_one_line(["bench", "--no-cold"], capsys)
-    assert "cores, load" in out
-    assert not before
-    assert select.select(outputs, [], [], 60.0)[0] == outputs
-    assert os.read(outputs[0], 1) == b""  # at its end, because nobody holds it open any more
-    os.close(outputs[0])
-
-
-def test_a_measurement_that_fails_ends_in_one_line(monkeypatch):
-    monkeypatch.setattr(bench, "in_process", lambda *_, **__: bench.output_of([sys.executable, "-c", "exit(3)"]))
-    assert "a measurement failed with status 3" in ended(main, ["bench", "--no-cold"])
 
 
 def test_a_full_disk_ends_in_one_line_and_what_was_written_stays(monkeypatch, tmp_path):

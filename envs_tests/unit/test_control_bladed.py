@@ -15,8 +15,7 @@ from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import RECORDS, BladedController, rosco_library
 from wt_gym.control.bladed.records import channels_read, new_swap, write_readings
-from wt_gym.control.bladed.rosco import quiet_input, tuned_input, with_values
-from wt_gym.control.bladed.rosco_input import PERFORMANCE_FILE, write_rosco_input
+from wt_gym.control.bladed.rosco import PERFORMANCE_FILE, quiet_input, tuned_input, with_values, write_rosco_input
 from wt_gym.control.controllers import make_controller, parse_name
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.turbine_env import WindTurbineEnv

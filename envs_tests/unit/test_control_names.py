@@ -7,8 +7,7 @@ import sys
 import pytest
 
 from wt_gym.control.controllers import DisconController, make_controller, parse_name
-from wt_gym.control.controllers.names import Name
-from wt_gym.control.controllers.own_class import load_class, source_digest
+from wt_gym.control.controllers.names import Name, load_class, source_digest
 from wt_gym.turbines import load_turbine
 
 TURBINE = load_turbine("nrel_5mw")

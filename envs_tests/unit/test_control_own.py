@@ -14,15 +14,20 @@ from scipy import signal
 from wt_gym.base.errors import ControllerError, TurbineDefinitionError
 from wt_gym.control import Demand
 from wt_gym.control.controllers import controller_parameters, make_controller
-from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, DisconController
-from wt_gym.control.controllers.filters import SecondOrderLowPass
+from wt_gym.control.controllers.discon import (
+    BaselineController,
+    BaselineParameters,
+    DisconController,
+    GainTable,
+    PitchLaw,
+)
 from wt_gym.control.controllers.own import own_parameters
-from wt_gym.control.controllers.pitch_law import GainTable, PitchLaw
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
-from wt_gym.control.speed_loop import check_speed_loop, checked_winds, gust_speed_rise, speed_loop_modes
+from wt_gym.control.sensors import SecondOrderLowPass
+from wt_gym.control.stability import check_speed_loop, checked_winds, gust_speed_rise, speed_loop_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.catalogue import turbine_file
 from wt_gym.wind.iec import turbulence_sigma
@@ -273,7 +278,7 @@ def test_a_slow_loop_is_warned_of():
 
 def test_the_rise_of_the_speed_is_that_of_a_loop_of_second_order(monkeypatch):
     """``w' = (dQ - c w - k int w)/J``: at most ``dQ/(J w_n) exp(-zeta/sqrt(1 - zeta^2) acos(zeta))``."""
-    monkeypatch.setattr("wt_gym.control.speed_loop.INTERVAL", 0.005)  # hardly a delay
+    monkeypatch.setattr("wt_gym.control.stability.INTERVAL", 0.005)  # hardly a delay
     turbine, wind = load_turbine("nrel_5mw"), 18.0
     table = GainTable((0.0,), (0.004,), (0.004,))
     parameters = replace(own_parameters(turbine), corner_frequency=200.0, gain_table=table)

@@ -13,7 +13,7 @@ from wt_gym.control.controllers import LidarFeedforward, WithDemandedPower, make
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.power_tracking import WAYS, pitch_over_share
 from wt_gym.control.operating_point import operating_point, rotor_inertia
-from wt_gym.control.rotor_table import rotor_table
+from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.power_reference import PowerReference
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table
@@ -140,7 +140,7 @@ def test_copies_go_on_alike_and_other_bases_are_refused():
         make_controller("discon+derate_torque+derate_speed", TURBINE)
     with pytest.raises(ValueError, match=r"power_level of controller 'derate_torque' must be a number from 0.2 to 1"):
         make_controller("derate_torque:power_level=1.2", TURBINE)
-    with pytest.raises(ValueError, match="must be among speed, torque, pitch"):
+    with pytest.raises(ValueError, match="must be one of speed, torque, pitch"):
         make_controller("rosco:derate=yaw", TURBINE)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wt_gym.control.controllers import AboveRated, FadeParameters
-from wt_gym.control.residual import ResidualPitch
+from wt_gym.control.controllers.additions import ResidualPitch
 
 RATED = 1.2
 OFFSETS = np.array([0.03, 0.01, -0.02])

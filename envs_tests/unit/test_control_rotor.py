@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.control.design import design_point, fine_pitch, full_power_wind, speed_filter, speed_loop, trim_pitch
+from wt_gym.control.design import design_point, full_power_wind, speed_filter, speed_loop, trim_pitch
 from wt_gym.control.operating_point import operating_point
-from wt_gym.control.rotor import rotor_of
-from wt_gym.control.rotor_table import blade_element_table, rotor_table
+from wt_gym.control.rotor import blade_element_table, fine_pitch, rotor_of, rotor_table
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.model import ControlData
 

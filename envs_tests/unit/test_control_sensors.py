@@ -7,7 +7,7 @@ import pytest
 
 from wt_gym.base.angles import wrapped
 from wt_gym.control import Channel, LowPass, NacelleAnemometer
-from wt_gym.control.coleman import to_fixed_frame
+from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.envs.observation_kernels import read_signals
 

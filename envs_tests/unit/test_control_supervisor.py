@@ -14,11 +14,12 @@ from wt_gym.control.controllers import (
     Combined,
     DisconController,
     Supervisor,
+    lidar_of,
     make_controller,
     supervisor_of,
 )
 from wt_gym.control.controllers.controller import AtSetPoint, WithDemandedPower
-from wt_gym.control.controllers.speed_exclusion import SpeedExclusion, resonant_speed
+from wt_gym.control.controllers.tsr_tracking import SpeedExclusion, resonant_speed
 from wt_gym.turbines import load_turbine
 
 DT = 0.1
@@ -267,7 +268,7 @@ def test_its_place_is_around_the_base_and_before_the_additions():
     controller = supervised("discon+ipc+supervisor+lidar")
     assert isinstance(controller, Combined)
     assert isinstance(controller.base, Supervisor)
-    assert controller.lidar is controller.base.base.lidar is not None
+    assert lidar_of(controller) is controller.base.base.lidar is not None
     assert supervisor_of(controller) is controller.base
     assert supervisor_of(make_controller("ipc", TURBINE)) is None
     assert set(STATES) == {"parked", "start_up", "production", "soft_cut_out", "shut_down"}

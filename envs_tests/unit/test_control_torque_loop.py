@@ -11,12 +11,10 @@ from wt_gym.base.errors import ControllerError
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.own import own_law
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
-from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
 from wt_gym.control.operating_point import operating_point, rotor_inertia
 from wt_gym.control.rotor import rotor_of
-from wt_gym.control.speed_loop import LoopMode
-from wt_gym.control.torque_loop import LEAST_GROWTH, growing_mode, torque_loop_modes, winds_below_rated
+from wt_gym.control.stability import LEAST_GROWTH, LoopMode, growing_mode, torque_loop_modes, winds_below_rated
 from wt_gym.runs.steady_check import DURATION
 from wt_gym.turbines import ControlData, load_turbine
 
@@ -107,7 +105,7 @@ def simulated_growth(turbine, controller, duration=30.0, step=0.1, parts=50):
 def test_the_decay_is_that_of_the_controller_as_it_runs(heavy_generator, monkeypatch):
     """With short steps; the lags that stand for long ones are larger than those of this rotor on rigid blades."""
     step = 0.01
-    monkeypatch.setattr("wt_gym.control.torque_loop.INTERVAL", step)
+    monkeypatch.setattr("wt_gym.control.stability.INTERVAL", step)
     for made in controllers(heavy_generator):
         mode = torque_loop_modes(heavy_generator, made.parameters, WIND, made.estimator)[0]
         growth = simulated_growth(heavy_generator, made, step=step, parts=5)
@@ -144,7 +142,7 @@ def test_the_note_is_given_once(heavy_generator):
 def test_a_mode_grows_by_an_e_fold_in_the_check_in_steady_winds(heavy_generator, monkeypatch, factor, grows):
     """Growth of 0.0004 to 0.001 1/s in the linear model decays in simulations of public models."""
     slow = LoopMode(WIND, 0.05, -factor / DURATION / 0.05, 0.0)
-    monkeypatch.setattr("wt_gym.control.torque_loop.torque_loop_modes", lambda *_: [slow])
+    monkeypatch.setattr("wt_gym.control.stability.torque_loop_modes", lambda *_: [slow])
     assert pytest.approx(1.0 / DURATION) == LEAST_GROWTH
     assert (growing_mode(heavy_generator, None) is slow) is grows
 

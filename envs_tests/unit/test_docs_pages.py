@@ -4,7 +4,6 @@ What they say in numbers is that of the code and of the records: one table of st
 that are computed anew, stand in the other files ``test_docs_*``.
 """
 
-import ast
 import doctest
 import importlib.util
 import json
@@ -21,7 +20,7 @@ import gymnasium as gym
 import pytest
 
 import wt_gym
-from validation.case import load_cases
+from envs_tests.physics.validation import load_cases
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
@@ -38,11 +37,10 @@ from wt_gym.experiment.names import controller_of, is_controller_name
 from wt_gym.learning.training.config import TrainingConfig
 from wt_gym.learning.training.hyperparameters import ALGORITHMS, read_hyperparameters
 from wt_gym.learning.training.selection import SELECTION_WIND_SEEDS
-from wt_gym.multibody.arrays import Work
 from wt_gym.runs.definition import digest
 from wt_gym.runs.playing import run_controller
 from wt_gym.runs.store import SWEEP_FILE
-from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -59,9 +57,14 @@ def text_of(page):
 TRAINING, YAML = re.findall(r"```yaml\n(.*?)```", text_of("docs/training.md"), re.DOTALL)
 
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "agents" / "trained" / "README.md"]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "agents" / "README.md",
+    ROOT / "agents" / "trained" / "README.md",
+]
 PAGES += sorted((ROOT / "docs").rglob("*.md"))
-ROOMS_WITH_NAMES = ("wt_gym", "agents", "validation", "envs_tests", "docs", "scripts")
+ROOMS_WITH_NAMES = ("wt_gym", "agents", "envs_tests", "docs", "scripts")
 READ = {
     *PAGES, ROOT / "pyproject.toml", *(ROOT / ".ci").iterdir(), *(ROOT / "scripts").glob("*"),
     *(path for room in ROOMS_WITH_NAMES for path in (ROOT / room).rglob("*.py")), *(ROOT / "agents").rglob("*.yml"),
@@ -84,7 +87,7 @@ CALLS = commands()
 def wrong_names(text):
     """Commands and scripts in a text that do not exist."""
     commands = re.findall(r"(?:`|^ *|/bin/)wt-gym ([a-z][a-z-]*)", text, re.MULTILINE)
-    scripts = re.findall(r"(?<![\w/])scripts/(\w+(?:\.\w+)?)", text)
+    scripts = re.findall(r"(?<![\w/])scripts/((?:\w+/)*\w+(?:\.\w+)?)", text)
     return sorted({*commands} - {*COMMANDS}) + [name for name in scripts if not (ROOT / "scripts" / name).exists()]
 
 
@@ -324,7 +327,7 @@ def versions_of_ids_and_tasks():
 
 @statement
 def public_modules():
-    said = text_of("docs/versions.md").split("**Public interface.**")[1].split("in `__all__`")[0]
+    said = text_of("docs/versions.md").split("**Public interface.**")[1].split("and the modules of")[0]
     names = re.findall(r"`(wt_gym\.[a-z.]+)`", said)
     assert len(names) >= 8
     return {name for name in names if import_module(name).__all__}, {*names}
@@ -383,6 +386,8 @@ def test_first_commands_are_accepted(line):
     if program.startswith("scripts/"):
         assert (ROOT / program).stat().st_mode & 0o100
         assert not words
+    elif program == "python":
+        assert (ROOT / words[0]).is_file()
     elif program == "wt-gym":
         assert words == ["--help"] or import_module(f"wt_gym.commands.{module_of(words[0])}").parse_arguments(words[1:])
     else:
@@ -438,99 +443,3 @@ def test_the_picture_moves_and_is_small():
     with Image.open(file) as picture:
         assert picture.n_frames >= 20
         assert picture.size[0] <= 1000
-
-
-# ---- names, files and links ------------------------------------------------------------------------------------------
-
-ROOMS = [ROOT / "wt_gym", ROOT / "validation"]
-SOURCES = {path: path.read_text(encoding="utf-8") for room in ROOMS for path in sorted(room.rglob("*.py"))}
-ALL = "\n".join(SOURCES.values())
-TREES = {path: ast.parse(text) for path, text in SOURCES.items()}
-SPANS = [
-    (page, span)
-    for page in (
-        "aerodynamics",
-        "aerodynamics_results",
-        "formulations",
-        "howto/pictures",
-        "tasks/max_power",
-        "tasks/yaw",
-        "tutorials/own_reward",
-    )
-    for span in sorted({" ".join(s.split()) for s in re.findall(r"`([^`\n]+)`", text_of(f"docs/{page}.md"))})
-]
-
-
-def names_of(tree):
-    """Functions, classes and assigned names at the top of a module or in a class."""
-    found = set()
-    for node in tree.body:
-        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-            found.add(node.name)
-        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
-            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            found |= {target.id for target in targets if isinstance(target, ast.Name)}
-    return found
-
-
-MODULES = {}  # by name, those of the same name together
-for path, tree in TREES.items():
-    MODULES.setdefault(path.stem, set()).update(names_of(tree))
-CLASSES = {node.name: names_of(node) for tree in TREES.values() for node in tree.body if isinstance(node, ast.ClassDef)}
-DEFINED = set().union(*MODULES.values(), *CLASSES.values())
-
-
-def missing(span):
-    """Parts of a code span that are nowhere."""
-    if span.startswith("scripts/"):
-        script, *words = span.split()
-        return [] if (ROOT / script).exists() and set(words[1:]) <= {*load_cases(), "NAME"} else [span]
-    if re.fullmatch(r"[\w/]+\.(py|json)", span):
-        inside = any(p.as_posix().endswith(f"/{span}") for room in ROOMS for p in room.rglob("*.*"))
-        return [] if inside or (ROOT / span).exists() else [span]
-    if re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)+", span):
-        return [] if span in load_cases() or span in FIDELITIES else [span]
-    head = re.match(r"(\w+)(?:\.(\w+))?", span)
-    if head is None or span.startswith('"'):
-        return [] if span.strip('"') in FIDELITIES else [span]
-    owner, member = head.groups()
-    if member:
-        place = CLASSES.get(owner) or MODULES.get(owner) or (Work._fields if owner == "work" else ())
-        out = [] if member in place else [f"{owner}.{member}"]
-    else:
-        known = owner in DEFINED or re.search(rf"\b{owner}\b", ALL)
-        out = [] if known else [owner]
-    # the options and their values in brackets
-    out += [word for word in re.findall(r"(\w+)=", span) if not re.search(rf"\b{word}\b\s*[:=]|\"{word}\"", ALL)]
-    return out + [word for word in re.findall(r'"([^"]+)"', span) if f'"{word}"' not in ALL]
-
-
-@pytest.mark.parametrize(("page", "span"), SPANS)
-def test_what_the_page_names_exists(page, span):
-    assert not missing(span)
-
-
-def test_names_stand_in_the_file_before_them():
-    """Two code spans side by side: the file and what is in it."""
-    pairs = re.findall(r"`(\w+)\.py` `(\w+)`", text_of("docs/aerodynamics.md"))
-    assert len(pairs) > 10
-    assert [name for file, name in pairs if name not in MODULES[file]] == []
-
-
-def test_names_that_are_nowhere_are_missed():
-    assert len(SPANS) > 200
-    for nonsense in (
-        "nowhere.py", "no/where.py", "no-such-case", "tree_kernels.nowhere", "nowhere_at_all", 'load_forms="joukowski"',
-        'body_from_beam(…, coordinates="nowhere")',
-    ):  # fmt: skip
-        assert missing(nonsense), nonsense
-
-
-@pytest.mark.parametrize(
-    "page", ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/versions.md", "docs/training.md"]
-)
-def test_links_and_files_lead_somewhere(page):
-    folder, text = (ROOT / page).parent, text_of(page)
-    links = [folder / link for link in re.findall(r"\]\((?!http|#)([^)#]+)", text)]
-    links += [ROOT / path for path in re.findall(r"`?((?:agents|scripts)/[\w/]+(?:\.\w+)?)`", text)]
-    assert [link for link in links if not link.exists()] == []

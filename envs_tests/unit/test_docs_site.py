@@ -15,7 +15,7 @@ import gymnasium as gym
 import pytest
 
 import wt_gym
-from validation.record import read_record, source_commit, update_record
+from envs_tests.physics.validation import read_record, source_commit, update_record
 from wt_gym.commands import COMMANDS
 from wt_gym.control.controllers import ADDITIONS, BASES, GUARDS, WRAPPERS, declared_parameters
 from wt_gym.simulation import FIDELITIES, channel_table
@@ -74,7 +74,7 @@ class TestSite:
         options = text_of(site / "reference" / "options.html")
         assert all(name in options for name in (*FIDELITIES, "max_substep", "wake_rows", "tower_side_side_fatigue"))
         commands = text_of(site / "reference" / "cli.html")
-        assert all(name in commands for name in (*COMMANDS, "--max-seconds", "--confirm", "--record"))
+        assert all(name in commands for name in (*COMMANDS, "--max-seconds", "--record"))
         assert "overspeed_limit" in text_of(site / "reference" / "environment.html")
 
     def test_public_modules_are_documented_whole(self, site):
@@ -133,7 +133,7 @@ def test_the_record_of_the_validation_can_be_read():
 
 
 def test_a_record_keeps_what_was_not_run_again(tmp_path):
-    from validation.case import Case, CaseResult, Check
+    from envs_tests.physics.validation import Case, CaseResult, Check
 
     path = tmp_path / "sub" / "record.json"
     first, second = (Case(name, "a title", "a source", lambda: []) for name in ("b", "a"))
@@ -177,7 +177,7 @@ def test_a_record_names_the_commit_of_its_sources(tmp_path, monkeypatch):
 
 
 def test_the_site_shows_commits_where_they_are_known(tmp_path, monkeypatch):
-    from validation.case import Case, CaseResult, Check
+    from envs_tests.physics.validation import Case, CaseResult, Check
 
     path = tmp_path / "record.json"
     new, old = (Case(name, "a title", "a source", lambda: []) for name in ("new", "old"))

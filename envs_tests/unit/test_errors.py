@@ -43,7 +43,7 @@ REFUSED = {
     "kind of wind": (lambda: wind_from({"kind": "stedy", "speed": 8.0}), "steady"),
     "task": (lambda: load_task("load-reducton-15"), "load-reduction-15"),
     "task of a command": (lambda: chosen(["gust-survial"]), "gust-survival"),
-    "controller": (lambda: gym.make("wt_gym/LoadReduction-v1", controller="constrained_icp"), "constrained_ipc"),
+    "controller": (lambda: gym.make("wt_gym/LoadReduction-v2", controller="constrained_icp"), "constrained_ipc"),
     "agent": (lambda: read_name("constrained_icp"), "constrained_ipc"),
     "algorithm": (lambda: check_hyperparameters("POP", {}), "PPO"),
     "hyperparameter": (lambda: check_hyperparameters("PPO", {"gama": 0.9}), "gamma"),

@@ -29,7 +29,7 @@ from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import Combined, make_controller
 from wt_gym.control.controllers.controller import lidar_of
-from wt_gym.control.optimal.design_file import LinearDesign, save_design
+from wt_gym.control.controllers.linear_optimal import LinearDesign, save_design
 from wt_gym.deployment.export.discon import PARAMETERS, export_discon
 from wt_gym.deployment.export.parts import controller_parts
 from wt_gym.turbines import load_turbine

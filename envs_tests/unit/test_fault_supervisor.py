@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers import fault_supervisor_of, make_controller, parts_of, supervisor_of
+from wt_gym.control.controllers import fault_supervisor_of, lidar_of, make_controller, parts_of, supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.turbines import load_turbine
 
 TURBINE = load_turbine("nrel_5mw")
@@ -290,7 +290,7 @@ def test_demanded_power_and_lidar_are_seen_through_it():
     _, found = fly("derate_torque+ipc+fault_supervisor", spoil, steps=80)
     assert found[-1, 4] * N * RATED * DRIVE.generator_efficiency == pytest.approx(3e6, rel=0.05)
     guarded = make_controller("lidar+ipc+fault_supervisor", TURBINE)
-    assert guarded.lidar is not None
+    assert lidar_of(guarded) is not None
 
 
 def test_turbines_without_what_it_compares_are_refused():

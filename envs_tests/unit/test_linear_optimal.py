@@ -14,15 +14,26 @@ from wt_gym.benchmark import load_task
 from wt_gym.benchmark.run import benchmark_metrics
 from wt_gym.commands import design as design_command
 from wt_gym.control import Demand
-from wt_gym.control.coleman import to_blades, to_fixed_frame
 from wt_gym.control.controllers import Combined, FadeParameters, make_controller
-from wt_gym.control.controllers.linear_optimal import SHIPPED, LinearOptimalPitch
-from wt_gym.control.controllers.memory import memory_of, remember
-from wt_gym.control.optimal.design_file import LinearDesign, load_design, save_design
-from wt_gym.control.optimal.measured import channels_read, measured_outputs, recorded_outputs
-from wt_gym.control.optimal.model_fit import ModelFit
-from wt_gym.control.optimal.offsets import PitchOffsets, default_limits
-from wt_gym.control.optimal.past import bin_means, delay_bins, spread_over_bins, without_lasting
+from wt_gym.control.controllers.controller import memory_of, remember
+from wt_gym.control.controllers.linear_optimal import (
+    SHIPPED,
+    LinearDesign,
+    LinearOptimalPitch,
+    ModelFit,
+    PitchOffsets,
+    bin_means,
+    channels_read,
+    default_limits,
+    delay_bins,
+    load_design,
+    measured_outputs,
+    recorded_outputs,
+    save_design,
+    spread_over_bins,
+    without_lasting,
+)
+from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.experiment.comparison import Case, inflow_of
 from wt_gym.learning.linear_design import design as designing
 from wt_gym.learning.linear_design.design import LinearDesignTask, change_of_power, default_speeds, design

@@ -9,7 +9,7 @@ import pytest
 
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
 from wt_gym.commands.loadcases import main
-from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment import pool
 from wt_gym.experiment.loadcases import study
 from wt_gym.experiment.loadcases.cases import CASES, Condition, inflow_of, plan_of
@@ -306,10 +306,10 @@ def test_an_executor_makes_the_same_files(tmp_path, monkeypatch, elsewhere):
     assert found[True] == found[False]
 
 
-def test_a_machine_with_other_code_is_refused(tmp_path, monkeypatch, elsewhere, counted):
-    codes = iter([{"code": "a"}, {"code": "a"}, {"code": "b"}])  # of definitions, of the work, elsewhere
-    monkeypatch.setattr(study, "benchmark_fingerprint", lambda *given: next(codes))
-    with pytest.raises(ValueError, match="has another code"):
+def test_a_machine_with_another_behavior_is_refused(tmp_path, monkeypatch, elsewhere, counted):
+    codes = iter([{"canary": {"x": text}} for text in ("1", "2")])  # of the work, elsewhere
+    monkeypatch.setattr(pool, "benchmark_fingerprint", lambda *_: next(codes))
+    with pytest.raises(ValueError, match=r"has another behavior \(x by 0.5 of its range\)"):
         run_load_cases({"A": "baseline"}, quick("2.3"), tmp_path, executor=elsewhere, progress=False)
     assert not elsewhere.compiled
     assert not files(tmp_path)
@@ -349,7 +349,7 @@ def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
 
 
 def test_a_parked_turbine_is_refused_to_another_simulator(tmp_path):
-    config = LoadCaseConfig("wt_gym/LoadReduction-v1", {"simulator": lambda *_: None}, cases=("6.1",), quick=True)
+    config = LoadCaseConfig("wt_gym/LoadReduction-v2", {"simulator": lambda *_: None}, cases=("6.1",), quick=True)
     with pytest.raises(ValueError, match=r"without a parked turbine, got 6\.1"):
         run_load_cases({"discon": "discon"}, config, tmp_path)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wt_gym.control.optimal.model_fit import FIT_TIME, ModelFit
+from wt_gym.control.controllers.linear_optimal import FIT_TIME, ModelFit
 
 STEP = 0.1
 

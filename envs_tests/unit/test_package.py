@@ -85,7 +85,7 @@ def environment(folder, *installed):
 
 def test_the_sources_have_no_symbolic_links():
     """Git writes them as text files where the system has none or does not allow them."""
-    folders = [ROOT / name for name in ("agents", "docs", "envs_tests", "scripts", "validation", "wt_gym")]
+    folders = [ROOT / name for name in ("agents", "docs", "envs_tests", "scripts", "wt_gym")]
     assert not [path for folder in folders for path in folder.rglob("*") if path.is_symlink()]
 
 
@@ -99,7 +99,7 @@ from wt_gym.experiment.run_folder import RunFolder
 if __name__ == "__main__":
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         print(pool.apply(RunFolder, ("folder",)).__class__ is RunFolder, RunFolder.__module__)
-    print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v1")) > 3, shipped_folder())
+    print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v2")) > 3, shipped_folder())
 """
 
 
@@ -113,7 +113,7 @@ def test_pickles_workers_and_data_find_their_way(installed, sources, tmp_path, e
     assert workers == "True wt_gym.runs.folder_lock"
     found, agents = settings.split()
     assert found == "True"
-    assert Path(agents, "trained", "load_reduction", "model.zip").is_file()
+    assert Path(agents, "trained", "faults", "model.zip").is_file()
     assert Path(agents, "recipes", "LoadReduction.yml").is_file()
     assert Path(agents).is_relative_to(sources if editable else folder)
 

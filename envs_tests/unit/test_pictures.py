@@ -1,24 +1,21 @@
 """What the pictures draw: wake, Campbell diagram, and the look they share."""
 
-import importlib.util
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import validation_pictures as pictures
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from validation.case import CaseResult, Check, Curve, absolute
-from validation.case import Figure as CaseFigure
-from validation.record import read_record
+from envs_tests.physics.validation import CaseResult, Check, Curve, absolute, read_record
+from envs_tests.physics.validation import Figure as CaseFigure
 from wt_gym.analysis.replay import kept_filaments
 from wt_gym.analysis.replay_section import opening_agent, shown_agents
 from wt_gym.analysis.scene import Camera, Scene, filament_weights, line_look, smooth_curves
 from wt_gym.base.picture_style import COLORS, LINE_STYLES, MARKERS, baseline, label_points
-from wt_gym.simulation.linear.campbell import CampbellDiagram
-from wt_gym.simulation.linear.campbell_figure import FAMILIES, campbell_figure, mode_family, mode_label, spread
+from wt_gym.simulation.campbell import FAMILIES, CampbellDiagram, campbell_figure, mode_family, mode_label, spread
 from wt_gym.turbines import load_turbine
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -200,24 +197,6 @@ def test_style_tells_apart_by_color_marker_and_line():
     assert axes.texts[0].get_text() == "published controller"
 
 
-def load_script(name):
-    """A script of the clone as a module."""
-    path = ROOT / "scripts" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    module = importlib.util.module_from_spec(spec)
-    sys.path.insert(0, str(path.parent))
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(path.parent))
-    return module
-
-
-@pytest.fixture(scope="module")
-def pictures():
-    return load_script("validation_pictures")
-
-
 def check(expected, obtained, tolerance, quantity="x"):
     return Check(quantity, expected, obtained, tolerance).as_dict()
 
@@ -234,14 +213,14 @@ def check(expected, obtained, tolerance, quantity="x"):
         ([check(0.0, 0.2, absolute(0.1))], 2.0),
     ],
 )
-def test_bars_measure_errors_in_tolerances(pictures, checks, margin):
+def test_bars_measure_errors_in_tolerances(checks, margin):
     found = pictures.margin({"checks": checks})
     assert found == (None if margin is None else pytest.approx(margin))
     if margin is not None:
         assert (found > 1.0) == (not all(one["passed"] for one in checks))
 
 
-def test_bars_of_the_record_tell_failed_cases(pictures):
+def test_bars_of_the_record_tell_failed_cases():
     record = read_record(ROOT / "docs" / "data" / "validation.json")
     axes = pictures.draw_cases(record).axes
     names = [label.get_text() for part in axes for label in part.get_yticklabels()]
@@ -251,7 +230,7 @@ def test_bars_of_the_record_tell_failed_cases(pictures):
     assert all(" fail" in text for text in shown)
 
 
-def test_panels_show_expected_and_obtained_values_with_their_tolerance(pictures):
+def test_panels_show_expected_and_obtained_values_with_their_tolerance():
     checks = [check(2.0 * x, 2.1 * x, 0.1, f"Cp at {x}") for x in (9.0, 3.0, 5.0)]
     record = {"a": {"checks": [*checks, check(1.0, 1.0, 0.1, "Ct at 3")]}}
     ((title, data),) = pictures.panels([("a", r"^Cp at ([\d.]+)$", "power", "x", "Cp")], {}, record)
@@ -264,7 +243,7 @@ def test_panels_show_expected_and_obtained_values_with_their_tolerance(pictures)
     assert [line.get_label() for line in axes.lines] == ["published", "simulator"]
 
 
-def test_curves_are_few_points_and_keep_their_ends(pictures):
+def test_curves_are_few_points_and_keep_their_ends():
     time = np.linspace(0.0, 10.0, 5001)
     result = CaseResult(
         [], {"a": CaseFigure((Curve(time, np.sin(time), "sine", "o"),), "time [s]", "x [m]"), "b": print}
@@ -278,7 +257,7 @@ def test_curves_are_few_points_and_keep_their_ends(pictures):
     assert pictures.look("o", 0)["linestyle"] == "none"
 
 
-def test_pictures_of_the_page_are_drawn_from_the_data_that_are_there(pictures):
+def test_pictures_of_the_page_are_drawn_from_the_data_that_are_there():
     page = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
     for name in (*pictures.PICTURES, "validation_cases"):
         path = ROOT / "docs" / "data" / f"{name}.svg"

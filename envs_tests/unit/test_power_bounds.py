@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import power_bounds as study
 import pytest
+from power_bounds import RotorHull, disc_speeds, energy_bound, tracking_bound
 
 from wt_gym.control.design import rotor_inertia
-from wt_gym.control.rotor_table import rotor_table
-from wt_gym.envs.rewards.power import efficiency
-from wt_gym.experiment import power_bounds
-from wt_gym.experiment.power_bounds import RotorHull, disc_speeds, energy_bound, tracking_bound
+from wt_gym.control.rotor import rotor_table
+from wt_gym.envs.power import efficiency
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -75,7 +74,7 @@ def test_wind_that_suffices_needs_no_error():
 
 def test_what_is_missing_is_made_up_by_the_kinetic_energy(monkeypatch):
     """A rotor that takes the same at any speed spends all that it holds: error = deficit - eta E_0 / T."""
-    monkeypatch.setattr(power_bounds, "rotor_table", lambda turbine: flat(0.4))
+    monkeypatch.setattr(study, "rotor_table", lambda turbine: flat(0.4))
     n, dt, wind, demanded = 600, 0.1, 8.0, 3e6
     table = flat(0.4)
     eta = efficiency(TURBINE)

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from wt_gym.analysis import metrics
-from wt_gym.control.coleman import to_blades
+from wt_gym.control.sensors import to_blades
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.learning.linear_design.identification import respond
 from wt_gym.learning.pretraining import pretrain as pretraining
@@ -575,7 +575,7 @@ def test_a_configuration_holds_the_options_and_needs_ppo():
 
 
 PITCH_OFFSETS = [
-    task.ids[-1] for task in TASKS.values() if task.newest["inflow"] == "turbulent" and "pitch" in task.newest
+    task.id for task in TASKS.values() if task.arguments["inflow"] == "turbulent" and "pitch" in task.arguments
 ]
 
 

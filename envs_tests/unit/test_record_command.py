@@ -9,9 +9,9 @@ import pytest
 
 from wt_gym.commands import record
 from wt_gym.control.controllers import make_controller
-from wt_gym.control.controllers.memory import memory_of
+from wt_gym.control.controllers.controller import memory_of
 from wt_gym.envs import recording
-from wt_gym.envs.record_store import StartFile, digest_of_code, digest_of_turbine, recorded_speeds
+from wt_gym.envs.record_store import StartFile, digest_of_turbine, recorded_speeds
 from wt_gym.envs.running_record import PLAN, Instants, RowLayout
 from wt_gym.turbines import load_turbine
 
@@ -41,12 +41,12 @@ def test_finished_runs_are_not_made_again(tmp_path, monkeypatch):
             rows = speed + 0.01 * rng.normal(size=(PLAN.instants, n_columns))
             memories = [memory._replace(values=np.nan_to_num(memory.values) + k) for k in range(PLAN.instants)]
             (tmp_path / f"{speed:g}-{run}.pickle").write_bytes(pickle.dumps(Instants(rows, memories)))
-    monkeypatch.setattr(recording, "probe", lambda _: np.zeros(3))
+    monkeypatch.setattr(recording, "record_canary", lambda *_: {"speed": "1"})
     monkeypatch.setattr(recording, "_store_run", lambda *_: pytest.fail("a run"))
     recording.make_record(recorded, tmp_path / "record.npz", tmp_path, 1, lambda *_: pytest.fail("a run"))
     assert list(tmp_path.glob("*.pickle")) == []
     head = StartFile.of(tmp_path / "record.npz")
-    assert (head.turbine_digest, head.code) == (digest_of_turbine(turbine), digest_of_code())
+    assert (head.turbine_digest, head.canary) == (digest_of_turbine(turbine), {"speed": "1"})
     assert (head.n_motion, head.controller, head.level) == (2, "discon", 1.0)
     with np.load(tmp_path / "record.npz") as file:
         assert file["codes"].shape[::2] == (len(speeds), recorded.runs * PLAN.instants)

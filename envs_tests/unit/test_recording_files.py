@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from wt_gym.commands import simulate
-from wt_gym.simulation.recording_files import write_recording
+from wt_gym.simulation.recorder import write_recording
 
 TIME = np.arange(101) * 0.05
 SPEED = 1.2 + 0.1 * np.sin(TIME)

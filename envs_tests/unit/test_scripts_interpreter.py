@@ -62,7 +62,7 @@ def test_demo_and_test_call_the_commands_of_the_clone(name, calls, tmp_path):
     (tmp_path / "scripts" / "setup.sh").write_text(f"set -euo pipefail\ncd {tmp_path}\n")
     programs = tmp_path / ".venv" / "bin"
     programs.mkdir(parents=True)
-    for program in ("wt-gym", "python", "ruff", "typos"):
+    for program in ("wt-gym", "python", "ruff", "typos", "mypy"):
         (programs / program).write_text(f'#!/bin/sh\necho "{program} $1" >>calls\n')
         (programs / program).chmod(0o755)
     subprocess.run(["bash", tmp_path / "scripts" / name], check=True, cwd="/", capture_output=True)

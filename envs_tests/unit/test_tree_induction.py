@@ -5,9 +5,9 @@ import os
 import numpy as np
 import pytest
 
-from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.tree_induction import TreeInduction, split_direct, split_range
+from wt_gym.aerodynamics.options import AerodynamicsError
 
 
 def exact_velocity(sheet, points):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.control.controllers.retuned import FOUND
-from wt_gym.control.rotor_table import RotorTable, _stored
+from wt_gym.control.controllers.own import FOUND
+from wt_gym.control.rotor import RotorTable, _stored
 from wt_gym.turbine_records import FOLDER, RECORDS, read_records
 from wt_gym.turbines import catalogue, load_turbine
 from wt_gym.turbines.catalogue import turbine_file
@@ -25,7 +25,7 @@ def test_a_new_turbine_is_one_file(tmp_path, monkeypatch):
     table = RECORDS["iea_15mw"].rotor_table
     write(
         tmp_path, "my_turbine", source={"turbine": "iea_15mw", "water_depth": 25.0}, label="Mine",
-        versions={"3": {}, "4": {"control_dt": 0.1}}, arguments={"wind_speed": [8.0, 12.0]}, region_2_gain_factor=0.9,
+        version=3, arguments={"wind_speed": [8.0, 12.0]}, region_2_gain_factor=0.9,
         rotor_table=table | {"turbine": "mine"},
     )  # fmt: skip
     (record,) = read_records(tmp_path).values()
@@ -37,9 +37,7 @@ def test_a_new_turbine_is_one_file(tmp_path, monkeypatch):
     expected = {"turbine": "my_turbine", "wind_speed": (8.0, 12.0)}
     assert record.ids == (
         ("wt_gym/Mine-Steady-v3", {**expected, "inflow": "steady"}),
-        ("wt_gym/Mine-Steady-v4", {**expected, "inflow": "steady", "control_dt": 0.1}),
         ("wt_gym/Mine-Turbulent-v3", {**expected, "inflow": "turbulent"}),
-        ("wt_gym/Mine-Turbulent-v4", {**expected, "inflow": "turbulent", "control_dt": 0.1}),
     )
 
 
@@ -50,8 +48,8 @@ def test_a_new_turbine_is_one_file(tmp_path, monkeypatch):
         ({"source": {}}, "source must have one of file, windio_example, function and turbine"),
         ({"source": {"file": "a.yaml", "function": "a:b"}}, "source must have one of"),
         ({"source": SOURCE, "color": 1}, "unexpected keyword argument 'color'"),
-        ({"source": SOURCE, "label": "New"}, "label and versions must both be given"),
-        ({"source": SOURCE, "label": "New", "versions": {"first": {}}}, "invalid literal"),
+        ({"source": SOURCE, "label": "New"}, "label and version must both be given"),
+        ({"source": SOURCE, "version": 1}, "label and version must both be given"),
     ],
 )
 def test_records_that_are_none_name_their_file(tmp_path, content, message):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbines import Airfoil, Polar, RotationalAugmentation, load_turbine
 from wt_gym.turbines.airfoil import blend_airfoils, blend_polars, camber_line
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.simulation.model.turbine_structure import tower_beam
+from wt_gym.simulation.turbine_structure import tower_beam
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import Turbine, catalogue, load_turbine
 from wt_gym.turbines.catalogue import nada_data, nada_speed, plate_polar

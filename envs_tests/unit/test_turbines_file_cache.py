@@ -9,7 +9,7 @@ from importlib import import_module
 import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines import windio_file as file_cache
 from wt_gym.turbines import windio_file as source

@@ -17,7 +17,7 @@ from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.commands.import_ import main
 from wt_gym.control.controllers import make_controller
 from wt_gym.runs.steady_check import SteadyPoint, _run, steady_winds, verdict
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import ControlData, load_turbine

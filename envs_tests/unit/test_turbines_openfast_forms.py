@@ -11,7 +11,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from openfast_model import RULE, Model, with_few_points
 
-from wt_gym.simulation.state import fingerprint
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.openfast import read_openfast
 

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.control.controllers.retuned import gain_of_table
-from wt_gym.control.operating_point import design_point, operating_point, torque_curve
-from wt_gym.control.reference_loads import reference_flap_moment
-from wt_gym.control.rotor_table import rotor_table
-from wt_gym.control.starting_point import starting_point
-from wt_gym.envs.rewards.power import available_power
-from wt_gym.simulation.state import fingerprint
+from wt_gym.control.controllers.own import gain_of_table
+from wt_gym.control.design import reference_flap_moment
+from wt_gym.control.operating_point import design_point, operating_point, starting_point, torque_curve
+from wt_gym.control.rotor import rotor_table
+from wt_gym.envs.power import available_power
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.model import SITE, at_controller_density, with_site
 from wt_gym.wind import SeriesInflow, SteadyInflow

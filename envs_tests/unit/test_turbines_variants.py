@@ -7,11 +7,11 @@ import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.commands.site_options import site_word
-from wt_gym.control.controllers.tower_dampers import SideSideDamper
-from wt_gym.control.rotor_table import rotor_table
-from wt_gym.simulation.model.turbine_structure import rotation_x, rotation_y
-from wt_gym.simulation.state import fingerprint
+from wt_gym.control.controllers.additions import SideSideDamper
+from wt_gym.control.rotor import rotor_table
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.step.coupling_kernels import signed_clearance, view_from_tower
+from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import clockwise_image, mirrored, unloaded_clearance
 from wt_gym.turbines.windio_writer import require_same, write_windio

@@ -5,10 +5,7 @@ import math
 
 import numpy as np
 import pytest
-
-from wt_gym.control import Demand
-from wt_gym.control.controllers.yaw import YawByDeadBand
-from wt_gym.experiment.yaw_bounds import (
+from power_bounds import (
     Directions,
     Yawed,
     by_thresholds,
@@ -16,6 +13,9 @@ from wt_gym.experiment.yaw_bounds import (
     with_wind_known,
     with_wind_known_at,
 )
+
+from wt_gym.control import Demand
+from wt_gym.control.controllers.additions import YawByDeadBand
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 

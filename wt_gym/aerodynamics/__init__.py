@@ -1,10 +1,16 @@
 """Unsteady vortex lattice with free wake: from moving lattice nodes and wind to circulation and nodal forces."""
 
-from wt_gym.aerodynamics.bodies.body_set import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
-from wt_gym.aerodynamics.bodies.tower_flow import TowerFlow, tower_perturbation
-from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.aerodynamics.bodies.body_set import (
+    BodySet,
+    BodySurface,
+    TowerFlow,
+    ellipsoid_body,
+    revolution_body,
+    tower_body,
+    tower_perturbation,
+)
 from wt_gym.aerodynamics.lattice.planform import LatticePlanform, build_planform, span_distribution
-from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
+from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AerodynamicsError, AeroOptions
 from wt_gym.aerodynamics.state import AeroState
 from wt_gym.aerodynamics.vortex_lattice import VortexLattice
 

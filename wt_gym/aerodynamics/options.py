@@ -3,33 +3,36 @@
 from __future__ import annotations
 
 import math
-import numbers
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.base.declared import broken, check_fields, count, number, one_of, whole
+from wt_gym.base.errors import WtGymError
+from wt_gym.base.types import Integers
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
-    from numpy.typing import NDArray
+class AerodynamicsError(WtGymError, ValueError):
+    """A lattice, an option or an inflow with which the vortex lattice cannot work."""
 
-__all__ = ["ENGINEERING", "REFERENCE", "SEPARATION_LAG", "TRAINING", "AeroOptions"]
 
-LOAD_FORMS = ("joukowski", "bernoulli")
-INDUCTIONS = ("direct", "tree")
-NARROW_STRIPS = ("ends", "tip")
-DYNAMIC_STALL = (None, "oye")
-# Whole numbers and the least that each may be
-COUNTS = {
-    "n_chord": 1, "n_span": 1, "wake_rows": 1, "full_rows": 1, "coarse_stride": 1, "sparse_stride": 1,
-    "sparse_span": 1, "fresh_rows": 0, "refresh_stride": 1, "wind_stride": 1, "far_wake_rows": 1,
-}  # fmt: skip
 SEPARATION_LAG = 4.0
 """Time constant of the separation point with ``dynamic_stall`` in chord lengths traveled [-], Øye's own (1991)."""
-NOT_NEGATIVE = ("bound_core", "wake_core", "viscosity", "squire", "stall_lag")
+
+RULES = {
+    "n_chord n_span wake_rows full_rows coarse_stride sparse_stride sparse_span refresh_stride": whole(1),
+    "wind_stride far_wake_rows": whole(1),
+    "fresh_rows": whole(0),
+    "bound_core wake_core viscosity squire stall_lag": number(0.0),
+    "azimuth_step_deg": number(0.0, above=True),
+    "tree_tolerance": number(0.0, 0.1, above=True, below=True),
+    "shed_fraction": number(0.0, 1.0, above=True),
+    "ground_height": number(0.0).or_none,
+    "dynamic_stall": one_of("oye").or_none,
+    "load_form": one_of("joukowski", "bernoulli"),
+    "narrow_strips": one_of("ends", "tip"),
+    "induction": one_of("direct", "tree"),
+}
 
 
 @dataclass(frozen=True)
@@ -151,68 +154,28 @@ class AeroOptions:
     ground_height: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse values without meaning."""
-        self._check_counts()
-        for name in NOT_NEGATIVE:
-            self._check_number(name, lambda x: 0.0 <= x < float("inf"), "it must be finite and >= 0")
-        self._check_number("azimuth_step_deg", lambda x: 0.0 < x < float("inf"), "it must be positive and finite")
-        self._check_number("tree_tolerance", lambda x: 0.0 < x < 0.1, "it must lie in (0, 0.1)")
-        self._check_number("shed_fraction", lambda x: 0.0 < x <= 1.0, "it must lie in (0, 1]")
-        if self.ground_height is not None:
-            self._check_number("ground_height", lambda x: 0.0 <= x < float("inf"), "allowed: None or finite and >= 0")
+        """Refuse values without meaning, and thinning that contradicts itself."""
+        check_fields(self, RULES, AerodynamicsError)
         if not (self.trailing_edge_wake or self.tip_wake):
             raise AerodynamicsError(
                 "AeroOptions.trailing_edge_wake and tip_wake are both False: a lattice that sheds no wake has no memory"
             )
-        if self.dynamic_stall not in DYNAMIC_STALL:
-            raise AerodynamicsError(f"AeroOptions.dynamic_stall is {self.dynamic_stall!r}; must be None or 'oye'")
         if self.dynamic_stall and not self.viscous:
             raise AerodynamicsError(
                 f"AeroOptions.dynamic_stall is {self.dynamic_stall!r} with viscous=False; it needs the polars: "
                 "viscous=True"
             )
-        if self.load_form not in LOAD_FORMS:
+        if self.sparse_from is None and (self.sparse_stride != 1 or self.sparse_span != 1):
             raise AerodynamicsError(
-                f"AeroOptions.load_form is {self.load_form!r}; must be one of {', '.join(LOAD_FORMS)}"
+                f"AeroOptions.sparse_stride is {self.sparse_stride} and sparse_span {self.sparse_span} with "
+                "sparse_from=None; both must be 1 there, or sparse_from a row number: nothing else thins by them"
             )
-        if self.narrow_strips not in NARROW_STRIPS:
-            raise AerodynamicsError(
-                f"AeroOptions.narrow_strips is {self.narrow_strips!r}; must be one of {', '.join(NARROW_STRIPS)}"
-            )
-        if self.induction not in INDUCTIONS:
-            raise AerodynamicsError(
-                f"AeroOptions.induction is {self.induction!r}; must be one of {', '.join(INDUCTIONS)}"
-            )
-
-    def _check_number(self, name: str, within: Callable[[float], bool], allowed: str) -> None:
-        """Refuse a value that is not a number or not within the range."""
-        value = getattr(self, name)
-        if not isinstance(value, numbers.Real) or not within(float(value)):
-            raise AerodynamicsError(f"AeroOptions.{name} is {value!r}; {allowed}")
-
-    def _check_counts(self) -> None:
-        """Refuse counts that are not whole numbers or too small, and thinning that contradicts itself."""
-        for name, least in COUNTS.items():
-            value = getattr(self, name)
-            if not _is_count(value) or value < least:
-                raise AerodynamicsError(f"AeroOptions.{name} is {value!r}; it must be at least {least}, a whole number")
-        if self.sparse_from is None:
-            if self.sparse_stride != 1 or self.sparse_span != 1:
-                raise AerodynamicsError(
-                    f"AeroOptions.sparse_stride is {self.sparse_stride} and sparse_span {self.sparse_span} with "
-                    "sparse_from=None; both must be 1 there, or sparse_from a row number: nothing else thins by them"
-                )
-            return
-        if not _is_count(self.sparse_from) or not self.full_rows < self.sparse_from:
-            raise AerodynamicsError(
-                f"AeroOptions.sparse_from is {self.sparse_from!r}; must be None or more than full_rows, "
-                f"{self.full_rows}, a whole number"
-            )
-        if self.sparse_stride % self.coarse_stride:
-            raise AerodynamicsError(
-                f"AeroOptions.sparse_stride is {self.sparse_stride}; it must be a multiple of coarse_stride, "
-                f"{self.coarse_stride}"
-            )
+        if self.sparse_from is not None and not count(self.sparse_from, int(self.full_rows) + 1):
+            allowed = f"None or more than full_rows, {self.full_rows}, a whole number"
+            raise broken(self, "sparse_from", allowed, AerodynamicsError)
+        if self.sparse_from is not None and self.sparse_stride % self.coarse_stride:
+            allowed = f"a multiple of coarse_stride, {self.coarse_stride}"
+            raise broken(self, "sparse_stride", allowed, AerodynamicsError)
 
     def for_step(self, step_deg: float) -> AeroOptions:
         """Options for a step that turns the rotor by another angle than the recommended one.
@@ -244,7 +207,7 @@ class AeroOptions:
             turns += 1
         return replace(thinned, wind_stride=turns)
 
-    def row_numbers(self) -> NDArray[np.int64]:
+    def row_numbers(self) -> Integers:
         """Steps since each row of a full wake was shed, newest first, given the thinning of old rows.
 
         Returns
@@ -264,10 +227,6 @@ class AeroOptions:
         return np.array(numbers)
 
 
-def _is_count(value: object) -> bool:
-    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
-
-
 # Errors against a converged lattice and REFERENCE: scripts/validate.py run power-curve-ladder turbulence-ladder.
 # Rows 24 degrees apart: three blades then have corners at the same azimuths, and the polygons of a turn lie as
 # regularly as the curves they stand for. 40 degrees are too far; so are 32, where the corners lie between each other.
@@ -284,7 +243,7 @@ ENGINEERING = AeroOptions(
     sparse_stride=3, sparse_span=3, fresh_rows=1, refresh_stride=8, wind_stride=3, far_wake_rows=22, squire=1e-3,
 )  # fmt: skip
 # 11 turns at 9 rpm, 15 at 12 rpm, all of them free and recomputed every step; every second row beyond the first 200.
-# The tree code stays well below the error that it is allowed: 3e-3 gives less than 1e-3 (scripts/bench_induction.py).
+# The tree code stays well below the error that it is allowed: 3e-3 gives less than 1e-3 (scripts/bench/induction.py).
 REFERENCE = AeroOptions(
     n_chord=4, n_span=24, azimuth_step_deg=7.5, wake_rows=480, full_rows=200, coarse_stride=2, fresh_rows=480,
     refresh_stride=1, far_wake=False, squire=1e-3, induction="tree", tree_tolerance=3e-3,

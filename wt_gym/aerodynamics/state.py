@@ -4,50 +4,44 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wt_gym.aerodynamics.induction.aligned import aligned_zeros
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
-from wt_gym.aerodynamics.lattice.edges import SheddingEdge, bound_segments
-from wt_gym.aerodynamics.lattice.planform import LatticePlanform
-from wt_gym.aerodynamics.lattice.ring_work import RingWork
-from wt_gym.aerodynamics.lattice.separation import separation_tables
+from wt_gym.aerodynamics.induction.tree_induction import RingWork, aligned_zeros
+from wt_gym.aerodynamics.lattice.planform import LatticePlanform, SheddingEdge, bound_segments, separation_tables
 from wt_gym.aerodynamics.options import SEPARATION_LAG, AeroOptions
 from wt_gym.aerodynamics.wake.far_wake_kernels import N_CELL, N_FAR, N_TUBE
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-__all__ = ["AeroArrays", "AeroConstants", "AeroState", "AeroWork", "PlanformArrays"]
+from wt_gym.base.types import Array, Integers
 
 
 class PlanformArrays(NamedTuple):
     """What the kernels need of a planform."""
 
-    chord: NDArray[np.float64]  # (n_span,) of the strips [m]
-    edge_chord: NDArray[np.float64]  # (n_span + 1,) at their edges [m]
+    chord: Array  # (n_span,) of the strips [m]
+    edge_chord: Array  # (n_span + 1,) at their edges [m]
     # (n_span or n_strip, n_alpha, 3) cl, cd, cm at angles from -pi on, of a blade or of all of them
-    polars: NDArray[np.float64]
-    alpha0: NDArray[np.float64]  # (n_span,) angle of zero lift of the two-dimensional lattice [rad]
-    kappa: NDArray[np.float64]  # (n_span,) circulation per normal velocity of that lattice [m]
+    polars: Array
+    alpha0: Array  # (n_span,) angle of zero lift of the two-dimensional lattice [rad]
+    kappa: Array  # (n_span,) circulation per normal velocity of that lattice [m]
     # (n_span,) moment coefficient of that lattice at zero lift, of the chord of the polars
-    moment0: NDArray[np.float64]
-    slope_angle: NDArray[np.float64]  # (n_span,) from the first to the last ring node against the chord line [rad]
-    tilt: NDArray[np.float64]  # (n_span, 2) cosine and sine of slope angle - angle of zero lift
+    moment0: Array
+    slope_angle: Array  # (n_span,) from the first to the last ring node against the chord line [rad]
+    tilt: Array  # (n_span, 2) cosine and sine of slope angle - angle of zero lift
     # (n_span or n_strip, n_alpha, 4), see separation.separation_tables; no angles without dynamic stall
-    separation: NDArray[np.float64]
+    separation: Array
     cylinder_table: NDArray[np.float32]  # (2, n_axial, n_radial), see far_wake.cylinder_table
-    shed_nodes: NDArray[np.int64]  # (n_edge + 1,) ring nodes on the shedding edge, see edges.SheddingEdge
-    shed_rings: NDArray[np.int64]  # (n_edge,) rings that shed there
-    shed_chord: NDArray[np.float64]  # (n_edge + 1,) chord at those nodes [m]
-    segments: NDArray[np.int64]  # (2, n, 4): without and with a wake, see edges.bound_segments
-    segment_core: NDArray[np.float64]  # (2, n) core radius squared [m^2]
-    n_segments: NDArray[np.int64]  # (2,)
-    sparse_nodes: NDArray[np.int64]  # (n_sparse,) nodes of the edge that carry the sparse part of the wake
-    sparse_weight: NDArray[np.float64]  # (n_edge,) share of each ring in its merged ring, see sparse_span
-    sparse_place: NDArray[np.float64]  # (n_edge + 1,) place of a node between its carrying neighbors, 0 … 1
+    shed_nodes: Integers  # (n_edge + 1,) ring nodes on the shedding edge, see edges.SheddingEdge
+    shed_rings: Integers  # (n_edge,) rings that shed there
+    shed_chord: Array  # (n_edge + 1,) chord at those nodes [m]
+    segments: Integers  # (2, n, 4): without and with a wake, see edges.bound_segments
+    segment_core: Array  # (2, n) core radius squared [m^2]
+    n_segments: Integers  # (2,)
+    sparse_nodes: Integers  # (n_sparse,) nodes of the edge that carry the sparse part of the wake
+    sparse_weight: Array  # (n_edge,) share of each ring in its merged ring, see sparse_span
+    sparse_place: Array  # (n_edge + 1,) place of a node between its carrying neighbors, 0 … 1
 
     @classmethod
     def of(cls, planform: LatticePlanform, options: AeroOptions, cylinder_table: NDArray[np.float32]) -> PlanformArrays:
@@ -76,7 +70,7 @@ class PlanformArrays(NamedTuple):
         )  # fmt: skip
 
 
-def carrying_nodes(n_edge: int, stride: int) -> NDArray[np.int64]:
+def carrying_nodes(n_edge: int, stride: int) -> Integers:
     """Nodes of the edge that carry the sparse part of the wake: the last three and every ``stride``-th inboard of them.
 
     Where the circulation falls steeply, the place of its trailing vortices decides how fast they move.
@@ -84,9 +78,7 @@ def carrying_nodes(n_edge: int, stride: int) -> NDArray[np.int64]:
     return np.unique(np.concatenate([np.arange(max(n_edge - 2, 0), -1, -stride), [0, n_edge - 1, n_edge]]))
 
 
-def sparse_span(
-    planform: LatticePlanform, edge_nodes: NDArray[np.int64], stride: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+def sparse_span(planform: LatticePlanform, edge_nodes: Integers, stride: int) -> tuple[Integers, Array, Array]:
     """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbors.
 
     The shares are those of the areas that the rings sweep behind a rotor: the merged ring has the impulse of its parts,
@@ -167,25 +159,25 @@ class AeroWork(NamedTuple):
     targets: NDArray[np.float32]  # (2, 3, n_target)
     velocity: NDArray[np.float32]  # (2, 3, n_target)
     scratch: NDArray[np.float32]  # (n,) of the induction kernels
-    rows: NDArray[np.int64]  # (n_max + 1,) rows whose turn it is
-    row_points: NDArray[np.float64]  # (n_max + 1, n_blade, n_edge + 1, 3) nodes of these rows [m]
-    n_turn: NDArray[np.int64]  # (1,) their number
-    corners: NDArray[np.float64]  # (2, n_blade, n_corner, 3) ring nodes and newest wake row, and their mirror images
-    points: NDArray[np.float64]  # (3, n_point)
+    rows: Integers  # (n_max + 1,) rows whose turn it is
+    row_points: Array  # (n_max + 1, n_blade, n_edge + 1, 3) nodes of these rows [m]
+    n_turn: Integers  # (1,) their number
+    corners: Array  # (2, n_blade, n_corner, 3) ring nodes and newest wake row, and their mirror images
+    points: Array  # (3, n_point)
     rings: RingWork
-    flow: NDArray[np.float64]  # (3, n_point)
-    normal: NDArray[np.float64]  # (n_ring, 3)
-    area: NDArray[np.float64]  # (n_ring,)
-    swap: NDArray[np.int64]  # (n_ring,) for the inverse
-    panel: NDArray[np.float64]  # (n_ring, 4)
-    pivots: NDArray[np.float64]  # (4, n_ring)
-    through: NDArray[np.float64]  # (n_ring,)
-    axes: NDArray[np.float64]  # (n_strip, 3) chord direction
-    normals: NDArray[np.float64]  # (n_strip, 3)
-    strip: NDArray[np.float64]  # (6, n_strip): width, along, potential, right-hand side, derivative, step
-    jacobian: NDArray[np.float64]  # (n_span, n_span)
-    lines: NDArray[np.float64]  # (3, n_edge + 1)
-    arc: NDArray[np.float64]  # (2, 3) place and velocity of one node
+    flow: Array  # (3, n_point)
+    normal: Array  # (n_ring, 3)
+    area: Array  # (n_ring,)
+    swap: Integers  # (n_ring,) for the inverse
+    panel: Array  # (n_ring, 4)
+    pivots: Array  # (4, n_ring)
+    through: Array  # (n_ring,)
+    axes: Array  # (n_strip, 3) chord direction
+    normals: Array  # (n_strip, 3)
+    strip: Array  # (6, n_strip): width, along, potential, right-hand side, derivative, step
+    jacobian: Array  # (n_span, n_span)
+    lines: Array  # (3, n_edge + 1)
+    arc: Array  # (2, 3) place and velocity of one node
 
     @classmethod
     def empty(
@@ -228,46 +220,46 @@ class AeroArrays(NamedTuple):
     k-th shed row behind it.
     """
 
-    n_rows: NDArray[np.int64]  # (1,) rows of the wake
-    n_steps: NDArray[np.int64]  # (1,) steps since the start
+    n_rows: Integers  # (1,) rows of the wake
+    n_steps: Integers  # (1,) steps since the start
     # (1,) stored levels of gamma, up to two; with one, a solution at dt = 0 is steady
-    n_levels: NDArray[np.int64]
-    prepared: NDArray[np.int64]  # (1,) 1 when the influences are those of the step under way
-    far_wake_on: NDArray[np.int64]  # (1,) 1 when cylinders (if the options have them) continue the wake
-    dt: NDArray[np.float64]  # (1,) step under way [s]
-    last_dt: NDArray[np.float64]  # (1,) last accepted step [s]
-    residual: NDArray[np.float64]  # (1,) of the decambering [m/s]
-    origin: NDArray[np.float64]  # (3,) origin of float32 positions [m]
-    wake: NDArray[np.float64]  # (n_max + 1, n_blade, n_edge + 1, 3) positions [m]
-    history: NDArray[np.float64]  # same shape, velocity at the time before [m/s]
-    wind: NDArray[np.float64]  # same shape, undisturbed wind [m/s]
+    n_levels: Integers
+    prepared: Integers  # (1,) 1 when the influences are those of the step under way
+    far_wake_on: Integers  # (1,) 1 when cylinders (if the options have them) continue the wake
+    dt: Array  # (1,) step under way [s]
+    last_dt: Array  # (1,) last accepted step [s]
+    residual: Array  # (1,) of the decambering [m/s]
+    origin: Array  # (3,) origin of float32 positions [m]
+    wake: Array  # (n_max + 1, n_blade, n_edge + 1, 3) positions [m]
+    history: Array  # same shape, velocity at the time before [m/s]
+    wind: Array  # same shape, undisturbed wind [m/s]
     induced: NDArray[np.float32]  # same shape, float32, induced velocity [m/s]
-    wake_gamma: NDArray[np.float64]  # (n_max, n_blade, n_edge) ring k between rows k and k + 1 [m^2/s]
-    volume: NDArray[np.float64]  # (n_max + 1, n_blade, n_edge + 1, 2) rc^2 l of trailing and spanwise segments [m^3]
-    age: NDArray[np.float64]  # (n_max + 1,) time since shed [s]
-    shed: NDArray[np.int64]  # (n_max + 1,) step at which the row was shed
-    free_edge: NDArray[np.float64]  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
-    frame: NDArray[np.float64]  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
+    wake_gamma: Array  # (n_max, n_blade, n_edge) ring k between rows k and k + 1 [m^2/s]
+    volume: Array  # (n_max + 1, n_blade, n_edge + 1, 2) rc^2 l of trailing and spanwise segments [m^3]
+    age: Array  # (n_max + 1,) time since shed [s]
+    shed: Integers  # (n_max + 1,) step at which the row was shed
+    free_edge: Array  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
+    frame: Array  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
     # (12,) whether cylinders continue the wake, center and axis of its last rows, share of each cell
-    far: NDArray[np.float64]
+    far: Array
     # (5, n_sparse) start, radius and what is measured of the cylinder at each carrying node
-    far_tube: NDArray[np.float64]
-    far_ring: NDArray[np.float64]  # (n_cell, n_sparse) ring circulation per length of their cells [m/s]
-    nodes: NDArray[np.float64]  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]
-    gamma: NDArray[np.float64]  # (n_blade, n_chord, n_span) ring circulations [m^2/s]
-    gamma_1: NDArray[np.float64]  # one accepted step ago
-    gamma_2: NDArray[np.float64]  # two accepted steps ago
-    source: NDArray[np.float64]  # (n_strip,) decambering velocity [m/s]
-    source_1: NDArray[np.float64]  # decambering velocity over section speed, one accepted step ago [-]
-    alpha: NDArray[np.float64]  # (n_strip,) effective angle of attack [rad]
-    speed: NDArray[np.float64]  # (n_strip,) effective speed in the section plane [m/s]
-    separation: NDArray[np.float64]  # (2, n_strip) separation point [chords] now, and in the static polar one step ago
-    forces: NDArray[np.float64]  # (n_blade, n_chord + 1, n_node, 3) nodal forces [N]
-    influence: NDArray[np.float64]  # (n_ring, 3, n_point) velocity per ring circulation, of this step
-    inverse: NDArray[np.float64]  # (n_ring, n_ring)
-    response: NDArray[np.float64]  # (n_strip, n_strip)
-    wake_flow: NDArray[np.float64]  # (3, n_point) wake-induced velocity, of this step [m/s]
-    body_strength: NDArray[np.float64]  # (n_panel,) source strengths of the bodies [m/s]
+    far_tube: Array
+    far_ring: Array  # (n_cell, n_sparse) ring circulation per length of their cells [m/s]
+    nodes: Array  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]
+    gamma: Array  # (n_blade, n_chord, n_span) ring circulations [m^2/s]
+    gamma_1: Array  # one accepted step ago
+    gamma_2: Array  # two accepted steps ago
+    source: Array  # (n_strip,) decambering velocity [m/s]
+    source_1: Array  # decambering velocity over section speed, one accepted step ago [-]
+    alpha: Array  # (n_strip,) effective angle of attack [rad]
+    speed: Array  # (n_strip,) effective speed in the section plane [m/s]
+    separation: Array  # (2, n_strip) separation point [chords] now, and in the static polar one step ago
+    forces: Array  # (n_blade, n_chord + 1, n_node, 3) nodal forces [N]
+    influence: Array  # (n_ring, 3, n_point) velocity per ring circulation, of this step
+    inverse: Array  # (n_ring, n_ring)
+    response: Array  # (n_strip, n_strip)
+    wake_flow: Array  # (3, n_point) wake-induced velocity, of this step [m/s]
+    body_strength: Array  # (n_panel,) source strengths of the bodies [m/s]
 
 
 @dataclass(frozen=True)
@@ -352,30 +344,29 @@ class AeroState:
         return int(self.arrays.n_rows[0])
 
     @property
-    def nodal_forces(self) -> NDArray[np.float64]:
+    def nodal_forces(self) -> Array:
         """Forces on the ring nodes of the last solve, shape (n_blades, n_chord + 1, n_span + 1, 3) [N]."""
         return self.arrays.forces
 
     @property
-    def circulation(self) -> NDArray[np.float64]:
+    def circulation(self) -> Array:
         """Circulation of each strip at the trailing edge, shape (n_blades, n_span) [m^2/s]."""
         return self.arrays.gamma[:, -1]
 
     @property
-    def angle_of_attack(self) -> NDArray[np.float64]:
+    def angle_of_attack(self) -> Array:
         """Effective angle of attack of each strip, shape (n_blades, n_span) [rad]."""
         return self.arrays.alpha.reshape(self.circulation.shape)
 
     @property
-    def section_speed(self) -> NDArray[np.float64]:
+    def section_speed(self) -> Array:
         """Effective speed in the section plane of each strip, shape (n_blades, n_span) [m/s]."""
         return self.arrays.speed.reshape(self.circulation.shape)
 
     @property
-    def separation_point(self) -> NDArray[np.float64]:
+    def separation_point(self) -> Array:
         """Separation point of each strip, shape (n_blades, n_span) [chords]; negative without dynamic stall."""
-        out: NDArray[np.float64] = self.arrays.separation[0].reshape(self.circulation.shape)
-        return out
+        return self.arrays.separation[0].reshape(self.circulation.shape)
 
     @property
     def residual(self) -> float:
@@ -383,11 +374,11 @@ class AeroState:
         return float(self.arrays.residual[0])
 
     @property
-    def wake_nodes(self) -> NDArray[np.float64]:
+    def wake_nodes(self) -> Array:
         """Positions of the wake, shape (n_rows + 1, n_blades, n_edge + 1, 3), shedding edge first [m]."""
         return self.arrays.wake[: self.n_rows + 1]
 
     @property
-    def wake_circulation(self) -> NDArray[np.float64]:
+    def wake_circulation(self) -> Array:
         """Circulation of the wake rings, shape (n_rows, n_blades, n_edge) [m^2/s]."""
         return self.arrays.wake_gamma[: self.n_rows]

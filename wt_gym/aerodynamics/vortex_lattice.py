@@ -3,29 +3,155 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from itertools import pairwise
 from numbers import Integral
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import Protocol, cast
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ellipe, ellipkm1
 
 from wt_gym.aerodynamics import step_kernels
 from wt_gym.aerodynamics.bodies.body_set import BodyArrays, BodySet, BodyWork
-from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
-from wt_gym.aerodynamics.induction.split_induction import SplitInduction
-from wt_gym.aerodynamics.induction.tree_induction import run_beside
+from wt_gym.aerodynamics.induction.tree_induction import TreeInduction, aligned_zeros, run_beside, split_direct
 from wt_gym.aerodynamics.lattice.planform import LatticePlanform, check_areas, numeric_array
-from wt_gym.aerodynamics.options import AeroOptions
-from wt_gym.aerodynamics.state import AeroConstants, AeroState, AeroWork, PlanformArrays
-from wt_gym.aerodynamics.wake.far_wake import cylinder_table
-from wt_gym.aerodynamics.wake.wake_kernels import place_newest_row, rows_for_wind, shedding_edge, store_wind
+from wt_gym.aerodynamics.options import AerodynamicsError, AeroOptions
+from wt_gym.aerodynamics.state import AeroArrays, AeroConstants, AeroState, AeroWork, PlanformArrays
+from wt_gym.aerodynamics.wake.far_wake_kernels import far_wake_velocity
+from wt_gym.aerodynamics.wake.wake_kernels import (
+    fold_images,
+    mean_induced,
+    pad_targets,
+    place_newest_row,
+    rows_for_wind,
+    shedding_edge,
+    store_wind,
+    wake_sheets,
+)
+from wt_gym.base.types import Array, Integers
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
-    from wt_gym.aerodynamics.state import AeroArrays
+def ring_velocity(axial: Array, radial: Array, core: float) -> tuple[Array, Array]:
+    """Velocity of a vortex ring of unit radius and unit circulation.
 
-__all__ = ["VortexLattice"]
+    Parameters
+    ----------
+    axial, radial : ndarray
+        Position relative to the ring's center, in ring radii.
+    core : float
+        Softening of the distance to the ring, in ring radii.
+
+    Returns
+    -------
+    axial_velocity, radial_velocity : ndarray
+        Positive axial velocity inside the ring (Lamb, Hydrodynamics, art. 161).
+    """
+    axial, radial = np.broadcast_arrays(axial, radial)
+    far2 = (1.0 + radial) ** 2 + axial**2 + core**2
+    near2 = (1.0 - radial) ** 2 + axial**2 + core**2
+    k, e = ellipkm1(near2 / far2), ellipe(1.0 - near2 / far2)
+    root = np.sqrt(far2)
+    u = (k + (1.0 - radial**2 - axial**2 - core**2) / near2 * e) / (2.0 * np.pi * root)
+    safe = np.maximum(radial, 1e-6)
+    v = axial / safe * (-k + (1.0 + radial**2 + axial**2 + core**2) / near2 * e) / (2.0 * np.pi * root)
+    return u, np.where(radial > 1e-6, v, 0.0)
+
+
+@lru_cache(maxsize=2)
+def cylinder_table(n_axial: int = 193, n_radial: int = 129, core: float = 0.05) -> NDArray[np.float32]:
+    """Velocity of the cylinder r = 1, z > 0 with unit tangential vorticity per length.
+
+    The rings of the cylinder are summed along z. Far upstream it acts as a sink of strength pi in its first disc;
+    that closed form starts the sum.
+
+    Returns
+    -------
+    table : ndarray, shape (2, n_axial, n_radial), float32
+        Axial and radial velocity at z / (1 + |z|) evenly spaced over [-1, 1] and r / (1 + r) over [0, 1].
+    """
+    p = np.linspace(-1.0, 1.0, n_axial)
+    q = np.linspace(0.0, 1.0, n_radial)
+    limit = 0.998
+    z_grid = np.clip(p, -limit, limit) / (1.0 - np.abs(np.clip(p, -limit, limit)))
+    r_grid = (np.minimum(q, limit) / (1.0 - np.minimum(q, limit)))[:, None]
+    # Between neighboring table lines a dozen steps, fine where the ring is near.
+    steps = np.unique(np.concatenate([np.linspace(a, b, 13) for a, b in pairwise(z_grid)]))
+    u, v = ring_velocity(steps, r_grid, core)
+    dz = np.diff(steps)
+    distance = np.sqrt(steps[0] ** 2 + r_grid**2)
+    u0, v0 = -0.25 * steps[0] / distance**3, -0.25 * r_grid / distance**3
+    sums = [
+        np.concatenate([c0, c0 + np.cumsum(0.5 * (c[:, 1:] + c[:, :-1]) * dz, axis=1)], axis=1)
+        for c, c0 in ((u, u0), (v, v0))
+    ]
+    at_grid = np.searchsorted(steps, z_grid - 1e-12)
+    table = np.stack([s[:, at_grid].T for s in sums]).astype(np.float32)
+    table[:, :, -1] = 0.0  # infinitely far from the axis
+    table[:, 0] = 0.0  # infinitely far upstream
+    table.setflags(write=False)
+    return table
+
+
+SLOWEST = 0.01
+"""Mean induced velocity [m/s] below which the tolerance of the tree code is no longer relative to it."""
+
+
+class SplitInduction:
+    """Velocities of bound lattice, wake and far wake for one lattice, outside of its compiled step.
+
+    Parameters
+    ----------
+    lattice : VortexLattice
+        With the tolerance of the tree code in its options.
+    threads : int
+        At least 1.
+    """
+
+    def __init__(self, lattice: VortexLattice, threads: int) -> None:
+        o, w = lattice.options, lattice.work
+        self._lattice, self._work, self.threads = lattice, w, threads
+        n_row, n_blade, n_node, _ = w.wake_sheet.shape
+        widest = max(n_node, w.bound_sheet.shape[2])
+        self._scratch = [aligned_zeros(8 * WIDTH * widest, np.float32) for _ in range(threads)]
+        self._lane = np.zeros(8 * w.targets.shape[2], dtype=np.float32)
+        self._tree = TreeInduction(n_row, n_blade, n_node, w.targets.shape[2], threads)
+        self._tolerance = o.tree_tolerance
+
+    def at_points(self, state: AeroState, n_threads: int) -> None:
+        """Velocity of the wake, without its newest ring, at the points of the blades, into ``state``."""
+        a, w = state.arrays, self._work
+        n = w.points.shape[1]
+        w.targets[0, :, :n] = w.points - a.origin[:, None]
+        self.at_targets(state, w.bound_sheet[:0], 1, n, n_threads)
+        a.wake_flow[:] = w.velocity[0, :, :n]
+
+    def at_targets(
+        self, state: AeroState, bound_sheet: NDArray[np.float32], first: int, n_target: int, n_threads: int
+    ) -> None:
+        """Velocity at the first ``n_target`` targets of the work arrays, into their velocity, by so many threads.
+
+        What induces it: ``bound_sheet``, the wake from row ``first`` on and the far wake.
+        """
+        a, w, constants = state.arrays, self._work, self._lattice.constants
+        wake_sheet, sparse_sheet = wake_sheets(a, constants, w, first)
+        scratch = self._scratch[:n_threads]
+        n_padded = pad_targets(w, n_target, constants, a.origin)
+        limit = self._tolerance * max(mean_induced(a, state.n_rows + 1), SLOWEST)
+        for image in range(2 if constants.has_ground else 1):
+            targets = np.ascontiguousarray(w.targets[image, :, :n_padded])
+            velocity = np.zeros_like(targets)
+            # in the order of `induced_at`, for the same rounding
+            split_direct(bound_sheet, targets, velocity, scratch)
+            self._tree.add_velocity(wake_sheet, targets, velocity, limit, n_threads)
+            split_direct(sparse_sheet, targets, velocity, scratch)
+            if a.far[0] > 0.0:
+                table = self._lattice.arrays.cylinder_table
+                far_wake_velocity(a, table, targets, velocity, self._lane[: 8 * n_padded].reshape(8, n_padded))
+            w.velocity[image, :, :n_padded] = velocity
+        fold_images(constants, w, n_target)
+
 
 PASSES = 25
 """Most passes between a prescribed wake and the circulation of the blades."""
@@ -41,7 +167,7 @@ SMALLEST_THRUST = 0.2
 class UndisturbedWind(Protocol):
     """A wind that the wake moves in."""
 
-    def velocity(self, points: NDArray[np.float64], time: float) -> ArrayLike:
+    def velocity(self, points: Array, time: float) -> ArrayLike:
         """Velocity (..., 3) at points (..., 3) in global coordinates, at a time [s]."""
 
 
@@ -199,14 +325,14 @@ class VortexLattice:
     def _balance(
         self,
         state: AeroState,
-        nodes: NDArray[np.float64],
-        velocities: NDArray[np.float64],
-        wind: NDArray[np.float64],
-        wake_rows: NDArray[np.float64],
-        ages: NDArray[np.float64],
+        nodes: Array,
+        velocities: Array,
+        wind: Array,
+        wake_rows: Array,
+        ages: Array,
         far_wake: bool,
         tolerance: float = BALANCED,
-        guess: NDArray[np.float64] | None = None,
+        guess: Array | None = None,
     ) -> float:
         """Start with a prescribed wake, except for its velocities.
 
@@ -247,7 +373,7 @@ class VortexLattice:
         self._solve_steady(state, nodes, velocities, wind)
         return float(change / max(np.abs(before).max(), 1e-9))
 
-    def _shed_circulation(self, a: AeroArrays) -> NDArray[np.float64]:
+    def _shed_circulation(self, a: AeroArrays) -> Array:
         """Circulation that each part of the shedding edge continues, a copy (n_blades, n_edge)."""
         return a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings]
 
@@ -392,21 +518,19 @@ class VortexLattice:
     def turn_of_rows(
         self, state: AeroState
     ) -> tuple[
-        NDArray[np.float64],
-        NDArray[np.int64],
-        NDArray[np.int64],
-        NDArray[np.int64],
+        Array,
+        Integers,
+        Integers,
+        Integers,
         int,
-        NDArray[np.int64],
-        NDArray[np.float64],
+        Integers,
+        Array,
     ]:
         """Arguments of `wake_kernels.rows_for_wind`: the same arrays in every step."""
         a, w = state.arrays, self.work
         return a.wake, a.shed, a.n_rows, a.n_steps, self.options.wind_stride, w.rows, w.row_points
 
-    def solve(
-        self, state: AeroState, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike, dt: float
-    ) -> NDArray[np.float64]:
+    def solve(self, state: AeroState, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike, dt: float) -> Array:
         """Circulation and loads for the given motion at the end of the step; may be repeated.
 
         The influence of the wake and of the rings on each other is computed at the first call of a step and kept.
@@ -436,7 +560,7 @@ class VortexLattice:
         """End the step: shed the newest ring and compute the velocities that move the wake next."""
         self._accept(state, place=True)
 
-    def induced_velocity(self, state: AeroState, points: ArrayLike) -> NDArray[np.float64]:
+    def induced_velocity(self, state: AeroState, points: ArrayLike) -> Array:
         """Velocity of bound and wake vortices and of the bodies at any points (..., 3) [m/s]; accuracy of float32."""
         points = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3).T)
@@ -452,7 +576,7 @@ class VortexLattice:
         velocity = out.T.reshape(points.shape)
         return velocity + self.bodies.velocity(points, a.body_strength) if self.bodies else velocity
 
-    def _checked_nodes(self, nodes: ArrayLike) -> NDArray[np.float64]:
+    def _checked_nodes(self, nodes: ArrayLike) -> Array:
         """Contiguous nodes of the right shape, finite, of panels with an area."""
         nodes = numeric_array("nodes", nodes)
         if nodes.shape != self.nodes_shape:
@@ -463,36 +587,28 @@ class VortexLattice:
         return nodes
 
     @staticmethod
-    def _clear(state: AeroState, nodes: NDArray[np.float64]) -> None:
+    def _clear(state: AeroState, nodes: Array) -> None:
         state.clear()
         state.arrays.origin[:] = nodes.mean(axis=(0, 1, 2))
         state.arrays.nodes[:] = nodes
 
     def _solve(
         self, state: AeroState, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike, dt: float, first: bool
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
         if not state.arrays.prepared[0]:
             check_areas(nodes)
             self.prepare(state, nodes)
         return self._solve_prepared(state, nodes, velocities, wind, dt, first)
 
-    def _solve_steady(
-        self, state: AeroState, nodes: NDArray[np.float64], velocities: NDArray[np.float64], wind: NDArray[np.float64]
-    ) -> None:
+    def _solve_steady(self, state: AeroState, nodes: Array, velocities: Array, wind: Array) -> None:
         """Steady solution with the wake as it stands, of arguments that are checked."""
         self.prepare(state, nodes, place=False)
         self._solve_prepared(state, nodes, velocities, wind, 0.0, first=True)
 
     def _solve_prepared(
-        self,
-        state: AeroState,
-        nodes: NDArray[np.float64],
-        velocities: NDArray[np.float64],
-        wind: NDArray[np.float64],
-        dt: float,
-        first: bool,
-    ) -> NDArray[np.float64]:
+        self, state: AeroState, nodes: Array, velocities: Array, wind: Array, dt: float, first: bool
+    ) -> Array:
         a = state.arrays
         if not np.isfinite(self.body_wind.sum()):
             raise AerodynamicsError("the wind at the bodies is not finite")
@@ -501,9 +617,7 @@ class VortexLattice:
             raise AerodynamicsError(self._why_not_finite(state, nodes, velocities, wind))
         return a.forces
 
-    def _checked_motion(
-        self, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _checked_motion(self, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike) -> tuple[Array, Array, Array]:
         """Contiguous arrays of what `reset` and `solve` take, of the right shape and finite."""
         given = {"nodes": nodes, "velocities": velocities, "wind": wind}
         arrays = []
@@ -516,7 +630,7 @@ class VortexLattice:
             arrays.append(array)
         return arrays[0], arrays[1], arrays[2]
 
-    def _checked_rows(self, wake_rows: ArrayLike, ages: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _checked_rows(self, wake_rows: ArrayLike, ages: ArrayLike) -> tuple[Array, Array]:
         """Arrays of a prescribed wake, of the right shape, finite and in order."""
         wake_rows, ages = numeric_array("wake_rows", wake_rows), numeric_array("ages", ages)
         n_rows, needed = len(wake_rows), (self.n_blades, self.n_edge + 1, 3)
@@ -532,9 +646,7 @@ class VortexLattice:
             raise AerodynamicsError(f"ages are {ages} s; they must be positive and increase from row to row")
         return wake_rows, ages
 
-    def _why_not_finite(
-        self, state: AeroState, nodes: NDArray[np.float64], velocities: NDArray[np.float64], wind: NDArray[np.float64]
-    ) -> str:
+    def _why_not_finite(self, state: AeroState, nodes: Array, velocities: Array, wind: Array) -> str:
         """Message with the largest numbers that led to forces that are not finite."""
         a = state.arrays
         rows = slice(0, state.n_rows + 1)
@@ -548,7 +660,7 @@ class VortexLattice:
         parts = [f"{name} {np.abs(values).max():.3g} {unit}" for name, (values, unit) in largest.items()]
         return f"the forces are not finite; largest {', '.join(parts)}: all must be finite and of a physical size"
 
-    def prepare(self, state: AeroState, nodes: NDArray[np.float64], place: bool = True) -> None:
+    def prepare(self, state: AeroState, nodes: Array, place: bool = True) -> None:
         """Compute what a step needs once, before its first `solve`; `solve` does it if it was not done."""
         p, o, a, w = self.arrays, self.constants, state.arrays, self.work
         split = self.split
@@ -581,16 +693,16 @@ class VortexLattice:
 
     @staticmethod
     def _helix(
-        edge: NDArray[np.float64],
-        center: NDArray[np.float64],
-        axis: NDArray[np.float64],
+        edge: Array,
+        center: Array,
+        axis: Array,
         rotor_speed: float,
-        ages: NDArray[np.float64],
-        stream: NDArray[np.float64],
+        ages: Array,
+        stream: Array,
         induced: float,
         slowest: float,
         radius: float,
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Rows of trailing-edge nodes turned back and carried downstream, shape (n_rows, n_blades, n_node, 3).
 
         ``induced`` is the axial velocity at the rotor [m/s], twice that far away, positive downstream; the wake moves
@@ -615,7 +727,7 @@ class VortexLattice:
         return center + turned + drift[:, None, None] + downstream[:, None, None]
 
 
-def _vector(name: str, values: ArrayLike) -> NDArray[np.float64]:
+def _vector(name: str, values: ArrayLike) -> Array:
     """Three finite numbers."""
     vector = numeric_array(name, values)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):

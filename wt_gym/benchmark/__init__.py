@@ -4,11 +4,10 @@ A task (`load_task`) says where an agent runs; `play` makes one run of it; `scor
 the reference numbers that stand in the task's file. docs/benchmark.md has the rules.
 """
 
-from wt_gym.benchmark.ceiling import Ceiling, ceiling_file, ceiling_of, write_ceiling
-from wt_gym.benchmark.fingerprint import benchmark_fingerprint
-from wt_gym.benchmark.reference import Reference, confirm_reference, make_reference, reference_of, write_reference
+from wt_gym.benchmark.ceiling import Ceiling, ceiling_file, ceiling_of
+from wt_gym.benchmark.reference import Reference, make_reference, reference_of, write_reference
 from wt_gym.benchmark.results import ResultFolder, result_key
-from wt_gym.benchmark.run import INTERFACE, play, run_definition
+from wt_gym.benchmark.run import INTERFACE, benchmark_fingerprint, play, run_definition
 from wt_gym.benchmark.scoring import Score, score
 from wt_gym.benchmark.table import into_page, leaderboard, to_markdown
 from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind, Limit, Term, load_task, task_names
@@ -26,7 +25,6 @@ __all__ = [
     "benchmark_fingerprint",
     "ceiling_file",
     "ceiling_of",
-    "confirm_reference",
     "into_page",
     "leaderboard",
     "load_task",
@@ -38,6 +36,5 @@ __all__ = [
     "score",
     "task_names",
     "to_markdown",
-    "write_ceiling",
     "write_reference",
 ]

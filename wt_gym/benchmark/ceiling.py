@@ -1,18 +1,17 @@
 """Ceilings of tasks: what a score can be where the wind is known, and what linear laws with more information reach.
 
 A score is read between the yardstick, which has 100, and the ceiling. The numbers stand in ``data/ceilings``, one file
-a task, with the record of their making; ``wt-gym benchmark ceiling`` makes them.
+a task, with the record of their making; scripts/studies/ceiling.py makes them.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.base.files import write_text_whole
-from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
 
 if TYPE_CHECKING:
@@ -21,15 +20,7 @@ if TYPE_CHECKING:
 
     from wt_gym.benchmark.tasks import BenchmarkTask
 
-__all__ = [
-    "Ceiling", "ceiling_file", "ceiling_line", "ceiling_of", "ceiling_table", "ladder_table", "write_ceiling",
-]  # fmt: skip
-
-_SHOWN = {
-    "captured_power": "power", "blade_flap_del": "flap DEL", "tower_fore_aft_del": "tower f-a DEL",
-    "tower_side_side_del": "tower s-s DEL",
-}  # fmt: skip
-"""Changes that a table shows."""
+__all__ = ["Ceiling", "ceiling_file", "ceiling_line", "ceiling_of"]
 
 
 @dataclass(frozen=True)
@@ -43,7 +34,7 @@ class Ceiling:
     definition : str
         Digest of the task.
     fingerprint : dict
-        See `wt_gym.benchmark.fingerprint`.
+        See `wt_gym.benchmark.benchmark_fingerprint`.
     made : dict
         Date, and versions of the software.
     how : dict
@@ -68,7 +59,7 @@ class Ceiling:
     task: str
     version: int
     definition: str
-    fingerprint: dict[str, str]
+    fingerprint: dict[str, Any]
     made: dict[str, str]
     how: dict[str, Any]
     explained: dict[str, dict[str, float]]
@@ -113,22 +104,9 @@ def ceiling_of(task: BenchmarkTask, path: Path | None = None) -> Ceiling | None:
         found = Ceiling(**{part.name: values[part.name] for part in fields(Ceiling)})
     except (ValueError, KeyError, TypeError) as error:
         raise BenchmarkError(
-            f"{path} must be a ceiling of wt-gym benchmark ceiling, it is damaged: {error!r}"
+            f"{path} must be a ceiling of scripts/studies/ceiling.py, it is damaged: {error!r}"
         ) from error
     return found if (found.task, found.definition) == (task.name, task.digest) else None
-
-
-def write_ceiling(ceiling: Ceiling, path: Path) -> Path:
-    """Write a ceiling.
-
-    Raises
-    ------
-    ValueError
-        If it holds a number that is not finite.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text_whole(path, json.dumps(asdict(ceiling), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
-    return path
 
 
 def ceiling_line(task: BenchmarkTask, ceiling: Ceiling) -> str:
@@ -148,46 +126,3 @@ def ceiling_line(task: BenchmarkTask, ceiling: Ceiling) -> str:
     if known and (parts := differing(known, ceiling.fingerprint)):
         line += f" It was made with another {' and '.join(parts)} than the reference numbers."
     return line
-
-
-def ceiling_table(ceilings: Mapping[str, Ceiling]) -> str:
-    """Table of ceilings by the id of the task, ended by a line break; changes are means over the winds."""
-    if not ceilings:
-        return "No ceiling is recorded.\n"
-    head = ["task", "ceiling", "reference controller", "score of the ceiling", *_SHOWN.values()]
-    head += ["pitch travel", "measured in"]
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    for name, ceiling in ceilings.items():
-        rows = list(ceiling.winds.values())
-
-        def mean(metric: str, rows: list[dict[str, Any]] = rows) -> float:
-            return float(sum(row["changes"][metric] for row in rows)) / len(rows)
-
-        known = ceiling.yardstick_improvement
-        cells = [
-            name,
-            f"{100 * ceiling.improvement:+.1f} %",
-            "–" if known is None else f"{100 * known:+.1f} %",
-            "–" if ceiling.score is None else f"{ceiling.score:.0f}",
-            *(f"{100 * mean(metric):+.1f} %" for metric in _SHOWN),
-            f"× {1.0 + mean('pitch_travel'):.1f}",
-            f"{len(rows)} × {ceiling.how['duration']:g} s, {ceiling.made['date']}",
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
-def ladder_table(ceilings: Mapping[str, Ceiling]) -> str:
-    """Table of the ladders of those ceilings that have one, or a line where none has, ended by a line break."""
-    ladders = {
-        name: {row["name"]: row for row in ceiling.ladder} for name, ceiling in ceilings.items() if ceiling.ladder
-    }
-    if not ladders:
-        return "No ladder is recorded.\n"
-    names = list(dict.fromkeys(rung for ladder in ladders.values() for rung in ladder))
-    head = ["what is known", *(f"`{name}`" for name in ladders)]
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    for rung in names:
-        cells = [f"{100 * own[rung]['improvement']:+.1f} %" if rung in own else "–" for own in ladders.values()]
-        lines.append(f"| {rung} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_text_whole
-from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
 
 if TYPE_CHECKING:
@@ -19,12 +19,7 @@ if TYPE_CHECKING:
 
     from wt_gym.benchmark.tasks import BenchmarkTask
 
-__all__ = ["Reference", "confirm_reference", "make_reference", "reference_of", "write_reference"]
-
-SAME = 2e-5
-"""Relative change of a metric within which a run is the same as before. The same sources, whose numbers are the same to
-the last bit on one machine, gave up to 8e-6 of pitch duty, 1e-6 of a load and 1e-8 of power on two kinds of processor
-after 600 s; an effect on the score begins at 1e-3."""
+__all__ = ["Reference", "make_reference", "reference_of", "write_reference"]
 
 
 @dataclass(frozen=True)
@@ -36,7 +31,7 @@ class Reference:
     definition : str
         Digest of the task for which they were made.
     fingerprint : dict
-        See `wt_gym.benchmark.fingerprint`.
+        See `wt_gym.benchmark.benchmark_fingerprint`.
     baseline : dict
         From the label of a wind to the metrics of the baseline controller.
     best_agent : str
@@ -44,17 +39,14 @@ class Reference:
         Weighted mean over the winds of what scores 100.
     improvements : dict
         Mean improvement of every candidate; None for one that broke a limit.
-    equal : list of dict
-        Earlier fingerprints, of sources whose numbers are the same (`confirm_reference`).
     """
 
     definition: str
-    fingerprint: dict[str, str]
+    fingerprint: dict[str, Any]
     baseline: dict[str, dict[str, float]]
     best_agent: str
     best_improvement: float
     improvements: dict[str, float | None]
-    equal: list[dict[str, str]] = field(default_factory=list)
 
     def check(self, task: BenchmarkTask, definition: Mapping[str, Any]) -> None:
         """Refuse a result that cannot be compared with these numbers.
@@ -67,7 +59,7 @@ class Reference:
         if (definition["task"], definition["version"]) != (task.name, task.version):
             raise BenchmarkError(f"a result of {definition['task']}-v{definition['version']} has no score in {task.id}")
         parts = differing(definition["fingerprint"], self.fingerprint)
-        if parts and definition["fingerprint"] not in self.equal:
+        if parts:
             raise BenchmarkError(
                 f"a result of {task.id} was made with another {' and '.join(parts)} than the reference numbers: run "
                 f"the agent again, or, if the reference is the older one, wt-gym benchmark reference --task "
@@ -132,56 +124,6 @@ def make_reference(
         raise BenchmarkError(f"task {task.name}: no candidate is better than the baseline within the limits: {found}")
     fingerprint = dict(baseline[task.winds[0].label]["definition"]["fingerprint"])
     return Reference(task.digest, fingerprint, metrics, best, allowed[best], found)
-
-
-def confirm_reference(
-    task: BenchmarkTask,
-    reference: Reference,
-    baseline: Mapping[str, Mapping[str, Any]],
-    best: Mapping[str, Mapping[str, Any]],
-    fingerprint: Mapping[str, str],
-) -> Reference:
-    """Reference numbers for sources that have changed in a way that changes no number.
-
-    Parameters
-    ----------
-    task : BenchmarkTask
-    reference : Reference
-        As made with the earlier sources.
-    baseline, best : mapping
-        Results of the baseline controller and of the best known agent with the present sources by the label of the
-        wind.
-    fingerprint : mapping
-        Of the present sources.
-
-    Returns
-    -------
-    Reference
-        The same numbers with the present fingerprint; the earlier one counts as equal, so that results of other
-        agents keep their score.
-
-    Raises
-    ------
-    wt_gym.base.errors.BenchmarkError
-        If a metric of the baseline has changed, or what the best known agent improves.
-    """
-    renew = f"the reference numbers are out of date; wt-gym benchmark reference --task {task.name} renews them"
-    for label, known in reference.baseline.items():
-        found = baseline[label]["metrics"]
-        changed = [name for name, value in known.items()
-                   if name not in found or not abs(found[name] - value) <= SAME * abs(value)]  # fmt: skip
-        if changed:
-            raise BenchmarkError(
-                f"task {task.name}: the baseline gives another {', '.join(changed[:3])} in {label}: {renew}"
-            )
-    found = make_reference(task, baseline, {reference.best_agent: best}).best_improvement
-    if not abs(found - reference.best_improvement) <= SAME:
-        raise BenchmarkError(
-            f"task {task.name}: {reference.best_agent} improves {found:.6g}, not {reference.best_improvement:.6g}: "
-            f"{renew}"
-        )
-    equal = [one for one in (reference.fingerprint, *reference.equal) if one != dict(fingerprint)]
-    return replace(reference, fingerprint=dict(fingerprint), equal=equal)
 
 
 def _keeps(task: BenchmarkTask, result: Mapping[str, Any], baseline: Mapping[str, float]) -> bool:

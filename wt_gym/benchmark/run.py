@@ -6,6 +6,7 @@ import platform
 import time
 import warnings
 from functools import cache, partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -13,13 +14,19 @@ import numpy as np
 
 import wt_gym
 from wt_gym.analysis.metrics import idle_time, run_metrics
-from wt_gym.base.errors import BenchmarkError
-from wt_gym.benchmark.fingerprint import benchmark_fingerprint
+from wt_gym.base.canary import CANARY, Canary, cached_canary, canary_text
+from wt_gym.base.errors import BenchmarkError, SimulationError
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.envs.canary import canary_of, control_step
+from wt_gym.envs.record_store import user_record_digest
+from wt_gym.envs.running_record import time_scale
+from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.runs.definition import RunDefinition
 from wt_gym.runs.playing import play as play_episode
+from wt_gym.simulation.contract import fingerprint
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
@@ -31,9 +38,18 @@ if TYPE_CHECKING:
     from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind
     from wt_gym.control.controllers.controller import Controller
     from wt_gym.envs.episode import EpisodeStep
+    from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
-__all__ = ["INTERFACE", "benchmark_metrics", "delivered_power", "make_env", "play", "run_definition"]
+__all__ = [
+    "INTERFACE",
+    "benchmark_fingerprint",
+    "benchmark_metrics",
+    "delivered_power",
+    "make_env",
+    "play",
+    "run_definition",
+]
 
 INTERFACE = (
     "action_mode", "pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "residual_form",
@@ -44,6 +60,8 @@ INTERFACE = (
 _LATER = (("sensor_washout", None), ("residual_form", "rate"))
 """Arguments that came after results had been recorded, with the values that those were made with."""
 _ENDLESS = 10**9  # control steps
+_SHORT, _SHORT_SKIP = 4.0, 1.0
+"""Length of the run whose metrics are compared, and of its start that they leave out, for a large turbine [s]."""
 _SPELL = 10.0  # s, over which power beyond the rated one may make up for power below it
 
 
@@ -137,7 +155,7 @@ def play(
     dict
         ``metrics`` (empty if the run ended before its time), ``ending`` (``"time"`` or why it was terminated),
         ``failure``, ``duration`` [s], ``episode_return``, ``cost`` (sum), ``idle_time`` [s]
-        (`wt_gym.envs.idling.IdleClock.total`), ``made_with`` and ``wall_seconds``.
+        (`wt_gym.envs.terminations.IdleClock.total`), ``made_with`` and ``wall_seconds``.
     """
     began = time.monotonic()
 
@@ -227,8 +245,52 @@ def _turbine(task: BenchmarkTask) -> Turbine:
 _load_turbine = cache(load_turbine)
 
 
+def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None) -> dict[str, Any]:
+    """Digests of turbine and fidelity, and the canary of the package for them.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    fidelity : str or Fidelity or None
+        None: that of the blades (`wt_gym.simulation.tip_twist.choose_fidelity`).
+
+    Returns
+    -------
+    dict
+        ``turbine``, ``fidelity``, and ``canary``: numbers of short episodes by channel (`wt_gym.envs.canary`), with the
+        metrics of a short run. Where episodes start from a record of the user, ``start`` is its digest; the records of
+        the package show in the canary. `wt_gym.base.canary.differing` compares two fingerprints.
+    """
+    chosen = fidelity_of(suited_fidelity(turbine) if fidelity is None else fidelity)
+    record = user_record_digest(turbine)
+    metrics = cached_canary("metrics", fingerprint(turbine, chosen), lambda: _canary(turbine, chosen))
+    return {
+        "turbine": fingerprint(turbine)[:16],
+        "fidelity": fingerprint(chosen)[:16],
+        CANARY: canary_of(turbine, chosen, WindTurbineEnv) | metrics,
+    } | ({} if record is None else {"start": record})
+
+
+def _canary(turbine: Turbine, fidelity: Fidelity) -> Canary:
+    """Metrics of a short run from the operating point, as a run of the benchmark has them."""
+    env = WindTurbineEnv(
+        turbine=turbine, fidelity=fidelity, wind_speed=turbine.rated_wind_speed, start="steady",
+        action_mode="residual", control_dt=control_step(turbine, fidelity),
+    )  # fmt: skip
+    scale = time_scale(turbine)
+    nobody = SimpleNamespace(predict=lambda *_, **__: (np.zeros(env.action_space.shape), None))
+    try:
+        run = play_episode(env, nobody, seed=0, options={}, duration=scale * _SHORT)
+        metrics = benchmark_metrics(run.after_start, turbine, scale * _SHORT_SKIP)
+    except SimulationError as error:  # which is a behavior too
+        return {"metrics/run": type(error).__name__}
+    finally:
+        env.close()
+    return {f"metrics/{name}": canary_text([value]) for name, value in metrics.items()}
+
+
 @cache
-def _fingerprint(turbine: str, fidelity: str) -> dict[str, str]:
+def _fingerprint(turbine: str, fidelity: str) -> dict[str, Any]:
     return benchmark_fingerprint(_load_turbine(turbine), fidelity)
 
 

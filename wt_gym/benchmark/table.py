@@ -12,7 +12,7 @@ from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark.ceiling import ceiling_line, ceiling_of
 from wt_gym.benchmark.reference import reference_of
 from wt_gym.benchmark.scoring import score
-from wt_gym.benchmark.tasks import earlier_ids, load_task, recorded_name, task_names
+from wt_gym.benchmark.tasks import load_task, task_names
 from wt_gym.runs.definition import digest
 
 if TYPE_CHECKING:
@@ -54,8 +54,8 @@ def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     for result in results:
         definition = result["definition"]
         entry = digest({key: value for key, value in definition.items() if key != "wind"})
-        runs.setdefault((recorded_name(definition), entry), []).append(result)
-    unknown = sorted({name for name, _ in runs} - {*task_names(), *earlier_ids()})
+        runs.setdefault((definition["task"], entry), []).append(result)
+    unknown = sorted({name for name, _ in runs} - {*task_names()})
     if unknown:
         raise BenchmarkError(f"tasks of results must be among {', '.join(task_names())}, got {', '.join(unknown)}")
     tasks, references, ceilings = {}, {}, {}

@@ -17,12 +17,10 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "BenchmarkTask", "BenchmarkWind", "Limit", "Term", "earlier_ids", "load_task", "recorded_name",
-    "task_file", "task_names",
+    "BenchmarkTask", "BenchmarkWind", "Limit", "Term", "load_task", "task_file", "task_names",
 ]  # fmt: skip
 
 _FOLDER = Path(__file__).parent / "data"
-_EARLIER = _FOLDER / "earlier"
 _TRANSIENTS = ("EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal")
 _KEYS = {
     "name", "version", "goal", "env_id", "env_kwargs", "duration", "skip", "winds", "terms", "limits", "clip",
@@ -147,7 +145,7 @@ class BenchmarkTask:
     goal : str
     env_id : str
     env_kwargs : dict
-        Arguments of the environment which no agent can change.
+        Arguments of the environment; agents can replace those of `wt_gym.benchmark.INTERFACE` alone.
     duration, skip : float
         Length of a run, and the start left out of the metrics [s].
     winds : tuple of BenchmarkWind
@@ -297,42 +295,22 @@ def task_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _FOLDER.glob("*.json")))
 
 
-def earlier_ids() -> tuple[str, ...]:
-    """Names with versions of tasks that have been followed by another version."""
-    return tuple(sorted(path.stem for path in _EARLIER.glob("*.json")))
-
-
-def recorded_name(definition: Mapping[str, Any]) -> str:
-    """Name by which the task of a run is loaded: earlier versions have their number in it.
-
-    Parameters
-    ----------
-    definition : mapping
-        Of the run.
-    """
-    earlier = f"{definition['task']}-v{definition['version']}"
-    return earlier if earlier in earlier_ids() else str(definition["task"])
-
-
 def task_file(name: str) -> Path:
     """Path of a task's file.
 
     Parameters
     ----------
     name : str
-        Of the task, or of an earlier version with ``-v`` and its number behind it.
+        Of the task.
 
     Raises
     ------
     wt_gym.base.errors.BenchmarkError
         If there is no such task.
     """
-    if name in earlier_ids():
-        return _EARLIER / f"{name}.json"
     if name not in task_names():
         raise BenchmarkError(
-            f"task must be one of {', '.join(task_names())}, or of the earlier {', '.join(earlier_ids())}; got "
-            f"{name!r}{did_you_mean(name, task_names())}"
+            f"task must be one of {', '.join(task_names())}; got {name!r}{did_you_mean(name, task_names())}"
         )
     return _FOLDER / f"{name}.json"
 

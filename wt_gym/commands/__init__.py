@@ -34,7 +34,6 @@ COMMANDS = {
     "list": "controllers with their parameters, turbines, tasks, channels, trained agents",
     "compile": "compile the simulator ahead of the first run, in two processes",
     "record": "record how turbines run in turbulence, for the starts of their episodes",
-    "bench": "speed and memory on this machine",
 }
 
 

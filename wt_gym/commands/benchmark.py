@@ -1,4 +1,4 @@
-"""The benchmark: agents in frozen tasks, their scores, the reference numbers, and the front of load against travel.
+"""The benchmark: agents in frozen tasks, their scores, and the reference numbers.
 
     wt-gym benchmark tasks
     wt-gym benchmark run baselines runs/ppo --task load-reduction-15 --out runs/benchmark --jobs 2
@@ -6,9 +6,6 @@
     wt-gym benchmark archive runs/benchmark --models runs/ppo --out entry.tar.xz
     wt-gym benchmark verify entry.tar.xz --jobs 2       # repeats six of its runs
     wt-gym benchmark reference --task all --jobs 2      # after a change of the physics
-    wt-gym benchmark reference --confirm --jobs 2       # after a change of the sources that changes no number
-    wt-gym benchmark ceiling --task load-reduction      # what a score can be where the wind is known
-    wt-gym benchmark front runs/ppo --jobs 2            # docs/data/load_travel_front.csv and .svg
 
 An agent is zero, random, a controller with parameters behind a colon (constrained_ipc:level=0.1), a class of your own
 (file.py:Class), planner, the path of a trained model, or baselines, which stands for twelve of them (with rosco, where
@@ -69,41 +66,14 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     )
     add_engine_options(verify, "runs")
     reference = commands.add_parser("reference", description="Renew the reference numbers in the files of tasks.")
-    reference.add_argument(
-        "--confirm", action="store_true",
-        help="run only the baseline and the best known agent: where their numbers are the same, the reference numbers "
-        "stay and take the fingerprint of the present sources",
-    )  # fmt: skip
-    ceiling = commands.add_parser(
-        "ceiling",
-        description="Ceilings of tasks: offsets of the pitch learned for winds that are known, and what linear laws "
-        "with more and more information are forecast to reach. Written beside the tasks.",
-    )
-    ceiling.add_argument("--winds", type=int, default=3, metavar="N", help="of each speed (default: %(default)s)")
-    ceiling.add_argument("--duration", type=float, metavar="S", help="of a run (default: the task's)")
-    ceiling.add_argument("--passes", type=int, default=3, metavar="N", help="runs with offsets (default: %(default)s)")
-    ceiling.add_argument("--no-ladder", dest="ladder", action="store_false", help="without the ladder of information")
-    ceiling.add_argument(
-        "--page", type=file_ending_in(".md"), metavar="FILE", help="put the tables of all ceilings into this page"
-    )
-    ceiling.add_argument("--data", type=Path, metavar="DIR", help="folder of the files (default: in the package)")
-    front = commands.add_parser(
-        "front",
-        description="Flap DEL against pitch travel of individual pitch: gains, bands that constrain it, and a lidar.",
-    )
-    front.add_argument("agents", nargs="*", metavar="AGENT", help="to compare with the front")
-    for command, tasks in ((run, "all"), (reference, "all"), (front, "load-reduction"), (ceiling, "load-reduction")):
+    for command in (run, reference):
         command.add_argument(
-            "--task", nargs="+", default=[tasks], metavar="NAME", help="tasks, or the beginning of their names, or all"
+            "--task", nargs="+", default=["all"], metavar="NAME", help="tasks, or the beginning of their names, or all"
         )
         command.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
         add_engine_options(command, "runs")
-    for command in (run, front):
-        add_model_options(command)
-    pages = CLONE / "docs" / "data"
-    front.add_argument("--data", type=Path, default=pages if pages.is_dir() else Path("runs/front"), metavar="DIR",
-        help="folder of table and figure (default: docs/data of a clone, else runs/front)")  # fmt: skip
-    for command in (table, run, reference, front, ceiling, archive, verify):
+    add_model_options(run)
+    for command in (table, run, reference, archive, verify):
         command.add_argument("--json", action="store_true", help="print the figures as one JSON object last")
     return parser.parse_args(words)
 
@@ -133,9 +103,9 @@ def tasks(_: argparse.Namespace) -> None:
 
 def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     """Lines on tasks in which what is run now can have no score: their reference numbers do not fit the sources."""
+    from wt_gym.base.canary import differing
     from wt_gym.base.errors import BenchmarkError
     from wt_gym.benchmark import reference_of, run_definition
-    from wt_gym.benchmark.fingerprint import differing
 
     lines: list[str] = []
     others: dict[str, list[str]] = {}
@@ -151,8 +121,7 @@ def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     renew = f"{where}wt-gym benchmark reference"
     return lines + [
         f"runs of {', '.join(names)} will have no score: the reference numbers were made with another {parts}; {renew} "
-        f"--task {' '.join(names)} --confirm takes them over where no number has changed, without --confirm they are "
-        "made again"
+        f"--task {' '.join(names)} makes them again"
         for parts, names in others.items()
     ]
 
@@ -268,8 +237,6 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
             "reference numbers stand in the files of the package: a clone of the project makes them, not what is "
             f"installed in {CLONE}"
         )
-    if arguments.confirm:
-        return confirmed(arguments)
     asked, best = [(task, entries_of([task.baseline, *task.measures])) for task in chosen(arguments.task)], {}
     for (task, entries), found in zip(asked, results(arguments, asked), strict=True):
         made = make_reference(task, found.pop(entries[0].name), found)
@@ -279,93 +246,11 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
     return best
 
 
-def confirmed(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Reference numbers that a change of the sources has left as they are."""
-    from wt_gym.benchmark import confirm_reference, reference_of, write_reference
-    from wt_gym.experiment.benchmark_runs import entries_of
-
-    kept, asked = {}, []
-    for task in chosen(arguments.task):
-        if task.reference is None:
-            print(f"{task.id}: no reference numbers yet")
-        else:
-            asked.append((task, entries_of([task.baseline, reference_of(task).best_agent])))
-    for (task, _), found in zip(asked, results(arguments, asked), strict=True):
-        known, (base, best) = reference_of(task), found.values()
-        fingerprint = next(iter(base.values()))["definition"]["fingerprint"]
-        path = write_reference(task, confirm_reference(task, known, base, best, fingerprint))
-        kept[task.name] = fingerprint
-        print(f"{task.id}: baseline and {known.best_agent} give the same numbers in {len(base)} winds ({path})")
-    return kept
-
-
-def ceiling(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Make ceilings."""
-    from dataclasses import asdict
-
-    from wt_gym.base.errors import BenchmarkError
-    from wt_gym.base.files import write_text_whole
-    from wt_gym.benchmark import ceiling_file, ceiling_of, into_page, write_ceiling
-    from wt_gym.benchmark.ceiling import ceiling_table, ladder_table
-    from wt_gym.learning.linear_design.ceiling import CeilingOptions, make_ceiling
-    from wt_gym.learning.linear_design.oracle import OracleOptions
-
-    if arguments.data is None and not IN_CLONE:
-        raise BenchmarkError(
-            f"ceilings stand in the package: a clone of the project makes them, not {CLONE}; elsewhere name --data"
-        )
-    options = CeilingOptions(
-        winds=arguments.winds, duration=arguments.duration, oracle=OracleOptions(passes=arguments.passes),
-        ladder=arguments.ladder,
-    )  # fmt: skip
-    found = {}
-    with executor_of(arguments) as executor:
-        for task in chosen(arguments.task):
-            made = make_ceiling(
-                task, arguments.out, options, executor, lambda line: print(line, file=sys.stderr, flush=True)
-            )
-            file = ceiling_file(task)
-            path = write_ceiling(made, file if arguments.data is None else arguments.data / file.name)
-            print(f"{task.id}: with the wind known an improvement of {100 * made.improvement:.2f} % ({path})")
-            found[task.name] = asdict(made)
-    if arguments.page is not None:
-        known = {task.id: ceiling_of(task) for task in chosen(["all"])}
-        there = {name: one for name, one in known.items() if one is not None}
-        page = arguments.page.read_text(encoding="utf-8")
-        for part, text in (("ceilings", ceiling_table(there)), ("ladder", ladder_table(there))):
-            page = into_page(text, page, part)
-        write_text_whole(arguments.page, page)
-    return found
-
-
-def front(arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """Make the front of load against travel."""
-    from wt_gym.experiment import front as fronts
-    from wt_gym.experiment.benchmark_runs import entries_of
-    from wt_gym.experiment.names import with_model_options
-
-    entries, rows, distances = fronts.front_entries(), [], []
-    agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
-    others = [entry for entry in entries_of(agents) if entry not in entries]
-    if taken := {entry.name for entry in entries} & {entry.name for entry in others}:
-        raise ValueError(f"{', '.join(sorted(taken))} belongs to the front itself: give the agent another name")
-    asked = [(task, [*entries, *others]) for task in chosen(arguments.task)]
-    for (task, _), found in zip(asked, results(arguments, asked), strict=True):
-        rows += fronts.front_rows(task, found)
-        compared = [*(name for names in fronts.WITH_LIDAR.values() for name in names), *(e.name for e in others)]
-        distances += [fronts.front_distance(task, found, name) for name in compared]
-    table = fronts.write_csv(rows, arguments.data / "load_travel_front.csv")
-    print(f"table: {table}\nfigure: {fronts.draw_front(rows, arguments.data / 'load_travel_front.svg')}")
-    print("\n".join(fronts.distance_table(distances)))
-    return rows
-
-
 def main(words: list[str] | None = None) -> None:
     """Do what the command says."""
     arguments = parse_arguments(words)
     commands = {
         "tasks": tasks, "run": run, "table": table, "archive": archive, "verify": verify, "reference": reference,
-        "ceiling": ceiling, "front": front,
     }  # fmt: skip
     with user_errors(), stoppable("the same command resumes with the runs that are kept"):
         found = commands[arguments.command](arguments)

@@ -25,7 +25,7 @@ from wt_gym.commands.site_options import add_site_option
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
 
-    from wt_gym.simulation.linear.campbell import CampbellDiagram
+    from wt_gym.simulation.campbell import CampbellDiagram
     from wt_gym.turbines import Turbine
 
 LARGEST_OVERSPEED = 5.0  # in rated rotor speeds
@@ -111,7 +111,7 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
 
     from wt_gym.control.operating_point import operating_point
     from wt_gym.simulation import Simulator
-    from wt_gym.simulation.linear.campbell import campbell
+    from wt_gym.simulation.campbell import campbell
     from wt_gym.turbines import load_turbine
     from wt_gym.turbines.model import with_site
     from wt_gym.wind import SteadyInflow

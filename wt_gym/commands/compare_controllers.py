@@ -109,7 +109,7 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
         from wt_gym.experiment.comparison import Case, run_cases
         from wt_gym.experiment.names import COMPARED, available, named_choices, read_name, with_model_options
-        from wt_gym.simulation.tip_twist import suited_fidelity
+        from wt_gym.simulation.fidelity import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.model import with_site
 

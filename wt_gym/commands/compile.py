@@ -35,7 +35,7 @@ def main(words: list[str] | None = None) -> None:
     from wt_gym.envs.turbine_env import turbine_env_of
     from wt_gym.experiment.compilation import compile_kernels
     from wt_gym.simulation import Simulator
-    from wt_gym.simulation.compile_ahead import compile_ahead
+    from wt_gym.simulation.compilation import compile_ahead
 
     with user_errors(), stoppable("what is compiled so far stays"):
         for env_id in arguments.env:

@@ -82,12 +82,11 @@ def main(words: list[str] | None = None) -> None:
     out: Path = arguments.out
     with user_errors(), stoppable(f"runs that are done are in {out}.runs and are not made again"):
         from wt_gym.base.files import require_writable
-        from wt_gym.control.optimal.design_file import save_design
-        from wt_gym.control.optimal.offsets import default_limits
+        from wt_gym.control.controllers.linear_optimal import default_limits, save_design
         from wt_gym.learning.linear_design.design import LinearDesignTask, default_speeds, design
         from wt_gym.learning.linear_design.feedback import FeedbackOptions
         from wt_gym.learning.linear_design.recording import Excitation, Recording, RecordingStore
-        from wt_gym.simulation.tip_twist import suited_fidelity
+        from wt_gym.simulation.fidelity import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.model import with_site
 

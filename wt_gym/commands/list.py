@@ -42,6 +42,7 @@ def controllers(turbine: Any = None) -> list[dict[str, Any]]:
         controller_summary,
         declared_parameters,
     )
+    from wt_gym.control.controllers.names import default_text
 
     kinds = dict.fromkeys(BASES, "base") | dict.fromkeys(WRAPPERS, "works inside a base")
     kinds |= dict.fromkeys(ADDITIONS, "addition") | dict.fromkeys(GUARDS, "around all parts")
@@ -54,12 +55,12 @@ def controllers(turbine: Any = None) -> list[dict[str, Any]]:
                 {
                     "name": parameter.name,
                     "unit": parameter.unit,
-                    "default": parameter.default_text(turbine),
+                    "default": default_text(parameter, turbine),
                     "allowed": parameter.allowed,
                     "meaning": parameter.meaning,
                 }
                 for parameter in declared_parameters(name)
-                if parameter.taken(turbine)
+                if parameter.belongs_to(turbine)
             ],
         }
         for name in CONTROLLERS
@@ -80,10 +81,10 @@ def turbines(turbine: Any = None) -> list[dict[str, Any]]:
 
 
 def tasks(turbine: Any = None) -> list[dict[str, Any]]:
-    """Tasks by the newest id."""
+    """Tasks by id."""
     from wt_gym.tasks import TASKS
 
-    return [{"name": task.ids[-1], "what": f"{task.goal} Score: {task.score}"} for task in TASKS.values()]
+    return [{"name": task.id, "what": f"{task.goal} Score: {task.score}"} for task in TASKS.values()]
 
 
 def channels(turbine: Any = None) -> list[dict[str, Any]]:
@@ -99,13 +100,9 @@ def channels(turbine: Any = None) -> list[dict[str, Any]]:
 
 def agents(turbine: Any = None) -> list[dict[str, Any]]:
     """Trained agents that come with the project."""
-    from importlib.util import find_spec
-    from pathlib import Path
+    from wt_gym.base.files import shipped_folder
 
-    spec = find_spec("wt_gym.experiment.trained_agent")
-    if spec is None or spec.origin is None:
-        return []
-    folder = Path(spec.origin).parent / "trained"
+    folder = shipped_folder() / "trained"
     found = sorted(path for path in folder.iterdir() if path.is_dir() and any(path.glob("*.zip")))
     return [{"name": path.name, "what": f"trained policy, {path}"} for path in found]
 

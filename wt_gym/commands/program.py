@@ -9,7 +9,6 @@ import os
 import select
 import signal
 import sys
-import warnings
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -46,9 +45,9 @@ FIDELITIES_HELP = (
 """What options called ``--fidelity`` take."""
 
 CLONE = Path(wt_gym.__file__).resolve().parents[1]
-"""Folder that holds the package; of a clone, the one with ``docs`` and ``validation``."""
+"""Folder that holds the package; of a clone, the one with ``docs`` and ``scripts``."""
 
-IN_CLONE = (CLONE / "validation").is_dir()
+IN_CLONE = (CLONE / "envs_tests").is_dir()
 
 _OF_BROKEN_PIPE = 128 + 13
 _EXTRAS = {
@@ -129,13 +128,10 @@ def folder_path(text: str) -> str:
 def user_errors() -> Iterator[None]:
     """End the program with one line and status 1 where what the user asked for is refused, or needs an extra.
 
-    Where the reader of the output has gone (``| head``), it ends silently, with the status of other programs. An
-    earlier version of a task runs without gymnasium's advice to take the newer one.
+    Where the reader of the output has gone (``| head``), it ends silently, with the status of other programs.
     """
     try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*The environment wt_gym/.* is out of date", DeprecationWarning)
-            yield
+        yield
         sys.stdout.flush()
     except BrokenPipeError as error:
         if not _nobody_reads():

@@ -46,14 +46,13 @@ def main(words: list[str] | None = None) -> None:
     """Run the command."""
     arguments = parse_arguments(words)
     os.environ["OMP_NUM_THREADS"] = "1"  # of the processes
-    from wt_gym.base.compiled import digest_of
+    from wt_gym.base.canary import package_digest
     from wt_gym.envs.record_store import FOLDER
     from wt_gym.envs.recording import make_record
     from wt_gym.runs.progress import clock
 
     with user_errors(), stoppable("the runs that are done stay: the same command continues"):
-        package = FOLDER.parents[1]
-        version = digest_of(package, list(package.rglob("*.py")))[:16]
+        version = package_digest()[:16]
         records = _of_package(arguments.turbines) if arguments.package else _of_user(arguments)
         folder = FOLDER if arguments.package else _user_folder()
         began = time.monotonic()

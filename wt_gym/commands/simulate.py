@@ -95,9 +95,9 @@ COLUMNS = (
 
 def check(arguments: argparse.Namespace) -> None:
     """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
-    from wt_gym.envs.arguments import check_duration
-    from wt_gym.envs.options.wind import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
-    from wt_gym.envs.simulators import simulator_maker
+    from wt_gym.base.options import check_duration
+    from wt_gym.envs.operation import simulator_maker
+    from wt_gym.envs.wind_sampler import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
     from wt_gym.simulation.fidelity import fidelity
 
     check_duration("--duration", arguments.duration, LEAST_DURATION)
@@ -162,7 +162,7 @@ def steady_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> 
 def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Inflow:
     """Wind of the options: of a speed [m/s], or of a description."""
     from wt_gym.wind import TurbulenceBox, TurbulentInflow, wind_from
-    from wt_gym.wind.protocol import require_cover
+    from wt_gym.wind.inflow import require_cover
 
     if not isinstance(speed, float):
         inflow = wind_from(speed, turbine.hub_height, turbine.rotor_diameter)
@@ -206,7 +206,7 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
 
 def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Recorder:
     """Run one wind; what was simulated is written where a file is given, of a stopped run too."""
-    from wt_gym.envs.simulators import simulator_maker
+    from wt_gym.envs.operation import simulator_maker
     from wt_gym.runs.playing import run_baseline
     from wt_gym.runs.progress import ProgressLine
     from wt_gym.simulation import Recorder
@@ -234,7 +234,7 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(hint):
         check(arguments)
         from wt_gym.analysis.metrics import idle_sentence, idle_time
-        from wt_gym.simulation.tip_twist import suited_fidelity
+        from wt_gym.simulation.fidelity import suited_fidelity
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.model import with_site
 

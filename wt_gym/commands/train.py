@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.engine_options import add_address_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, stoppable, user_errors
-from wt_gym.commands.training_file import present_option, words_of
+from wt_gym.commands.training_file import words_of
 from wt_gym.commands.training_options import add_training_options, config_from
 from wt_gym.tasks import DEFAULT_ENV
 
@@ -89,7 +89,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "(default: the processors of the cluster, at most --n-envs)",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the record of the training as JSON at the end")
-    words = [present_option(word) for word in (sys.argv[1:] if words is None else words)]
+    words = list(sys.argv[1:] if words is None else words)
     arguments = parser.parse_args(words)
     if arguments.config is not None and arguments.recipe:
         parser.error("--config names a training and --recipe that of the task: give one of them")

@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["present_option", "words_of"]
+__all__ = ["words_of"]
 
-_RENAMED = {"--go-on": "--resume-if-exists", "--no-go-on": "--no-resume-if-exists"}  # rename: keep
 _ONLY_TYPED = ("config", "recipe", "resume")
 _WITH_NO = ("resume-if-exists", "tensorboard")
 _EITHER = (("--seed", "--seeds"), ("--resume-if-exists", "--overwrite"))
-
-
-def present_option(word: str) -> str:
-    """Word of a command line; an option by its former name as the present one, with a warning."""
-    new = _RENAMED.get(word, word)
-    if new != word:
-        print(f"warning: {word} is deprecated, use {new}", file=sys.stderr, flush=True)
-    return new
 
 
 def words_of(path: str | Path, typed: Sequence[str] = ()) -> list[str]:
@@ -59,7 +49,7 @@ def words_of(path: str | Path, typed: Sequence[str] = ()) -> list[str]:
         raise ValueError(f"{path} must map options of the training to values, as 'algo: sac', got {options!r:.80}")
     words = []
     for name, value in options.items():
-        option = present_option("--" + name.replace("_", "-")).removeprefix("--")
+        option = name.replace("_", "-")
         if not _typed_instead(option, typed):
             words += _option(option, value, path)
     return words

@@ -1,7 +1,5 @@
 """The physical layer between an agent and a turbine: actions to actuator demands, sensors, steady operating points."""
 
-from typing import TYPE_CHECKING
-
 from wt_gym.control.actions import ACTION_MODES, COMPONENTS, PITCH_FORMS, ActionMap, AgentSetpoint, Demand
 from wt_gym.control.operating_point import (
     DesignPoint,
@@ -12,7 +10,6 @@ from wt_gym.control.operating_point import (
     torque_curve,
 )
 from wt_gym.control.sensors import Channel, Lidar, LowPass, NacelleAnemometer, Notch
-from wt_gym.deprecated import renamed_names
 
 __all__ = [
     "ACTION_MODES",
@@ -33,6 +30,3 @@ __all__ = [
     "operating_point",
     "torque_curve",
 ]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)

@@ -9,22 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import ActionError, did_you_mean
-from wt_gym.control.coleman import FIXED_FRAME, harmonic_of_blades, to_blades
 from wt_gym.control.operating_point import operating_point, torque_curve
-from wt_gym.deprecated import renamed_names
+from wt_gym.control.sensors import FIXED_FRAME, harmonic_of_blades, to_blades
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from typing import Any
 
     from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "RESIDUAL_FORMS", "ActionMap", "AgentSetpoint", "Demand"]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
+__all__ = [
+    "ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "RESIDUAL_FORMS", "ActionMap", "AgentSetpoint", "Demand",
+]  # fmt: skip
 
 ACTION_MODES = ("rate", "absolute", "residual")
 RESIDUAL_FORMS = ("rate", "offset")
@@ -58,43 +55,21 @@ MARGIN = math.radians(5.0)
 
 @dataclass(frozen=True)
 class Demand:
-    """What the actuators are asked for.
+    """What the actuators are asked for."""
 
-    Attributes
-    ----------
-    pitch : numpy.ndarray, shape (n_blades,)
-        Blade pitch [rad].
-    yaw_rate : float
-        Rate of the nacelle about the vertical, counter-clockwise from above [rad/s].
-    generator_torque : float
-        Torque on the high-speed shaft [N m].
-    """
-
-    pitch: NDArray[np.float64]
-    yaw_rate: float
-    generator_torque: float
+    pitch: NDArray[np.float64]  #: blade pitch [rad], shape (n_blades,)
+    yaw_rate: float  #: rate of the nacelle about the vertical, counter-clockwise from above [rad/s]
+    generator_torque: float  #: torque on the high-speed shaft [N m]
 
 
 @dataclass(frozen=True)
 class AgentSetpoint:
-    """What the actions of an agent ask for, in the coordinates of its action; offsets in mode "residual".
+    """What the actions of an agent ask for, in the coordinates of its action; offsets in mode "residual"."""
 
-    Attributes
-    ----------
-    pitch : numpy.ndarray, shape (n_pitch,)
-        Of all blades, of each, mean, tilt and yaw, or tilt and yaw [rad].
-    yaw_rate : float
-        [rad/s]
-    generator_torque : float
-        [N m]
-    set_point : float
-        Of the rotor speed, over rated [-]; an offset from that of a supervisor.
-    """
-
-    pitch: NDArray[np.float64]
-    yaw_rate: float
-    generator_torque: float
-    set_point: float = 0.0
+    pitch: NDArray[np.float64]  #: of all blades, of each, mean, tilt and yaw, or tilt and yaw [rad], shape (n_pitch,)
+    yaw_rate: float  #: [rad/s]
+    generator_torque: float  #: [N m]
+    set_point: float = 0.0  #: of the rotor speed, over rated [-]; an offset from that of a supervisor
 
 
 class ActionMap:
@@ -355,17 +330,10 @@ class ActionMap:
     # ---- from actions to demands ----
 
     def validate(self, action: ArrayLike) -> NDArray[np.float64]:
-        """Return an action as float64, or refuse it.
+        """Return an action (size,) as a copy in float64, or refuse it.
 
-        Parameters
-        ----------
-        action : array_like, shape (size,)
-
-        Returns
-        -------
-        numpy.ndarray, shape (size,)
-            A copy; values beyond the bounds by rounding (`ROUNDING`, 6.1e-5) are put on them exactly. Nothing farther
-            beyond is clipped.
+        Values beyond the bounds by rounding (`ROUNDING`, 6.1e-5) are put on them exactly. Nothing farther beyond is
+        clipped.
 
         Raises
         ------
@@ -387,7 +355,7 @@ class ActionMap:
         return np.array([min(max(value, -1.0), 1.0) for value in numbers])
 
     def start(self, demand: Demand) -> AgentSetpoint:
-        """Aim with which an episode starts from a demand."""
+        """Setpoint with which an episode starts from a demand."""
         if self.mode == "residual":
             return AgentSetpoint(np.zeros(self.n_pitch), 0.0, 0.0)
         pitch = np.asarray(demand.pitch, dtype=np.float64)
@@ -399,19 +367,7 @@ class ActionMap:
         return AgentSetpoint(pitch.copy(), 0.0, demand.generator_torque)
 
     def decode(self, action: NDArray[np.float64], previous: AgentSetpoint) -> AgentSetpoint:
-        """Aim at the end of the next control step.
-
-        Parameters
-        ----------
-        action : numpy.ndarray, shape (size,)
-            A validated action.
-        previous : AgentSetpoint
-            At the end of the step before.
-
-        Returns
-        -------
-        Aim
-        """
+        """Setpoint at the end of the next control step, from a validated action (size,) and the setpoint before."""
         physical = [
             low + 0.5 * (value + 1.0) * span for value, (low, span) in zip(action.tolist(), self._ranges, strict=True)
         ]
@@ -460,17 +416,8 @@ class ActionMap:
     ) -> Demand:
         """Demand on the drives.
 
-        Parameters
-        ----------
-        setpoint : AgentSetpoint
-        base : Demand, optional
-            Of the base controller; needed where `needs_controller`.
-        azimuth, rotor_speed : float
-            Of blade 1 [rad] and of the rotor [rad/s], for pitch in the fixed frame.
-
-        Returns
-        -------
-        Demand
+        It needs the demand of the base controller where `needs_controller` says so, and for pitch in the fixed frame
+        the azimuth of blade 1 [rad] and the rotor speed [rad/s].
         """
         # numbers one by one: arrays of three are slow
         pitch, yaw_rate, torque = setpoint.pitch.tolist(), setpoint.yaw_rate, setpoint.generator_torque
@@ -509,17 +456,9 @@ class ActionMap:
         return min(base + offset, max(base, self._most_shaft_power / rotor_speed))
 
     def encode(self, demand: Demand, previous: Demand | AgentSetpoint) -> NDArray[np.float64]:
-        """Give the action with a given demand, or the nearest one that the spans allow.
+        """Action (size,) with a given demand, or the nearest one that the spans allow, within [-1, 1].
 
-        Parameters
-        ----------
-        demand, previous : Demand
-            Collective maps take the mean of the blades' pitch.
-
-        Returns
-        -------
-        numpy.ndarray, shape (size,)
-            Within [-1, 1].
+        Collective maps take the mean of the blades' pitch.
 
         Raises
         ------

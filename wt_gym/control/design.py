@@ -1,4 +1,4 @@
-"""Design point of a turbine's controller: its own data where there are any, else its own rotor by blade elements.
+"""Design of a turbine's controller: its own data where there are any, else rules for its rotor and tower.
 
 Speed loop
 ----------
@@ -30,6 +30,20 @@ Sensitivity
 over the pitch through them: its value at zero and the pitch at which it has doubled (NREL/TP-500-38060, section 7.3).
 Between 10 and 24 deg the line of the NREL 5-MW lies within 9 % of the published one, -25.52 (1 + theta/6.302 deg)
 MW/rad.
+
+Collective edgewise mode
+------------------------
+All blades against hub and generator, as a speed controller meets it. Where hub and generator are light, the hub swings
+far in this mode and the measured speed with it. A pitch loop that answers feeds the mode, since filter, drive and time
+step turn its phase by more than half a turn there.
+
+One assumed shape w(s) along the blade, its deflection under the inertial load m(s) r(s) of an accelerating rotor, gives
+the clamped frequency by Rayleigh's quotient and, with the speed of the rigid rotor as second coordinate,
+
+``J a + P q" = T``, ``P a + M (q" + 2 zeta w_e q' + w_e^2 q) = kappa T``
+
+with ``M = n int m w^2 ds``, ``P = n int m r w ds`` and ``kappa = int w r^2 ds / int r^3 ds`` for a torque that grows
+with r^2 along the blade. Blade and hub then swing with ``w_r = w_e / sqrt(1 - P^2 / (J M))``.
 """
 
 from __future__ import annotations
@@ -40,30 +54,162 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
-from wt_gym.control.rotor import Rotor, rotor_of
+from wt_gym.control.rotor import Rotor, fine_pitch, rotor_of
 from wt_gym.turbines.model import at_controller_density
 from wt_gym.wind.iec import REFERENCE_INTENSITY, turbulence_sigma
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from wt_gym.turbines import Turbine
+    from wt_gym.turbines import Support, Tower, Turbine
 
 __all__ = [
-    "DesignPoint",
-    "SpeedLoop",
-    "aerodynamic_rated_power",
-    "design_point",
-    "fine_pitch",
-    "full_power_wind",
-    "rated_mechanical_power",
-    "rotor_inertia",
-    "speed_filter",
-    "speed_loop",
-    "trim_pitch",
-]
+    "DesignPoint", "DriveMode", "SpeedLoop", "TowerTop", "aerodynamic_rated_power", "design_point", "drive_mode",
+    "fine_pitch", "flap_moment_sensitivity", "full_power_wind", "rated_mechanical_power", "reference_flap_moment",
+    "reference_tower_moment", "rotor_inertia", "same_rotor", "slower_than_reference", "speed_filter", "speed_loop",
+    "tower_top", "trim_pitch",
+]  # fmt: skip
+
+
+def reference_flap_moment(turbine: Turbine) -> float:
+    """Root moment of a blade that carries its share of the Betz thrust at rated wind at 2/3 of the radius [N m].
+
+    12.4 MN m for the NREL 5-MW, whose mean flapwise moment at rated is about 10 MN m.
+    """
+    radius = turbine.rotor_diameter / 2
+    dynamic_pressure = 0.5 * turbine.air_density * turbine.rated_wind_speed**2
+    thrust = 8 / 9 * dynamic_pressure * math.pi * radius**2
+    return thrust / turbine.n_blades * 2 / 3 * radius
+
+
+def reference_tower_moment(turbine: Turbine) -> float:
+    """Tower-base moment of the Betz thrust at rated wind [N m]."""
+    thrust = reference_flap_moment(turbine) * turbine.n_blades / (turbine.rotor_diameter / 3)
+    return thrust * turbine.hub_height
+
+
+_REFERENCE_SPEED = 12.1 * (math.pi / 30.0)
+"""Rated speed of the rotor for which times and rates of rules were chosen, that of the NREL 5-MW [rad/s]."""
+
+
+def flap_moment_sensitivity(turbine: Turbine) -> float:
+    """Fall of the flapwise root moment with the pitch of a blade at rated speed [N m/rad], positive.
+
+    ``rho/2 2 pi Omega^2 int c r^2 (r - r_root) dr``: thin-airfoil lift in the speed of rotation alone, without the
+    change of induction and without the lag of the wake, hence an upper bound, about 1.5 times what a blade shows.
+    """
+    blade, speed = turbine.blade, turbine.drivetrain.rated_rotor_speed
+    along = np.linspace(0.0, blade.length, 101)
+    radius = blade.root_radius + along
+    lift = math.pi * turbine.air_density * speed**2 * radius**2 * blade.chord_at(along)
+    return float(np.trapezoid(lift * along, along))
+
+
+def slower_than_reference(turbine: Turbine) -> float:
+    """Time of a turn at rated speed over that of a rotor of 12.1 rpm: by how much times of rules are longer [-]."""
+    return _REFERENCE_SPEED / turbine.drivetrain.rated_rotor_speed
+
+
+def same_rotor(one: Turbine, other: Turbine) -> bool:
+    """Whether two turbines have the same rotor and drive train, whatever tower or monopile these stand on."""
+    from wt_gym.simulation.contract import fingerprint
+
+    def rotor(turbine: Turbine) -> str:
+        return fingerprint(turbine.n_blades, turbine.rotor_diameter, turbine.blade, turbine.hub, turbine.drivetrain)
+
+    return rotor(one) == rotor(other)
+
+
+@dataclass(frozen=True)
+class TowerTop:
+    """A tower as a spring with a mass on it, in its first bending mode."""
+
+    mass: float  #: nacelle, rotor and a share of the tower [kg]
+    fore_aft: float  #: natural frequency [rad/s]
+    side_side: float  #: natural frequency [rad/s]
+    force_per_moment: float
+    """Side force at the top that bends the tower as far as a moment about the wind's axis does [1/m]."""
+
+
+def tower_top(turbine: Turbine) -> TowerTop:
+    """First bending modes of a tower, from the deflection under a force at its top.
+
+    The tower's own mass counts with the square of that deflection (Rayleigh's quotient). Rotor and nacelle are a point
+    mass at the top. A monopile bends with the tower, turns and shifts on its foundation, and carries water along.
+    """
+    hub, nacelle = turbine.hub, turbine.nacelle
+    blade = turbine.blade.structure
+    rotor = turbine.n_blades * np.trapezoid(blade.inertia[:, 0, 0], blade.station) + hub.mass
+    top = float(nacelle.mass + nacelle.yaw_bearing_mass + rotor)
+    column = _column(turbine.tower)
+    z = np.linspace(0.0, column.station[-1], 201)
+    arm, step = z[-1] - z, np.diff(z)[0]
+    line = np.interp(z, column.station, column.mass) + column.water(z)
+
+    def frequency(axis: int) -> tuple[float, float, float]:
+        """Frequency [rad/s], modal mass [kg] and ratio of deflections under a moment and a force [1/m]."""
+        bending = np.interp(z, column.station, column.stiffness[:, axis, axis])
+        (shift, turn), (shift_by_moment, turn_by_moment) = column.base(axis)
+        slope = _integral(arm / bending, step)
+        shape = _integral(slope, step) + shift + turn * z
+        by_moment = _integral(_integral(1.0 / bending, step), step)[-1] + shift_by_moment + turn_by_moment * z[-1]
+        shares = (shape / shape[-1]) ** 2
+        mass = top + float(np.trapezoid(line * shares, z)) + column.lump * float(np.interp(column.lump_at, z, shares))
+        return math.sqrt(1.0 / (shape[-1] * mass)), mass, float(by_moment / shape[-1])
+
+    fore_aft, mass, _ = frequency(4)
+    side_side, _, ratio = frequency(3)
+    return TowerTop(mass, fore_aft, side_side, ratio)
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Tower with the support it may stand on: tables from the foot up, a lump of mass, and the ground."""
+
+    station: NDArray[np.float64]  # (n,) [m]
+    stiffness: NDArray[np.float64]  # (n, 6, 6)
+    mass: NDArray[np.float64]  # (n,) [kg/m]
+    lump: float  # [kg]
+    lump_at: float  # [m]
+    support: Support | None
+
+    def water(self, z: NDArray[np.float64]) -> NDArray[np.float64] | float:
+        """Mass per length of the water that moves along [kg/m], at distances from the foot (n,) [m]."""
+        return 0.0 if self.support is None else np.where(z <= self.lump_at, self.support.added_mass_at(z), 0.0)
+
+    def base(self, axis: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Shift [m] and turn [rad] of the foot under a unit force at the top, and under a unit moment."""
+        if self.support is None or self.support.foundation is None:
+            return (0.0, 0.0), (0.0, 0.0)
+        move, sign = (0, 1.0) if axis == 4 else (1, -1.0)  # a push along y turns the foot about -x
+        spring = self.support.foundation[np.ix_([move, axis], [move, axis])]
+        by_force = np.linalg.solve(spring, [1.0, sign * self.station[-1]])
+        by_moment = np.linalg.solve(spring, [0.0, sign])
+        return (float(by_force[0]), sign * float(by_force[1])), (float(by_moment[0]), sign * float(by_moment[1]))
+
+
+def _column(tower: Tower) -> _Column:
+    table, support = tower.structure, tower.support
+    if support is None:
+        return _Column(table.station, table.stiffness, table.inertia[:, 0, 0], 0.0, 0.0, None)
+    below = support.structure
+    return _Column(
+        np.concatenate([below.station, support.length + table.station]),
+        np.concatenate([below.stiffness, table.stiffness]),
+        np.concatenate([below.inertia[:, 0, 0], table.inertia[:, 0, 0]]),
+        support.top_mass,
+        support.length,
+        support,
+    )
+
+
+def _integral(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Integral from the start by the trapezoidal rule, shape of the values."""
+    return np.concatenate(([0.0], np.cumsum(0.5 * step * (values[1:] + values[:-1]))))
+
 
 DAMPING_RATIO = 0.7
 LARGEST_EXCURSION = 0.02
@@ -83,42 +229,22 @@ _TRIM = np.linspace(1.02, 2.2, 13)
 
 @dataclass(frozen=True)
 class DesignPoint:
-    """What a controller must know of a rotor beyond its dimensions.
+    """What a controller must know of a rotor beyond its dimensions."""
 
-    Attributes
-    ----------
-    peak_power_coefficient : float
-        Largest power coefficient, reached at ``tip_speed_ratio`` and ``fine_pitch`` [-].
-    tip_speed_ratio : float
-        Optimal tip-speed ratio [-].
-    fine_pitch : float
-        Pitch of optimal power below rated; the least one of a schedule over the wind [rad].
-    pitch_sensitivity : float
-        Change of aerodynamic power with collective pitch at rated speed and zero pitch, divided by the rated mechanical
-        power [1/rad]; negative.
-    gain_doubling_pitch : float
-        Pitch at which the sensitivity has doubled [rad].
-    damping_ratio, natural_frequency : float
-        Desired closed-loop response of the rotor speed above rated [-], [rad/s].
-    """
-
-    peak_power_coefficient: float
-    tip_speed_ratio: float
-    fine_pitch: float
+    peak_power_coefficient: float  #: largest power coefficient, reached at ``tip_speed_ratio`` and ``fine_pitch`` [-]
+    tip_speed_ratio: float  #: optimal tip-speed ratio [-]
+    fine_pitch: float  #: pitch of optimal power below rated; the least one of a schedule over the wind [rad]
     pitch_sensitivity: float
-    gain_doubling_pitch: float
-    damping_ratio: float
-    natural_frequency: float
+    """Change of aerodynamic power with collective pitch at rated speed and zero pitch, divided by the rated
+    mechanical power [1/rad]; negative."""
+    gain_doubling_pitch: float  #: pitch at which the sensitivity has doubled [rad]
+    damping_ratio: float  #: desired, of the closed-loop rotor speed above rated [-]
+    natural_frequency: float  #: desired, of the same [rad/s]
 
 
 @dataclass(frozen=True)
 class SpeedLoop:
-    """Natural frequencies that the rule of this module allows [rad/s].
-
-    Attributes
-    ----------
-    by_inertia, by_pitch_rate, by_tower, by_filter : float
-    """
+    """Natural frequencies that the rule of this module allows [rad/s]."""
 
     by_inertia: float
     by_pitch_rate: float
@@ -155,21 +281,6 @@ def rotor_inertia(turbine: Turbine) -> float:
 
 
 @lru_cache(maxsize=32)
-def fine_pitch(turbine: Turbine) -> float:
-    """Pitch of optimal power below rated [rad].
-
-    The least pitch of a published schedule over the wind, else the published fine pitch, else that of the largest power
-    coefficient by blade elements; never below the range of the drives.
-    """
-    own, lowest = turbine.control, turbine.pitch.min_pitch
-    if own is not None and own.min_pitch is not None:
-        return max(float(own.min_pitch.min()), lowest)
-    if own is not None and own.fine_pitch is not None:
-        return max(own.fine_pitch, lowest)
-    return max(rotor_of(turbine).optimum[1], lowest)
-
-
-@lru_cache(maxsize=32)
 def full_power_wind(turbine: Turbine) -> float:
     """Least wind at which the rotor makes rated power at rated speed and fine pitch [m/s], by blade elements."""
     rotor, speed, power = rotor_of(turbine), turbine.drivetrain.rated_rotor_speed, aerodynamic_rated_power(turbine)
@@ -201,8 +312,6 @@ def trim_pitch(turbine: Turbine, wind: NDArray[np.float64]) -> NDArray[np.float6
 @lru_cache(maxsize=32)
 def speed_loop(turbine: Turbine) -> SpeedLoop:
     """Frequencies of the rule in the docstring of this module."""
-    from wt_gym.control.controllers.rotor_rules import tower_top  # controllers know design points
-
     rotor, drivetrain = rotor_of(turbine), turbine.drivetrain
     wind, speed = DESIGN_WIND * full_power_wind(turbine), drivetrain.rated_rotor_speed
     power, least = aerodynamic_rated_power(turbine), fine_pitch(turbine)
@@ -261,10 +370,6 @@ def design_point(turbine: Turbine) -> DesignPoint:
 
     The rules hold for the air for which the turbine's controller is designed.
 
-    Parameters
-    ----------
-    turbine : Turbine
-
     Returns
     -------
     DesignPoint
@@ -292,3 +397,57 @@ def design_point(turbine: Turbine) -> DesignPoint:
         damping_ratio=published("damping_ratio") or DAMPING_RATIO,
         natural_frequency=published("natural_frequency") or speed_loop(turbine).natural_frequency,
     )
+
+
+@dataclass(frozen=True)
+class DriveMode:
+    """The mode of a free rotor."""
+
+    frequency: float  #: of all blades against hub and generator [rad/s]
+    clamped_frequency: float  #: of a blade on a hub that is held [rad/s]
+    response: float
+    """Amplitude of the hub's acceleration at ``frequency`` with a unit of damping, over that of a rigid rotor
+    [-]."""
+    damping_ratio: float  #: of the blade's material [-]
+
+    def amplification(self) -> float:
+        """Amplitude of the speed at the mode's frequency over that of a rigid rotor under the same torque [-].
+
+        Damped by the material alone: the air damps edgewise motion little, and feeds it near stall.
+        """
+        damping = 2.0 * self.damping_ratio * self.clamped_frequency * self.frequency
+        return self.response / damping if damping > 0.0 else math.inf
+
+
+def drive_mode(turbine: Turbine) -> DriveMode:
+    """Collective edgewise mode of a turbine at rest, with a stiff shaft."""
+    blade, n = turbine.blade, turbine.n_blades
+    s, mass = blade.structure.station, blade.structure.inertia[:, 0, 0]
+    r = (blade.root_radius + s) * math.cos(turbine.hub.cone)
+    load = mass * r
+    shape = _deflection(s, load, blade.structure.stiffness[:, 3, 3])
+    clamped_squared = np.trapezoid(load * shape, s) / np.trapezoid(mass * shape**2, s)
+    modal_mass, shared = n * np.trapezoid(mass * shape**2, s), n * np.trapezoid(load * shape, s)
+    squared = clamped_squared / (1.0 - shared**2 / (rotor_inertia(turbine) * modal_mass))
+    blade_share = np.trapezoid(shape * r**2, s) / np.trapezoid(r**3, s)
+    response = abs(clamped_squared - squared + squared * shared * blade_share / modal_mass)
+    return DriveMode(math.sqrt(squared), math.sqrt(clamped_squared), float(response), blade.damping_ratio)
+
+
+def _deflection(
+    s: NDArray[np.float64], load: NDArray[np.float64], bending_stiffness: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Deflection of a cantilever under a distributed load [N/m]: the load integrated four times."""
+    shear = _from_tip(s, load)
+    return _from_root(s, _from_root(s, _from_tip(s, shear) / bending_stiffness))
+
+
+def _from_root(s: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    out: NDArray[np.float64] = cumulative_trapezoid(y, s, initial=0.0)
+    return out
+
+
+def _from_tip(s: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    whole = _from_root(s, y)
+    out: NDArray[np.float64] = whole[-1] - whole
+    return out

@@ -1,4 +1,4 @@
-"""Where a turbine runs in steady wind under variable-speed, pitch-regulated control.
+"""Operating points of a turbine under variable-speed, pitch-regulated control, in steady wind and at a start.
 
 The torque curve is the one of the NREL 5-MW baseline controller (Jonkman et al., NREL/TP-500-38060, section 7): no
 torque below cut-in speed, a linear start-up ramp (region 1 1/2), torque proportional to speed squared at the optimal
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -28,48 +28,29 @@ from wt_gym.control.design import (
     rotor_inertia,
     trim_pitch,
 )
-from wt_gym.control.rotor import rotor_of
-from wt_gym.control.rotor_table import rotor_table
+from wt_gym.control.rotor import rotor_of, rotor_table
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
 
 __all__ = [
-    "DesignPoint",
-    "OperatingPoint",
-    "TorqueCurve",
-    "design_point",
-    "least_pitch",
-    "operating_point",
-    "rated_mechanical_power",
-    "rotor_inertia",
-    "torque_curve",
-    "tracks_tip_speed_ratio",
-]
+    "DesignPoint", "OperatingPoint", "TorqueCurve", "design_point", "least_pitch", "operating_point",
+    "rated_mechanical_power", "rotor_inertia", "starting_point", "torque_curve", "tracks_tip_speed_ratio",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class TorqueCurve:
-    """Generator torque against generator speed, both on the high-speed shaft.
+    """Generator torque against generator speed, both on the high-speed shaft."""
 
-    Attributes
-    ----------
-    cut_in_speed, region_2_speed, rated_generator_speed : float
-        Ends of regions 1 and 1 1/2 and the beginning of region 3 [rad/s] (VS_CtInSp, VS_Rgn2Sp, VS_RtGnSp).
-    region_2_gain : float
-        Torque over speed squared in region 2 [N m/(rad/s)^2] (VS_Rgn2K).
-    rated_power : float
-        Mechanical power held in region 3 [W] (VS_RtPwr).
-    slip : float
-        Slip of the induction machine imitated in region 2 1/2 [-] (VS_SlPc, here a fraction).
-    """
-
-    cut_in_speed: float
-    region_2_speed: float
-    rated_generator_speed: float
-    region_2_gain: float
-    rated_power: float
-    slip: float = 0.10
+    cut_in_speed: float  #: end of region 1 [rad/s] (VS_CtInSp)
+    region_2_speed: float  #: end of region 1 1/2 [rad/s] (VS_Rgn2Sp)
+    rated_generator_speed: float  #: beginning of region 3 [rad/s] (VS_RtGnSp)
+    region_2_gain: float  #: torque over speed squared in region 2 [N m/(rad/s)^2] (VS_Rgn2K)
+    rated_power: float  #: mechanical power held in region 3 [W] (VS_RtPwr)
+    slip: float = 0.10  #: slip of the induction machine imitated in region 2 1/2 [-] (VS_SlPc, here a fraction)
 
     def __post_init__(self) -> None:
         speeds = (0.0, self.cut_in_speed, self.region_2_speed, self.rated_generator_speed)
@@ -109,15 +90,7 @@ class TorqueCurve:
         return (slope - math.sqrt(slope * (slope - 4 * gain * self.slip_synchronous_speed))) / (2 * gain)
 
     def torque(self, speed: float, *, constant_power: bool = False) -> float:
-        """Torque at a generator speed [N m].
-
-        Parameters
-        ----------
-        speed : float
-            Generator speed [rad/s].
-        constant_power : bool
-            Use region 3 whatever the speed (blades are pitched).
-        """
+        """Torque at a generator speed [rad/s] in N m; with ``constant_power``, that of region 3 whatever the speed."""
         if speed <= 0.0:
             return 0.0
         if constant_power or speed >= self.rated_generator_speed:
@@ -138,11 +111,7 @@ class TorqueCurve:
         above the cut-in speed; region 3 begins at 99 % of the rated speed, as for the NREL 5-MW. What the turbine's
         data publish goes before the rule.
 
-        Parameters
-        ----------
-        turbine : Turbine
-        design : DesignPoint, optional
-            By default `design_point`; one given goes before a published gain.
+        A design point that is given goes before a published gain; by default it is `design_point`.
 
         Raises
         ------
@@ -213,7 +182,7 @@ def least_pitch(turbine: Turbine, wind_speed: float) -> float:
 
 
 def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
-    """Estimate where a turbine settles in a steady wind.
+    """Estimate where a turbine settles in a steady wind at hub height [m/s].
 
     Below rated power the rotor takes up ``Cp_max rho A V^3 / 2`` and the torque curve sets the speed; a turbine whose
     controller tracks the tip-speed ratio or has a least pitch over the wind runs at both, with the power of blade
@@ -221,16 +190,6 @@ def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
     (`wt_gym.control.design.trim_pitch`). Good to a few percent, meant as a start state: the simulation finds its own
     equilibrium. With a damper as generator the speed is the highest, up to rated, at which some pitch makes the air
     hold the damper; its torque is not a demand and is 0.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    wind_speed : float
-        Wind speed at hub height [m/s], positive.
-
-    Returns
-    -------
-    OperatingPoint
 
     Raises
     ------
@@ -290,3 +249,25 @@ def _damped_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
         if enough:
             return OperatingPoint(speed, max(enough), 0.0)
     return OperatingPoint(speeds[-1], float(pitches[-1]), 0.0)
+
+
+def starting_point(turbine: Turbine, inflow: Inflow) -> OperatingPoint:
+    """State of a turbine at the start of a simulation: the operating point of the wind's speed at time zero.
+
+    Below cut-in the rotor turns as at cut-in, without torque. Above cut-out, where a schedule may end, the pitch is at
+    least what the slope of the schedule below cut-out gives.
+    """
+    speed = start_speed(inflow)
+    if speed > turbine.cut_out:
+        return _beyond_cut_out(turbine, speed)
+    if speed >= turbine.cut_in:
+        return operating_point(turbine, speed)
+    return replace(operating_point(turbine, max(turbine.cut_in, 0.1)), generator_torque=0.0)
+
+
+def _beyond_cut_out(turbine: Turbine, speed: float) -> OperatingPoint:
+    """Operating point with the pitch of a schedule that is extrapolated linearly."""
+    point, before = operating_point(turbine, speed), 0.95 * turbine.cut_out
+    last, earlier = operating_point(turbine, turbine.cut_out).pitch, operating_point(turbine, before).pitch
+    pitch = last + (last - earlier) * (speed - turbine.cut_out) / (turbine.cut_out - before)
+    return replace(point, pitch=min(max(point.pitch, pitch), turbine.pitch.max_pitch))

@@ -1,4 +1,18 @@
-"""What a controller can measure: channels with range, scale and noise, and filters."""
+"""Measurements of a controller: channels, instruments, filters and multi-blade coordinates.
+
+Multi-blade (Coleman) coordinates describe in the frame that does not turn what the blades do together. With the azimuth
+psi_b of blade b in the sense of rotation, zero when it points up,
+
+    mean = sum(x_b) / n,   tilt = 2 / n sum(x_b cos psi_b),   yaw = 2 / n sum(x_b sin psi_b),
+
+    x_b = mean + tilt cos psi_b + yaw sin psi_b,
+
+each the inverse of the other for three blades (Coleman & Feingold, NACA TR 1351, 1958; Bossanyi, Wind Energ. 6 (2003)
+119). A mean downwind force pushes all blades, tilt is more of it above than below, yaw more of it on the side of
+positive psi: the right, looking downwind, of a clockwise rotor, the left of a counter-clockwise one.
+
+Filters are exact for an input held over each step, whatever its length.
+"""
 
 from __future__ import annotations
 
@@ -8,47 +22,98 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import expm
 
 from wt_gym.base.angles import wrapped
-from wt_gym.base.fields import later_field
-from wt_gym.wind.protocol import velocity_ahead
+from wt_gym.wind.inflow import velocity_ahead
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.wind import Inflow
 
-__all__ = ["AngleLowPass", "Channel", "Lidar", "LowPass", "NacelleAnemometer", "Notch"]
+__all__ = [
+    "FIXED_FRAME", "AngleLowPass", "BandLimitedIntegrator", "Channel", "Lidar", "LowPass", "NacelleAnemometer",
+    "Notch", "SecondOrderLowPass", "from_harmonic", "harmonic_of_blades", "to_blades", "to_fixed_frame",
+    "to_harmonic", "within",
+]  # fmt: skip
+
+FIXED_FRAME = ("mean", "tilt", "yaw")
+
+
+def _directions(azimuth: float, n_blades: int) -> NDArray[np.float64]:
+    """One, cosine and sine of the azimuth of every blade, shape (3, n_blades), blade 1 at ``azimuth`` [rad]."""
+    psi = [azimuth + 2.0 * math.pi / n_blades * b for b in range(n_blades)]
+    return np.array([[1.0] * n_blades, [math.cos(p) for p in psi], [math.sin(p) for p in psi]])
+
+
+def to_fixed_frame(values: ArrayLike, azimuth: float) -> NDArray[np.float64]:
+    """Mean, tilt and yaw (..., 3) of a value of every blade (..., n_blades), blade 1 at ``azimuth`` [rad]."""
+    values = np.asarray(values, dtype=np.float64)
+    n_blades = values.shape[-1]
+    out: NDArray[np.float64] = (values[..., None, :] * _directions(azimuth, n_blades)).sum(axis=-1) * (
+        np.array([1.0, 2.0, 2.0]) / n_blades
+    )
+    return out
+
+
+def to_blades(coordinates: Sequence[float] | NDArray[np.float64], azimuth: float, n_blades: int) -> list[float]:
+    """Value of every blade from mean, tilt and yaw, blade 1 at ``azimuth`` [rad]."""
+    mean, tilt, yaw = coordinates
+    return [mean + change for change in harmonic_of_blades(tilt, yaw, azimuth, n_blades)]
+
+
+def to_harmonic(
+    values: Sequence[float] | NDArray[np.float64], azimuth: float, harmonic: int = 1
+) -> tuple[float, float]:
+    """Cosine (tilt) and sine (yaw) component of a quantity of the blades (n_blades,).
+
+    ``2/B sum x_b cos(n psi_b)`` and ``2/B sum x_b sin(n psi_b)`` with ``psi_b = azimuth + 2 pi b / B``, b = 0 … B - 1;
+    the azimuth is that of blade 1, zero when it points up [rad]; n = 1 for loads once per revolution, 2 for twice.
+    """
+    # numbers one by one: arrays of three are slow
+    n_blades, cosine, sine = len(values), 0.0, 0.0
+    for b, value in enumerate(values):
+        angle = harmonic * (azimuth + 2.0 * math.pi * b / n_blades)
+        cosine += value * math.cos(angle)
+        sine += value * math.sin(angle)
+    return 2.0 / n_blades * cosine, 2.0 / n_blades * sine
+
+
+def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> NDArray[np.float64]:
+    """Values of the blades ``tilt cos(n psi_b) + yaw sin(n psi_b)``, shape (n_blades,); see `to_harmonic`."""
+    return np.array(harmonic_of_blades(tilt, yaw, azimuth, n_blades, harmonic))
+
+
+def harmonic_of_blades(tilt: float, yaw: float, azimuth: float, n_blades: int, harmonic: int = 1) -> list[float]:
+    """The same as a list, for callers that use numbers one by one."""
+    angles = [harmonic * (azimuth + 2.0 * math.pi * b / n_blades) for b in range(n_blades)]
+    return [tilt * math.cos(angle) + yaw * math.sin(angle) for angle in angles]
+
+
+def within(vector: Sequence[float], size: float) -> Sequence[float]:
+    """Vector shortened to a size."""
+    length = math.hypot(*vector)
+    return vector if length <= size else [x * size / length for x in vector]
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One measured quantity.
-
-    Attributes
-    ----------
-    name, unit : str
-    offset, scale : float
-        The normalized value is ``(value - offset) / scale``.
-    low, high : float
-        Range of the sensor in physical units: what lies outside reads as the end of the range.
-    noise : float
-        Standard deviation of white measurement noise at noise level 1, in physical units.
-    description : str
-    parity : int
-        +1 or -1: sign with which the quantity goes into that of the mirror image, see
-        `wt_gym.simulation.channels.Channel`.
-    """
+    """One measured quantity."""
 
     name: str
     unit: str
     offset: float
-    scale: float
+    scale: float  #: the normalized value is ``(value - offset) / scale``
     low: float
-    high: float
-    noise: float
+    high: float  #: range of the sensor in physical units: what lies outside reads as the end of the range
+    noise: float  #: standard deviation of white measurement noise at noise level 1, in physical units
     description: str
     parity: int = 1
+    """+1 or -1: sign with which the quantity goes into that of the mirror image, see
+    `wt_gym.simulation.channels.Channel`."""
 
     def __post_init__(self) -> None:
         if self.parity not in (1, -1):
@@ -60,10 +125,7 @@ class Channel:
 class LowPass:
     """First-order low-pass filter, exact for a signal held over a step: ``y = a y + (1 - a) u``, ``a = exp(-dt/tau)``.
 
-    Parameters
-    ----------
-    time_constant : float
-        tau [s]; zero passes the signal through.
+    A time constant tau of zero [s] passes the signal through.
     """
 
     def __init__(self, time_constant: float):
@@ -105,12 +167,8 @@ class AngleLowPass(LowPass):
 class Notch:
     """Second-order notch ``(s^2 + w^2) / (s^2 + 2 zeta w s + w^2)``, by the bilinear transform that is exact at w.
 
-    Parameters
-    ----------
-    frequency : float
-        Angular frequency w that does not pass [rad/s]; 0 passes everything.
-    damping_ratio : float
-        zeta [-]; between ``(sqrt(1 + zeta^2) - zeta) w`` and ``(sqrt(1 + zeta^2) + zeta) w`` less than 0.7 passes.
+    The frequency w does not pass [rad/s]; 0 passes everything. With the damping ratio zeta [-], less than 0.7 passes
+    between ``(sqrt(1 + zeta^2) - zeta) w`` and ``(sqrt(1 + zeta^2) + zeta) w``.
     """
 
     def __init__(self, frequency: float, damping_ratio: float = 0.5):
@@ -147,12 +205,8 @@ class Notch:
 class NacelleAnemometer:
     """Cup anemometer and wind vane: horizontal wind speed and direction at the hub, low-pass filtered.
 
-    The reading is that of a calibrated instrument: the undisturbed wind at the hub, without the rotor's induction.
-
-    Parameters
-    ----------
-    speed_time_constant, direction_time_constant : float
-        Of the cup anemometer and of the vane with its averaging [s].
+    The reading is that of a calibrated instrument: the undisturbed wind at the hub, without the rotor's induction. The
+    time constants are those of the cup anemometer and of the vane with its averaging [s].
     """
 
     def __init__(self, speed_time_constant: float = 1.0, direction_time_constant: float = 5.0):
@@ -164,23 +218,9 @@ class NacelleAnemometer:
         return self._speed.reset(np.hypot(wind_x, wind_y)), self._direction.reset(yaw_error)
 
     def update(self, wind_x: float, wind_y: float, yaw_error: float, dt: float) -> tuple[float, float]:
-        """Measure once.
+        """Wind speed [m/s] and yaw error [rad] ``dt`` [s] after the last measurement.
 
-        Parameters
-        ----------
-        wind_x, wind_y : float
-            Horizontal wind at the hub [m/s].
-        yaw_error : float
-            Wind direction minus nacelle direction [rad].
-        dt : float
-            Time since the last measurement [s].
-
-        Returns
-        -------
-        wind_speed : float
-            [m/s]
-        yaw_error : float
-            [rad]
+        The horizontal wind is that at the hub [m/s], the yaw error the wind's minus the nacelle's direction [rad].
         """
         return self._speed.update(np.hypot(wind_x, wind_y), dt), self._direction.update(yaw_error, dt)
 
@@ -195,7 +235,7 @@ class Lidar:
     rotor. Ranges may be near for this, a quarter of a rotor diameter or less: what differs from beam to beam is
     smaller than the rotor, and loses its coherence on a longer way. A point is measured, no volume; the wind is without
     the rotor's induction. Turbulence that is seen is not quite what arrives: it changes on its way
-    (`wt_gym.wind.evolution`). The cone has its tip on the tower axis at hub height and a level
+    (`wt_gym.wind.turbulent`). The cone has its tip on the tower axis at hub height and a level
     axis that yaws with the nacelle: no overhang, no tilt of the shaft, no motion of the tower. Nothing keeps a beam
     above the ground, where the inflows have values too that mean nothing: ``range * tan(half_angle)`` should be less
     than the hub height.
@@ -225,7 +265,7 @@ class Lidar:
     half_angle: float = math.radians(15.0)
     n_beams: int = 4
     frozen: bool = False
-    apart: bool = later_field(False)
+    apart: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", tuple(map(float, self.ranges)))
@@ -284,17 +324,9 @@ class Lidar:
         return math.tan(self.half_angle) * np.array([turn * np.sin(angle), np.cos(angle)])
 
     def sides(self, rotation: str = "clockwise") -> NDArray[np.float64]:
-        """Way of the beams off the axis per way along it, to the left seen looking downwind, and upward.
+        """Way of the beams off the axis per way along it, to the left looking downwind, and upward, (2, n_beams) [-].
 
-        Parameters
-        ----------
-        rotation : {"clockwise", "counter-clockwise"}
-            Of the rotor, by which beams apart are counted.
-
-        Returns
-        -------
-        numpy.ndarray, shape (2, n_beams)
-            [-]
+        Beams apart are counted by the rotation of the rotor, "clockwise" or "counter-clockwise".
         """
         return self._side[:, self._beam_order(rotation)]
 
@@ -324,24 +356,10 @@ class Lidar:
     def read(
         self, inflow: Inflow, time: float, yaw: float, height: float, rotation: str = "clockwise"
     ) -> NDArray[np.float64]:
-        """Measure.
+        """Readings (n_readings,) gate by gate, and beam by beam where they are apart [m/s].
 
-        Parameters
-        ----------
-        inflow : Inflow
-        time : float
-            [s]
-        yaw : float
-            Of the nacelle [rad].
-        height : float
-            Of the hub [m].
-        rotation : {"clockwise", "counter-clockwise"}
-            Of the rotor, by which beams apart are counted.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n_readings,)
-            Gate by gate, and beam by beam where they are apart [m/s].
+        At a time [s], with the yaw of the nacelle [rad], the height of the hub [m], and the rotation of the rotor,
+        "clockwise" or "counter-clockwise", by which beams apart are counted.
         """
         points, weights = self._beams(yaw, height)
         if self.frozen:
@@ -353,3 +371,69 @@ class Lidar:
             return velocity.reshape(len(points), -1) @ weights
         along: NDArray[np.float64] = np.add.reduce(velocity.reshape(points.shape) * weights.reshape(-1, 3), axis=-1)
         return along[:, self._beam_order(rotation)].ravel()
+
+
+class BandLimitedIntegrator:
+    """Integral of a signal without its slow part: ``s / (s + w)^2``, a high-pass filter twice over the integral.
+
+    Far above the corner it integrates; a constant input, and a drifting one, give nothing in the end. From an
+    acceleration it makes the velocity of a vibration. With ``e = exp(-w dt)`` the two states, both from the input u,
+
+        ``x1 <- e x1 + (1 - e) u / w``,
+        ``x2 <- e x2 + dt e x1 + (1 - e - w dt e) u / w^2``,
+
+    give the output ``x1 - w x2`` exactly for an input held over dt. The corner is w [rad/s].
+    """
+
+    def __init__(self, corner: float):
+        if not 0.0 < corner < math.inf:
+            raise ValueError(f"the corner of a band-limited integrator must be positive, got {corner!r} rad/s")
+        self.corner = float(corner)
+        self._first = self._second = 0.0
+
+    def reset(self, value: float = 0.0) -> float:
+        """Start in the steady state of a constant input: nothing comes out."""
+        self._first, self._second = value / self.corner, value / self.corner**2
+        return 0.0
+
+    def update(self, value: float, dt: float) -> float:
+        """Take the input of a step of ``dt`` [s] and return the output at its end."""
+        w = self.corner
+        e = math.exp(-w * dt)
+        first = self._first
+        self._first = e * first + (1.0 - e) / w * value
+        self._second = e * self._second + dt * e * first + (1.0 - e - w * dt * e) / w**2 * value
+        return self._first - w * self._second
+
+
+class SecondOrderLowPass:
+    """Low-pass filter ``w^2/(s^2 + 2 zeta w s + w^2)``, exact for an input held over a step.
+
+    Its parameters are the frequency w [rad/s] and the damping ratio zeta [-].
+    """
+
+    def __init__(self, frequency: float, damping_ratio: float):
+        if not (0.0 < frequency < math.inf and 0.0 < damping_ratio < math.inf):
+            raise ValueError(
+                "a second-order filter needs a positive frequency and damping ratio, got "
+                f"{frequency!r} rad/s and {damping_ratio!r}"
+            )
+        self.frequency, self.damping_ratio = float(frequency), float(damping_ratio)
+        self.reset(math.nan)
+
+    def reset(self, value: float) -> float:
+        """Start in steady state at a value, as a new filter does: nothing of former steps stays."""
+        self.value, self._rate = float(value), 0.0
+        self._step, self._transition = math.nan, (math.nan,) * 4
+        return self.value
+
+    def update(self, value: float, dt: float) -> float:
+        """Take the value of a step of length ``dt`` [s] and return the filtered one."""
+        if dt != self._step:
+            w, z = self.frequency, self.damping_ratio
+            matrix = expm(dt * np.array([[0.0, 1.0], [-(w**2), -2.0 * z * w]]))
+            self._step, self._transition = dt, tuple(matrix.ravel().tolist())
+        a, b, c, d = self._transition
+        deviation = self.value - value
+        self.value, self._rate = value + a * deviation + b * self._rate, c * deviation + d * self._rate
+        return self.value

@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import math
 import re
-from dataclasses import astuple, fields
+from dataclasses import astuple, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,12 +18,12 @@ import numpy as np
 from wt_gym.base.errors import ActionError, ControllerError
 from wt_gym.bridges.rosco import FIRST_CALL, MOST_BLADES, READINGS, SET_POINTS, Message, SetPoints
 from wt_gym.control import AgentSetpoint, Demand
-from wt_gym.control.coleman import harmonic_of_blades, to_blades
-from wt_gym.control.controllers.own_class import load_class
-from wt_gym.control.residual import ResidualPitch
-from wt_gym.envs.observations import RESIDUAL_GROUPS, Observer
-from wt_gym.envs.options.environment import flat_arguments, registered_arguments
-from wt_gym.envs.readers import ObservationContext
+from wt_gym.control.controllers.additions import ResidualPitch
+from wt_gym.control.controllers.names import load_class
+from wt_gym.control.sensors import harmonic_of_blades, to_blades
+from wt_gym.envs.channels import RESIDUAL_GROUPS
+from wt_gym.envs.observations import Observer
+from wt_gym.envs.options import flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.names import env_choices_of, read_name
 from wt_gym.experiment.pool import load_agent, load_model
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.bridges.rosco import Answers
-    from wt_gym.control.controllers import Name
+    from wt_gym.control.controllers.names import Name
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
 
@@ -222,6 +222,23 @@ def _finite(value: float) -> float:
     return value if math.isfinite(value) else 0.0
 
 
+@dataclass
+class _Measured:
+    """Readings, demand and set points of a served turbine, in place of the operation that an observer reads."""
+
+    signals: Signals
+    demand: Demand
+    residual: ResidualPitch
+    setpoint: AgentSetpoint | None = None
+    base: None = None
+    controller: None = None
+    instruments: None = None
+
+    def readings(self) -> Signals:
+        """Readings at the present instant."""
+        return self.signals
+
+
 class _Turbine:
     """One turbine under an agent, from its first message on."""
 
@@ -232,15 +249,14 @@ class _Turbine:
         self._lead, self._drive = lead, env.turbine.pitch
         self._residual = ResidualPitch(None, options.controller.residual_washout, self._action.n_mean)
         observed = options.observations
-        self._observer = Observer(
-            env.turbine, self._action, observed.channels or RESIDUAL_GROUPS, 0.0, layout.delay, observed.history,
-            residual=self._residual, washout=observed.washout,
-        )  # fmt: skip
         self._needed = _needed(layout.observation.names, self._action.turns_with_rotor, self._n_blades)
         values, _ = new_values(self._n_blades)
         # all else is zero, so that flapwise is out of plane, and all wind along x
         self._signals = Signals(values, self._n_blades)
         self._nothing = Demand(np.zeros(self._n_blades), 0.0, 0.0)
+        self._measured = _Measured(self._signals, self._nothing, self._residual)
+        choice = observed.channels or RESIDUAL_GROUPS
+        self._observer = Observer(env.turbine, self._action, self._measured, observed, choice, 0.0, layout.delay)
         self._rng = np.random.default_rng(0)  # of noise, of which there is none
         self._clock = MessageClock(message.time)
         self._azimuth = self._speed = 0.0
@@ -321,16 +337,11 @@ class _Turbine:
 
     def _begin(self) -> None:
         """Start agent and filters at the present offsets."""
-        self._before = self._setpoint = AgentSetpoint(self._present, 0.0, 0.0)
+        self._before = self._setpoint = self._measured.setpoint = AgentSetpoint(self._present, 0.0, 0.0)
         self._last = np.zeros(self._action.size)
         self._state: Any = None
         self._acted_at, self._steps = self._clock.time, 0
-        self._observer.reset(self._context())
-
-    def _context(self) -> ObservationContext:
-        return ObservationContext(
-            self._signals, self._nothing, self._setpoint, None, self._last, residual=self._residual
-        )
+        self._observer.reset(self._last)
 
     def _move(self, hold: float) -> None:
         """Let the agent act as many times as control steps begin, and move the offsets to what it asks for."""
@@ -344,13 +355,14 @@ class _Turbine:
         """Begin a control step."""
         if self._steps > 0:
             self._acted_at += self._control_dt
-            self._observer.advance(self._signals, self._control_dt)
-        observation, _ = self._observer.observe(self._context(), self._rng)
+            self._observer.advance(self._control_dt)
+        observation, _ = self._observer.observe(self._last, self._rng)
         action, self._state = self._agent.predict(
             observation, state=self._state, episode_start=np.array([self._steps == 0]), deterministic=True
         )
         self._last = self._action.validate(action)
         self._before, self._setpoint = self._setpoint, self._action.decode(self._last, self._setpoint)
+        self._measured.setpoint = self._setpoint
         self._steps += 1
 
     def _points(self, hold: float) -> SetPoints:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs.observation_kernels import normalize
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ class ObservationLayout:
 
     Attributes
     ----------
-    channels : tuple of Channel
     names : tuple of str
     low, high : numpy.ndarray, float32, shape (n,)
         Bounds of the normalized values.
@@ -77,7 +75,6 @@ class ObservationLayout:
         ----------
         observation : numpy.ndarray, shape (..., n)
             As given by the environment, not scaled any further by a wrapper.
-        name : str
 
         Returns
         -------
@@ -85,8 +82,6 @@ class ObservationLayout:
         """
         i = self.index(name)
         return observation[..., i] * self._scale[i] + self._offset[i]
-
-    normalise = renamed_attribute("normalise", "normalize")  # rename: keep
 
     def normalize(self, values: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
         """Observation from physical values.
@@ -128,9 +123,6 @@ class EnvLayout:
 
     Attributes
     ----------
-    turbine : Turbine
-    observation : ObservationLayout
-    action : ActionMap
     control_dt : float
         [s]
     delay : int

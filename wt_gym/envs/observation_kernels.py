@@ -9,7 +9,7 @@ MEAN, TILT = 0, 1  # of `FIXED_FRAME`
 
 @kernel(fastmath=False)
 def read_signals(signals, places, into, blades, parts, azimuth, cyclic_into, values):
-    """Channels of the simulator, and coordinates of the blades in the fixed frame (`wt_gym.control.coleman`).
+    """Channels of the simulator, and coordinates of the blades in the fixed frame (`wt_gym.control.sensors`).
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def read_signals(signals, places, into, blades, parts, azimuth, cyclic_into, val
     blades : int64 (n_cyclic, n_blades)
         Where the quantities stand in the signals of which a coordinate is observed.
     parts : int64 (n_cyclic,)
-        Which coordinate, by its place in `wt_gym.control.coleman.FIXED_FRAME`.
+        Which coordinate, by its place in `wt_gym.control.sensors.FIXED_FRAME`.
     azimuth : float
         Of blade 1 [rad].
     cyclic_into : int64 (n_cyclic,)

@@ -2,11 +2,11 @@
 
 A file holds a turbine under its default controller at wind speeds from cut-in to cut-out. Each column at a wind speed
 is stored in 16 bits, between its least and its largest value. ``wt-gym record`` makes the files. The start of an
-episode depends on them alone, on every machine. Their ``probe``, the signals of a short run, tells a test that
-the program moves the turbine in another way than the one that recorded it.
+episode depends on them alone, on every machine. Their canary, samples of a short run (`record_canary`), tells a version
+of the package that moves the turbine in another way from the one that recorded it.
 
-Turbines of the user have such files in their cache. No test watches over them: they are taken by the program that
-recorded them alone, for the very turbine that was recorded.
+Turbines of the user have such files in their cache. They serve the very turbine that was recorded, as long as the
+package moves it as it did then; a test checks the records of the package.
 """
 
 from __future__ import annotations
@@ -24,11 +24,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from wt_gym.base.canary import Canary, cached_canary, canary_differences, canary_text
+from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import write_whole
-from wt_gym.base.sources import sources_digest
 from wt_gym.base.user_cache import user_cache
-from wt_gym.envs.running_record import ControllerForm, Record
-from wt_gym.simulation.state import fingerprint
+from wt_gym.control.controllers.names import make_controller
+from wt_gym.envs.power import available_power
+from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, RowLayout, StartRecorder
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 
@@ -40,8 +44,8 @@ if TYPE_CHECKING:
     from wt_gym.turbines import BeamStations, Turbine
 
 __all__ = [
-    "FOLDER", "StartFile", "digest_of_code", "digest_of_turbine", "dimensions", "find_record", "recorded_speeds",
-    "user_folder", "user_record_digest",
+    "FOLDER", "StartFile", "digest_of_turbine", "dimensions", "find_record", "make_recorder", "record_canary",
+    "recorded_speeds", "user_folder", "user_record_digest",
 ]  # fmt: skip
 
 _log = logging.getLogger(__name__)
@@ -50,6 +54,9 @@ FOLDER = Path(__file__).parent / "starts"
 """Folder of the records."""
 BIN = 2.0
 """Distance of the recorded wind speeds [m/s]."""
+_CANARY_PLAN = RecordingPlan(settling=10.0, instants=4, spacing=3.0)
+_CANARY_SEED = 7_777_000
+_CANARY_SITE = {"air_density": 1.225, "turbulence_class": "B", "rotation": "clockwise"}
 _LAST_CODE = 65_535
 _SAME = 1e-3
 """Relative difference of dimensions up to which a turbine is the recorded one: a site changes nothing of them."""
@@ -67,7 +74,6 @@ class StartFile:
         Name.
     dimensions : tuple of float
         See `dimensions`.
-    fidelity : str
     controller : str
         Name.
     level : float
@@ -76,8 +82,10 @@ class StartFile:
         See `wt_gym.envs.running_record.ControllerForm`.
     n_motion : int
         Numbers of the motion of the structure.
-    turbine_digest, code : str
-        Of a record of the user: `digest_of_turbine` and `digest_of_code`.
+    canary : Canary
+        `record_canary` of the version of the package that recorded.
+    turbine_digest : str
+        Of a record of the user: `digest_of_turbine`.
     """
 
     turbine: str
@@ -87,8 +95,8 @@ class StartFile:
     level: float
     kind: str
     n_motion: int
+    canary: Canary
     turbine_digest: str = ""
-    code: str = ""
 
     @classmethod
     def of(cls, path: Path) -> StartFile:
@@ -108,14 +116,13 @@ class StartFile:
         return self.dimensions[0] * dimensions(turbine)[0] < 0.0
 
     def write(
-        self, path: Path, speeds: NDArray[np.float64], rows: NDArray[np.float64], form: ControllerForm,
-        probe: NDArray[np.float64],
+        self, path: Path, speeds: NDArray[np.float64], rows: NDArray[np.float64], form: ControllerForm
     ) -> None:  # fmt: skip
         """Write the file of a record; the parameters are those of `Record`."""
         codes, low, unit = _packed(rows)
         arrays: dict[str, Any] = {
             "head": json.dumps(asdict(self)), "speeds": speeds, "codes": codes, "low": low, "unit": unit,
-            "values": form.values, "sizes": form.sizes, "changing": form.changing, "probe": probe,
+            "values": form.values, "sizes": form.sizes, "changing": form.changing,
         }  # fmt: skip
         write_whole(path, lambda file: np.savez_compressed(file, **arrays))
 
@@ -150,7 +157,6 @@ def find_record(turbine: Turbine, level: float) -> tuple[StartFile, Record] | No
 
     Parameters
     ----------
-    turbine : Turbine
     level : float
         Demanded power over the available one [-]; the record with the nearest level is taken.
     """
@@ -173,10 +179,37 @@ def digest_of_turbine(turbine: Turbine) -> str:
     )[:16]  # fmt: skip
 
 
-@cache
-def digest_of_code() -> str:
-    """Digest of the program that records."""
-    return sources_digest("wt_gym.envs.running_record", "wt_gym.envs.wind_sampler")
+def make_recorder(turbine: Turbine, fidelity: str, controller: str, level: float, speed: float) -> StartRecorder:
+    """Recorder of a turbine at a mean wind speed [m/s]; the parameters are those of `StartFile`."""
+    power = None if level == 1.0 else level * available_power(turbine, speed)
+    return StartRecorder(turbine, fidelity, make_controller(controller, turbine), power)
+
+
+def record_canary(turbine: Turbine, fidelity: str, controller: str, level: float) -> Canary:
+    """Canary of a record: instants of a short run in turbulence, at a site that is the same for all.
+
+    Parameters
+    ----------
+    turbine, fidelity, controller, level
+        As in `make_recorder`.
+
+    Raises
+    ------
+    wt_gym.base.errors.SimulationError
+        If the turbine does not come through the run.
+    """
+
+    def measure() -> Canary:
+        sited = turbine.with_site(**_CANARY_SITE)
+        speed = 1.2 * sited.rated_wind_speed
+        inflow = WindSampler(sited, WindOptions(inflow="turbulent")).turbulence(speed, _CANARY_SEED)
+        rows = make_recorder(sited, fidelity, controller, level, speed).run(inflow, _CANARY_PLAN).rows
+        n_motion = rows.shape[1] - RowLayout.of(turbine.n_blades, 0).memory.start
+        places = RowLayout.of(turbine.n_blades, n_motion)._asdict().items()
+        named = {f"{part}[{k}]": row for part, place in places for k, row in enumerate(rows.T[place])}
+        return {name: canary_text(row) for name, row in named.items()}
+
+    return cached_canary("record", fingerprint(turbine, fidelity, controller, level), measure)
 
 
 def _path_of(turbine: Turbine, level: float) -> Path | None:
@@ -222,10 +255,14 @@ def _is_of_user(path: Path, turbine: Turbine) -> bool:
     head = _heads()[path]
     if head.turbine_digest != digest_of_turbine(turbine):
         return False
-    if head.code != digest_of_code():
-        _log.warning("the record %s was made by another version of the program: record again", path)
-        return False
-    return True
+    try:
+        present = record_canary(turbine, head.fidelity, head.controller, head.level)
+        differences = canary_differences(head.canary, present)
+    except SimulationError as error:
+        differences = [str(error)]
+    if differences:
+        _log.warning("the record %s is of another behavior (%s): record again", path, differences[0])
+    return not differences
 
 
 @lru_cache(maxsize=1)

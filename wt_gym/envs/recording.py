@@ -15,21 +15,20 @@ import numpy as np
 from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import write_whole
-from wt_gym.control.controllers import make_controller
-from wt_gym.envs.options.wind import WindOptions
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs.record_store import (
     FOLDER,
     StartFile,
-    digest_of_code,
     digest_of_turbine,
     dimensions,
+    make_recorder,
+    record_canary,
     recorded_speeds,
 )
-from wt_gym.envs.rewards import available_power
-from wt_gym.envs.running_record import PLAN, ControllerForm, Instants, RecordingPlan, RowLayout, StartRecorder
-from wt_gym.envs.wind_sampler import WindSampler
-from wt_gym.simulation.state import fingerprint
-from wt_gym.simulation.tip_twist import suited_fidelity
+from wt_gym.envs.running_record import PLAN, ControllerForm, Instants, RowLayout, StartRecorder
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
+from wt_gym.simulation.contract import fingerprint
+from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import TurbulentInflow
@@ -38,11 +37,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from wt_gym.base.canary import Canary
     from wt_gym.turbines import Turbine
 
-__all__ = ["CATALOG", "RecordedTurbine", "make_record", "probe"]
+__all__ = ["CATALOG", "RecordedTurbine", "make_record"]
 
 _log = logging.getLogger(__name__)
 _SEED = 7_777_000
@@ -51,7 +49,6 @@ _RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8}
 """Winds at a wind speed: most for turbines of tasks."""
 _ATTEMPTS = 3
 """Winds of a run: a gust may stop a turbine at cut-out by its overspeed."""
-_PROBE = RecordingPlan(settling=20.0, instants=1, spacing=1.0)
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class RecordedTurbine:
     level : float
         Demanded power over the available one [-]; 1: nothing is demanded.
     fidelity : str, optional
-        Of the runs, by default that which suits the blades (`wt_gym.simulation.tip_twist.suited_fidelity`).
+        Of the runs, by default that which suits the blades (`wt_gym.simulation.fidelity.suited_fidelity`).
     runs : int
         Winds at a wind speed.
     """
@@ -96,9 +93,11 @@ class RecordedTurbine:
 
     def recorder(self, speed: float) -> StartRecorder:
         """Recorder at a wind speed [m/s]."""
-        turbine = load_turbine(self.turbine)
-        power = None if self.level == 1.0 else self.level * available_power(turbine, speed)
-        return StartRecorder(turbine, self.run_fidelity, make_controller(self.controller, turbine), power)
+        return make_recorder(load_turbine(self.turbine), self.run_fidelity, self.controller, self.level, speed)
+
+    def canary(self) -> Canary:
+        """Canary of the record."""
+        return record_canary(load_turbine(self.turbine), self.run_fidelity, self.controller, self.level)
 
     def inflow(self, speed: float, run: int) -> TurbulentInflow:
         """Wind of a run at a wind speed [m/s]."""
@@ -140,12 +139,10 @@ def make_record(
 
     Parameters
     ----------
-    recorded : RecordedTurbine
     path : pathlib.Path
         Of the file.
     pieces : pathlib.Path
         Folder of the runs that are done: they are not made again. With the file they are removed.
-    processes : int
     report : callable
         Gets the number of finished runs, and of all.
 
@@ -180,12 +177,13 @@ def make_record(
     rows = np.array([result.rows for result in results])
     numbers = form.numbers(memories).reshape(*rows.shape[:2], -1)
     rows = np.concatenate([rows, numbers], axis=-1).reshape(len(speeds), -1, rows.shape[-1] + numbers.shape[-1])
-    digests = ("", "") if path.parent == FOLDER else (digest_of_turbine(turbine), digest_of_code())
+    digest = "" if path.parent == FOLDER else digest_of_turbine(turbine)
     head = StartFile(
         turbine.name, dimensions(turbine), recorded.run_fidelity, recorded.controller, recorded.level, form.kind,
-        results[0].rows.shape[1] - RowLayout.of(turbine.n_blades, 0).memory.start, *digests,
+        results[0].rows.shape[1] - RowLayout.of(turbine.n_blades, 0).memory.start,
+        recorded.canary(), digest,
     )  # fmt: skip
-    head.write(path, speeds, rows, form, probe(recorded))
+    head.write(path, speeds, rows, form)
     for file in files:
         file.unlink()
 
@@ -195,10 +193,3 @@ def _store_run(recorded: RecordedTurbine, speed: float, run: int, file: Path) ->
     with one_blas_thread():
         result = recorded.run(speed, run)
     write_whole(file, lambda stream: pickle.dump(result, stream))
-
-
-def probe(recorded: RecordedTurbine) -> NDArray[np.float64]:
-    """Signals of the turbine after a short run (n_signals,): others than the recorded ones tell of another program."""
-    speed = float(np.median(recorded_speeds(load_turbine(recorded.turbine))))
-    (row,) = recorded.recorder(speed).run(recorded.inflow(speed, 0), _PROBE).rows
-    return np.asarray(row)

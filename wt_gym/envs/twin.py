@@ -8,26 +8,20 @@ and beyond the end of the longest one.
 from __future__ import annotations
 
 import hashlib
-import json
 import pickle
-import platform
-from dataclasses import fields
-from functools import cache
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
-import llvmlite
-import llvmlite.binding
-import numba
 import numpy as np
 
-from wt_gym.base.compiled import way_to_compile
-from wt_gym.base.sources import sources_digest
+from wt_gym.base.canary import software
 from wt_gym.control.controllers import parts_of
+from wt_gym.envs.canary import canary_of
 from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.reward_store import Course, kept_course, new_course, store_course
-from wt_gym.envs.snapshot import TwinSnapshot
+from wt_gym.envs.terms import EnvSnapshot, Term
+from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.state import fingerprint
 from wt_gym.wind import (
     MirroredInflow,
     PathInflow,
@@ -38,78 +32,59 @@ from wt_gym.wind import (
 )
 
 if TYPE_CHECKING:
-    from wt_gym.envs.ending import Limits
-    from wt_gym.envs.episode_start import Beginning
-    from wt_gym.envs.layout import EnvLayout
-    from wt_gym.envs.operation import Operation
-    from wt_gym.envs.rewards import RewardTerm
-    from wt_gym.envs.snapshot import EnvSnapshot
-    from wt_gym.envs.start import Start
+    from wt_gym.envs.running_record import Start
+    from wt_gym.envs.terms import Beginning, RewardTerm
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import EpisodeWind
-    from wt_gym.simulation.fidelity import Fidelity
-    from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow, TurbulenceBox
 
-__all__ = ["ControllerAlone", "Twin", "TwinSnapshot"]
+__all__ = ["Twin"]
 
-_OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs.rewards")
+_OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")
 """Whose objects are told from others by what they remember, and whose sources are known."""
 
-_NOT_OTHERS = ("wind", "start", "drawn", "dial")
-"""Of a beginning, what stands elsewhere in the name of a course, or does not change what the controller does."""
+
+@dataclass(frozen=True)
+class TwinSnapshot:
+    """State of the controller alone.
+
+    Attributes
+    ----------
+    beginning : Beginning
+        Of the episode.
+    course : Course
+        Rewards from there.
+    steps : int
+        That were simulated.
+    state : EnvSnapshot or None
+        Of the simulation; None where none runs.
+    """
+
+    beginning: Beginning
+    course: Course
+    steps: int
+    state: EnvSnapshot | None
 
 
-class ControllerAlone(Protocol):
-    """The turbine under the base controller alone, as `wt_gym.envs.turbine_env.WindTurbineEnv` is one."""
-
-    turbine: Turbine
-    operation: Operation
-    reward_terms: tuple[RewardTerm, ...]
-    layout: EnvLayout
-    limits: Limits
-    fidelity: str | Fidelity
-    control_dt: float
-    _running: bool
-
-    def _begin(self, beginning: Beginning) -> None: ...
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Advance by one control step."""
-        ...
-
-    def snapshot(self) -> EnvSnapshot:
-        """Where it is."""
-        ...
-
-    def restore(self, snapshot: EnvSnapshot) -> object:
-        """Continue from a snapshot."""
-        ...
-
-    def close(self) -> None:
-        """Release the simulator."""
-        ...
-
-
-class Twin:
+class Twin(Term):
     """Rewards of the controller alone, from the beginnings of the episodes of an environment.
 
     Parameters
     ----------
-    env : ControllerAlone
+    env : WindTurbineEnv
         The turbine under the controller alone: it gets the winds that are drawn elsewhere, and has none itself.
     wind_key : tuple
         What decides on turbulence made here beside its speed, seed and time.
 
     Attributes
     ----------
-    env : ControllerAlone
     course : Course
         Of this episode.
     """
 
     course: Course
 
-    def __init__(self, env: ControllerAlone, wind_key: tuple[Any, ...]):
+    def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
         self._identity = _identity(env)
         self._beginning: Beginning | None = None
@@ -117,8 +92,10 @@ class Twin:
         self._steps = 0  # that it has made there
 
     def begin(self, beginning: Beginning) -> None:
-        """Start an episode: nothing is simulated yet."""
+        """Start an episode with the draws that change what the controller does: nothing is simulated yet."""
         self.keep()
+        drawn = {name: one for name, one in beginning.drawn.items() if hasattr(one, "key")}
+        beginning = replace(beginning, drawn=drawn)
         self._beginning = beginning
         key = self._key(beginning)
         names = tuple(term.name for term in self.env.reward_terms)
@@ -128,6 +105,11 @@ class Twin:
         """Keep what was recorded in this episode for other processes."""
         if self._beginning is not None:
             store_course(self.course)
+
+    def adjust(self, reward: float, terms: dict[str, float], step: int, _: float) -> tuple[float, dict[str, float]]:
+        """Take off what the controller alone earns in the same step."""
+        other = self.terms(step)
+        return reward - sum(other.values()), {name: value - other.get(name, 0.0) for name, value in terms.items()}
 
     def terms(self, step: int) -> dict[str, float]:
         """Reward terms of a step of the episode, from 0; after the end of the twin those of its last one."""
@@ -156,11 +138,10 @@ class Twin:
         wind = self._wind(beginning.wind)
         if self._identity is None or wind is None:
             return None
-        drawn = beginning.drawn
-        varied = None if drawn is None else (json.dumps(drawn.values, sort_keys=True), drawn.turbine, drawn.noise_seed)
         limits = self.env.limits.overspeed, self.env.limits.standstill
-        others = [getattr(beginning, f.name) for f in fields(beginning) if f.name not in _NOT_OTHERS]
-        return fingerprint(self._identity, limits, wind, _start(beginning.start), others, varied)[:40]
+        drawn = [(name, one.key) for name, one in beginning.drawn.items()]
+        others = beginning.yaw, beginning.faults, drawn
+        return fingerprint(self._identity, limits, wind, _start(beginning.start), others)[:40]
 
     def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:
         """What tells a wind from others."""
@@ -169,13 +150,13 @@ class Twin:
 
     # ---- snapshots ----
 
-    def snapshot(self) -> TwinSnapshot:
+    def memory(self) -> TwinSnapshot:  # type: ignore[override]  # no names
         """Take a snapshot; the rewards are shared with it, as they never change."""
         assert self._beginning is not None
         state = self.env.snapshot() if self._simulated is self.course else None
         return TwinSnapshot(self._beginning, self.course, self._steps, state)
 
-    def restore(self, snapshot: TwinSnapshot) -> None:
+    def recall(self, snapshot: TwinSnapshot) -> None:  # type: ignore[override]
         """Continue from a snapshot; a simulation of the same course continues from where it is."""
         self._beginning, self.course = snapshot.beginning, snapshot.course
         if self._simulated is not self.course and snapshot.state is not None:
@@ -189,17 +170,19 @@ class Twin:
         self._simulated = None
 
 
-def _identity(env: ControllerAlone) -> str | None:
+def _identity(env: WindTurbineEnv) -> str | None:
     """What decides on the rewards of a turbine under its controller beside the beginning and the limits.
 
-    None where something is from outside of this package: it may do another thing tomorrow, or draw numbers.
+    None where something is from outside of this package: it may do another thing tomorrow, or draw numbers. The canary
+    counts to its last digit here: rewards must not depend on which version has filled the cache.
     """
     controller, terms = env.operation.controller, env.reward_terms
     parts: list[object] = [] if controller is None else [*parts_of(controller)]
     if env.operation.make_simulator is not make_simulator or not all(map(_is_own, [*parts, *terms])):
         return None
     described = _digest(controller), _digest(terms)
-    return fingerprint(env.turbine, fidelity_of(env.fidelity), env.control_dt, *described, _sources(), _software())
+    canary = canary_of(env.turbine, env.fidelity, type(env))
+    return fingerprint(env.turbine, fidelity_of(env.fidelity), env.control_dt, *described, canary, software())
 
 
 def _is_own(part: object | RewardTerm) -> bool:
@@ -211,22 +194,6 @@ def _is_own(part: object | RewardTerm) -> bool:
 def _digest(value: object) -> str:
     """Digest of an object that was just made, by what it is made of."""
     return hashlib.sha256(pickle.dumps(value)).hexdigest()
-
-
-@cache
-def _sources() -> str:
-    """Digest of everything that an environment loads."""
-    return sources_digest("wt_gym.envs.turbine_env")
-
-
-@cache
-def _software() -> tuple[str, ...]:
-    """What compiles the kernels, and for which processor: the same bits come of the same ones."""
-    cpu = llvmlite.binding.get_host_cpu_name()
-    return (
-        numba.__version__, llvmlite.__version__, np.__version__, platform.machine(), platform.system(), cpu,
-        way_to_compile(),
-    )  # fmt: skip
 
 
 def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:

@@ -12,11 +12,10 @@ from scipy.special import stdtrit
 from wt_gym.analysis.change import is_relative, relative_change
 from wt_gym.analysis.metrics import idle_time
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.options import check_duration
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
-from wt_gym.deprecated import renamed_names
-from wt_gym.envs.arguments import check_duration
-from wt_gym.envs.simulators import OWN, simulator_maker
+from wt_gym.envs.operation import OWN, simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.names import RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
 from wt_gym.experiment.pool import load_agent, load_model
@@ -25,7 +24,7 @@ from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.playing import play, run_controller
 from wt_gym.runs.table import make_runs
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.tip_twist import suited_fidelity
+from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
@@ -56,9 +55,6 @@ __all__ = [
     "run_cases",
     "table",
 ]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 COLUMNS = (
     ("mean_power", "power"),
@@ -93,7 +89,7 @@ class Case:
 class ControllerRuns:
     """Metrics of one controller by case; a run that failed has none, its message stands in ``failures``.
 
-    ``idle`` has the time in which the turbine made no power without a reason [s], see `wt_gym.envs.idling`.
+    ``idle`` has the time in which the turbine made no power without a reason [s], see `wt_gym.envs.terminations`.
     """
 
     name: str

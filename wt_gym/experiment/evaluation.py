@@ -14,10 +14,11 @@ import wt_gym
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.base.files import json_values
+from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.evaluation_config import FIRST_SEED, EvaluationConfig
-from wt_gym.experiment.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.experiment.evaluation_folder import EvaluationFolder
 from wt_gym.experiment.evaluation_run import run_agent
 from wt_gym.experiment.evaluation_winds import DEFAULT_WIND_SEEDS
 from wt_gym.experiment.oscillation_notes import oscillation_notes
@@ -102,7 +103,7 @@ def evaluate(
             _log.warning(note)
         climate = _climate(layout.turbine, config)
         if store:  # nothing else can be refused any more
-            store.begin(code_fingerprint(layout.turbine, turbine_env_of(env).fidelity), overwrite)
+            store.begin(benchmark_fingerprint(layout.turbine, turbine_env_of(env).fidelity), overwrite)
         jobs = [(name, wind) for wind in config.winds for name in agents]
         line, shown = ProgressLine(progress), ProgressLine(progress and not executor.beside)
 
@@ -111,7 +112,7 @@ def evaluate(
                 line.show(f"{there} of {len(jobs)}: {run.agent} at {run.wind.name}", final=True)
 
         made = make_runs(
-            jobs, partial(pool.results, partial(run_agent, config=config, line=shown), executor, code_fingerprint),
+            jobs, partial(pool.results, partial(run_agent, config=config, line=shown), executor),
             tally=executor.tally, store=store, define=store.definition if store else None,
             label=lambda job: f"{job[0]} at {job[1].label}", told=told,
         )  # fmt: skip

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wt_gym.analysis.results import Wind
-from wt_gym.envs.arguments import check_duration
-from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.base.options import check_duration
+from wt_gym.envs.options import with_whole_paths
 from wt_gym.envs.wind_sampler import LARGEST_WIND_SEED
 from wt_gym.experiment.evaluation_winds import DEFAULT_WIND_SEEDS, USUAL_SPEED
 from wt_gym.tasks import DEFAULT_ENV

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
+from wt_gym.base.canary import differing
 from wt_gym.base.files import json_values, write_text_whole
-from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing
-from wt_gym.envs.wind_files import wind_files_of
+from wt_gym.envs.options import wind_files_of
 from wt_gym.experiment.names import fingerprint
-from wt_gym.runs.definition import RunDefinition, described, digest
+from wt_gym.runs.definition import RunDefinition, described, run_digest
 from wt_gym.runs.store import SWEEP_FILE, RunStore
 
 if TYPE_CHECKING:
@@ -20,30 +20,12 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.episode import Agent
     from wt_gym.experiment.evaluation_config import EvaluationConfig
-    from wt_gym.simulation import Fidelity
-    from wt_gym.turbines import Turbine
 
-__all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder", "code_fingerprint"]
+__all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder"]
 
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
 # These weigh what the runs gave, and change no run.
 _ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")
-
-
-def code_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, str]:
-    """Digests of all that the numbers of a run depend on besides its configuration.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    fidelity : str or Fidelity
-
-    Returns
-    -------
-    dict
-        As `wt_gym.benchmark.benchmark_fingerprint`.
-    """
-    return benchmark_fingerprint(turbine, fidelity, "wt_gym.experiment.evaluation_run")
 
 
 class EvaluationFolder(RunStore):
@@ -83,13 +65,14 @@ class EvaluationFolder(RunStore):
         # through JSON, so that it can be compared with what a file says
         self._configuration = json_values(configuration)
 
-    def begin(self, code: dict[str, str], overwrite: bool) -> None:
+    def begin(self, fingerprint: dict[str, Any], overwrite: bool) -> None:
         """Make the folder ready: empty for a new evaluation, as it is for one to resume.
 
         Parameters
         ----------
-        code : dict
-            Of `code_fingerprint`: runs of other code are another evaluation's.
+        fingerprint : dict
+            Of `wt_gym.benchmark.benchmark_fingerprint`. A folder keeps the one with which it was begun, so that small
+            changes do not add up.
         overwrite : bool
             Start afresh, and remove what any evaluation left there; other files stay.
 
@@ -100,7 +83,7 @@ class EvaluationFolder(RunStore):
         OSError
             If it cannot be written.
         """
-        self._configuration["code"] = code
+        self._configuration["fingerprint"] = fingerprint
         if overwrite:
             self._clear()
         elif self._used and (others := self._differences()):
@@ -125,15 +108,15 @@ class EvaluationFolder(RunStore):
             seed=self._config.seed_in(wind),
             replay=self._config.replay_in(wind),
             wind_files=known["wind_files"],
-            fingerprint=known["code"],
+            fingerprint=known["fingerprint"],
         ).to_json()
 
     def name(self, definition: dict[str, Any]) -> str:
         """Name of the file of a run."""
-        return run_file(digest(definition), definition["agent"]["name"])
+        return run_file(run_digest(definition), definition["agent"]["name"])
 
-    def _read(self, file: Path) -> Run:
-        """Read a run; `Run.save` says what stands there."""
+    def _read(self, file: Path, definition: dict[str, Any] | None = None) -> Run:
+        """Read a run; `Run.save` says what stands there, and `begin` has compared the fingerprint of the folder."""
         return Run.load(file)
 
     def _write(self, file: Path, definition: dict[str, Any], result: Run) -> Run:
@@ -158,10 +141,11 @@ class EvaluationFolder(RunStore):
                 found = json.loads(file.read_text(encoding="utf-8"))
             except ValueError as error:
                 raise ValueError(f"{file} is damaged: {error}") from error
-        names = [name for name, value in self._configuration.items() if name not in found or found[name] != value]
-        if "code" in names and isinstance(found.get("code"), dict):
-            at = names.index("code")
-            names[at : at + 1] = differing(found["code"], self._configuration["code"])
+        names = [name for name, value in self._configuration.items()
+                 if name != "fingerprint" and (name not in found or found[name] != value)]  # fmt: skip
+        fingerprint = found.get("fingerprint", {})
+        names += differing(fingerprint, self._configuration["fingerprint"])
+        self._configuration["fingerprint"] = fingerprint
         return names
 
     def _clear(self) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.results import Run, Wind
-from wt_gym.envs.costs import violated
+from wt_gym.envs.terminations import violated
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.evaluation_config import LEAST_MEASURED
 from wt_gym.experiment.evaluation_winds import actual_wind

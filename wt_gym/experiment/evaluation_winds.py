@@ -9,7 +9,6 @@ import gymnasium as gym
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.analysis.results import Wind
-from wt_gym.deprecated import renamed_names
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 
@@ -20,9 +19,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.wind_sampler import WindSampler
 
 __all__ = ["DEFAULT_WIND_SEEDS", "USUAL_SPEED", "actual_wind", "winds_for", "winds_of"]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 DEFAULT_WIND_SEEDS = EVALUATION_WIND_SEEDS[:6]
 """Turbulence seeds that no training saw; six is what IEC 61400-1 asks for at each mean speed."""

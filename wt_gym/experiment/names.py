@@ -9,18 +9,18 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.controllers.catalogue import compiled_files
 from wt_gym.control.controllers.names import (
     ALIASES,
     BASELINE,
     PREFIX,
     Name,
+    compiled_files,
     is_agent_class,
+    load_class,
     name_and_parameters,
     parse_name,
+    source_digest,
 )
-from wt_gym.control.controllers.own_class import load_class, source_digest
-from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -49,9 +49,6 @@ __all__ = [
     "split_name",
     "with_model_options",
 ]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 _log = logging.getLogger(__name__)
 WORDS = ("zero", "random", "planner")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.envs.arguments import check_number, shown
+from wt_gym.base.options import check_number, shown
 from wt_gym.envs.turbine_env import turbine_env_of
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import gymnasium as gym
     from numpy.typing import NDArray
 
-    from wt_gym.envs.snapshot import EnvSnapshot
+    from wt_gym.envs.terms import EnvSnapshot
 
 __all__ = ["ShootingPlanner", "check_settings"]
 

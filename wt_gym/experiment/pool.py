@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 
-from wt_gym.benchmark.fingerprint import differing
+from wt_gym.base.canary import differing
+from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller, supervisor_of
-from wt_gym.control.controllers.names import ALIASES, Name
-from wt_gym.control.controllers.own_class import call_maker, load_class
-from wt_gym.deprecated import renamed_names
+from wt_gym.control.controllers.names import ALIASES, Name, call_maker, load_class
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
@@ -258,7 +257,6 @@ class AgentPool:
         self,
         play: Callable[[AgentPool, Any], Any],
         executor: Executor,
-        code_of: Callable[..., dict[str, str]],
         jobs: Sequence[Any],
     ) -> Iterator[tuple[Any, Any]]:
         """Do jobs; give each with its result as soon as it is done.
@@ -270,20 +268,18 @@ class AgentPool:
         executor : Executor
             Other processes load the agents and make the environments once for all their jobs; these agents must have
             come by word or path.
-        code_of : callable
-            Gives digests of the code for turbine and fidelity, which must be the same on all machines; as ``play``.
         jobs : sequence
 
         Raises
         ------
         ValueError
-            If code or models are others on another machine.
+            If the behavior of the package, or a model, is another one on another machine.
         """
         if not executor.beside:
             return executor.results(partial(play, self), jobs)
         env = turbine_env_of(self.env)
         models = {name: fingerprint(cast(str, choice)) for name, choice in self._given.items()}
-        warm = partial(_warm, self._where, models, code_of, code_of(env.turbine, env.fidelity))
+        warm = partial(_warm, self._where, models, benchmark_fingerprint(env.turbine, env.fidelity))
         given = (play, self._given, *self._where, self._as_given)
         return executor.results(_play_here, jobs, begin=_get_ready, given=given, warm=warm)
 
@@ -298,21 +294,20 @@ class AgentPool:
 def _warm(
     where: tuple[str, dict[str, Any], float | None],
     models: dict[str, dict[str, Any]],
-    code_of: Callable[..., dict[str, str]],
-    code: dict[str, str],
+    expected: dict[str, Any],
 ) -> None:
     """Have the kernels in the cache of a machine.
 
     Raises
     ------
     ValueError
-        If code or models are not those of the process that gives the work.
+        If behavior or models are not those of the process that gives the work.
     """
     if other := [name for name, known in models.items() if fingerprint(known["choice"]) != known]:
         raise ValueError(f"the files of {', '.join(other)} differ on {platform.node()}")
     with closing(Environments(*where)) as environments:
         env = turbine_env_of(environments.plain)
-        if other := differing(code, code_of(env.turbine, env.fidelity)):
+        if other := differing(expected, benchmark_fingerprint(env.turbine, env.fidelity)):
             raise ValueError(f"wt_gym on {platform.node()} has another {' and '.join(other)}")
         compile_kernels(environments.plain)
 
@@ -330,7 +325,3 @@ def _get_ready(play: Callable[[AgentPool, Any], Any], *given: Any) -> None:
 def _play_here(job: Any) -> Any:
     """Do a job in a worker process."""
     return cast("Callable[[Any], Any]", _play)(job)
-
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)

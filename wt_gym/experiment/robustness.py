@@ -1,7 +1,7 @@
 """Agents on turbines, with sensors and in winds that they were not made for: what is left of their gain.
 
 Every condition is a variation of the environment (`wt_gym.envs.variation`), or a fault in it
-(`wt_gym.envs.fault_draws`), in which all agents meet the same winds. The
+(`wt_gym.envs.faults`), in which all agents meet the same winds. The
 gain of an agent is that of the load-reduction tasks of the benchmark, wind by wind against a reference in the same
 condition: the baseline controller, and the controller that the agent acts on top of.
 """
@@ -23,7 +23,8 @@ from wt_gym.benchmark.run import benchmark_metrics
 from wt_gym.benchmark.tasks import load_task
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.options import Variation, registered_arguments
+from wt_gym.envs.options import registered_arguments
+from wt_gym.envs.variation import Variation
 from wt_gym.experiment.evaluation import evaluate
 from wt_gym.experiment.evaluation_config import EvaluationConfig
 from wt_gym.experiment.names import own_controller, read_name
@@ -61,7 +62,7 @@ class Condition:
     text : str
     variation : Variation
     fault : str
-        Kind of `wt_gym.envs.options.faults.FAULT_KINDS` that breaks; "" for none.
+        Kind of `wt_gym.envs.faults.FAULT_KINDS` that breaks; "" for none.
     """
 
     name: str

@@ -19,7 +19,6 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_keys, renamed_names
 from wt_gym.experiment.policy_arrays import PolicyArrays
 from wt_gym.experiment.safe_pickle import UnsafePickleError, algorithm_of, read_data, safe_loads, safe_objects
 
@@ -46,9 +45,6 @@ __all__ = [
     "read_normalization",
     "read_record",
 ]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 MODEL_FILE, NORMALIZATION_FILE, RECORD_FILE = "model.zip", "vecnormalize.pkl", "training.json"
 BEST_MODEL_FILE, BEST_NORMALIZATION_FILE = "best_model.zip", "best_model_vecnormalize.pkl"
@@ -80,7 +76,7 @@ def read_record(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is damaged: {error}") from error
     if not isinstance(record, dict) or not isinstance(record.get("algorithm"), str):
         raise ValueError(f"{path} is not the record of a training: it names no algorithm")
-    return renamed_keys(record, {"normalised": "normalized"})  # rename: keep
+    return record
 
 
 def read_normalization(path: Path, trust: bool = False) -> VecNormalize:
@@ -209,9 +205,6 @@ class TrainedAgent:
         How it was trained, as written by `wt_gym.learning.train.train`.
     """
 
-    normalisation = renamed_attribute("normalisation", "normalization")  # rename: keep
-
-    @renamed_arguments(normalisation="normalization")  # rename: keep
     def __init__(
         self, model: BaseAlgorithm, normalization: VecNormalize | None = None, record: dict[str, Any] | None = None
     ):

@@ -8,10 +8,8 @@ import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
 from wt_gym.base.files import json_values
-from wt_gym.base.ids import present_id
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.options.environment import argument_default, flat_arguments, registered_arguments
-from wt_gym.envs.rewards import DEFAULT_WEIGHTS
+from wt_gym.envs.options import argument_default, flat_arguments, registered_arguments
 from wt_gym.experiment.names import read_name
 
 if TYPE_CHECKING:
@@ -26,7 +24,6 @@ __all__ = [
     "resolved_arguments",
     "trained_arguments",
     "training_arguments",
-    "with_pay",
 ]
 
 KEPT = (
@@ -52,20 +49,6 @@ def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, 
     return json_values(registered_arguments(env_id, env_kwargs))
 
 
-def with_pay(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments with every weight of the reward and the penalty for an early end written out.
-
-    Parameters
-    ----------
-    arguments : mapping
-        As of `resolved_arguments`; a reward of your own terms stays as it is.
-    """
-    weights, penalty = arguments.get("reward"), argument_default("termination_penalty")
-    if weights is None or isinstance(weights, dict):
-        weights = DEFAULT_WEIGHTS | (weights or {})
-    return {"termination_penalty": penalty, **arguments, "reward": weights}
-
-
 def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of the environment that a model is to run in: those of its training, registered and given ones.
 
@@ -78,16 +61,8 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     -------
     dict
         Empty if the record does not say.
-
-    Raises
-    ------
-    gymnasium.error.Error
-        If the environment is not registered.
     """
-    config: Any = record.get("config")
-    if "environment" not in record and not config:
-        return {}
-    return record.get("environment") or resolved_arguments(present_id(config["env_id"]), config["env_kwargs"])
+    return dict(record.get("environment", {}))
 
 
 def training_arguments(
@@ -157,7 +132,7 @@ def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | Non
     str or None
         None where the actions have no base controller, the controllers are the same, or the record has no name for it.
     """
-    if not (record.get("config") and layout_of(env).action.needs_controller):
+    if not (trained_arguments(record) and layout_of(env).action.needs_controller):
         return None
     given = flat_arguments(cast(EnvSpec, env.spec).kwargs)
     trained, here = (_kept(arguments)["controller"] for arguments in (trained_arguments(record), given))
@@ -199,7 +174,7 @@ def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
     Parameters
     ----------
     record : mapping
-        Of the training; without a configuration nothing can be said, and nothing is refused.
+        Of the training; without its environment nothing can be said, and nothing is refused.
     env : gymnasium.Env
         Made by `gymnasium.make`.
 
@@ -208,7 +183,7 @@ def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
     ValueError
         With the arguments out of `KEPT` that differ, in the training and here.
     """
-    if not record.get("config"):
+    if not trained_arguments(record):
         return
     trained, here = _kept(trained_arguments(record)), _kept(flat_arguments(cast(EnvSpec, env.spec).kwargs))
     if not layout_of(env).action.needs_controller:

@@ -20,8 +20,7 @@ import wt_gym
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import require_writable, write_text_whole
-from wt_gym.control.controllers.catalogue import SHORT_FOR
-from wt_gym.control.controllers.own_class import load_class
+from wt_gym.control.controllers.names import SHORT_FOR, load_class
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment.comparison import Case, check_times, run_cases
 from wt_gym.experiment.names import read_name

@@ -13,10 +13,9 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 import wt_gym
-from wt_gym.base.ids import present_id
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.envs.options import with_whole_paths
 from wt_gym.experiment.names import env_choices_of, read_name
 from wt_gym.experiment.pool import load_agent, load_model
 from wt_gym.experiment.trained_environment import check_environment
@@ -174,7 +173,6 @@ def _agent(config: DatasetConfig) -> tuple[str, dict[str, Any], Callable[[gym.En
         env_id = config.env_id or of_training.get("env_id")
         if env_id is None:
             raise ValueError(f"the environment must be given for {config.agent}, which has no record of its training")
-        env_id = env_id if config.env_id else present_id(env_id)
 
         def make_trained(env: gym.Env) -> Agent:
             trained.enter(layout_of(env))

@@ -16,10 +16,10 @@ from stable_baselines3.common.logger import Logger, configure
 
 import wt_gym
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.options.limits import PITCH_TRAVEL
+from wt_gym.envs.terminations import PITCH_TRAVEL
 from wt_gym.experiment.run_folder import RunFolder
 from wt_gym.experiment.trained_agent import BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, RECORD_FILE, TrainedAgent
-from wt_gym.experiment.trained_environment import resolved_arguments, with_pay
+from wt_gym.experiment.trained_environment import resolved_arguments, trained_arguments
 from wt_gym.learning.pretraining.options import PretrainingOptions
 from wt_gym.learning.training.budgets import BudgetUpdates, budgeted_of
 from wt_gym.learning.training.callbacks import Checkpoints, Evaluations, Watch, stop_on_signals
@@ -160,14 +160,13 @@ def resume(
         config = TrainingConfig.from_json(record.get("config"))
         changes: dict[str, Any] = {"total_steps": total_steps, "max_seconds": max_seconds}
         config = replace(config, **{name: value for name, value in changes.items() if value is not None})
-        if (engine := record.get("engine", LocalLearner.engine)) != learner.engine:
+        if (engine := record.get("engine")) != learner.engine:
             raise ValueError(
                 f"the engine of the training in {run.path} must be {engine}, got {learner.engine}: resume with "
                 f"--engine {engine}"
             )
         learner.check(config)
-        arguments = with_pay(resolved_arguments(config.env_id, config.env_kwargs))
-        before = with_pay(record.get("environment", arguments))
+        arguments, before = resolved_arguments(config.env_id, config.env_kwargs), trained_arguments(record)
         if differing := [name for name in {**before, **arguments} if before.get(name) != arguments.get(name)]:
             raise ValueError(
                 f"{config.env_id} has other arguments now than when the training in {run.path} began: "

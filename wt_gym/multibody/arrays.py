@@ -1,4 +1,4 @@
-"""The arrays of a multibody system: named tuples, which compiled kernels take as they are.
+"""The arrays of a multibody system: named tuples, which compiled kernels take as they are, and what is refused.
 
 Sizes: n_b bodies, n_f elastic coordinates of the body that has most (others are padded with zeros), n_full those of the
 body with most complete integrals, n_u velocities, n_q positions, n_servo servos, n_c constraint equations, n_con
@@ -14,18 +14,16 @@ bias of constraint equations.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+import numpy as np
+from numpy.typing import ArrayLike
 
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
-
-    Array = NDArray[np.float64]
-    Integers = NDArray[np.int64]
-
-__all__ = ["Inputs", "Points", "System", "Tree", "Work"]
+from wt_gym.base.errors import WtGymError
+from wt_gym.base.types import Array, Integers
+from wt_gym.multibody.tree import tree_kernels
+from wt_gym.structure.flexible_body import FlexibleBody
 
 
 class Tree(NamedTuple):
@@ -181,67 +179,160 @@ class Points(NamedTuple):
     second: Array  # (n, 3, n_f, n_f) second-order displacement H
 
 
-class Named(Protocol):
-    """What has a name."""
+class History(NamedTuple):
+    """What an integration continues from, of one type for all schemes; n_v counts velocities and servos.
 
-    @property
-    def name(self) -> str:
-        """Of a constraint."""
-        ...
+    The Hamming scheme keeps four points and no matrix, implicit schemes one point.
+    """
+
+    y: Array  # (n_points, n_state) states, newest last
+    f: Array  # (n_points, n_state) their rates
+    memory: Array
+    # (n_state,) error estimate of the Hamming scheme; (n_v,) pseudo-accelerations of implicit ones, of the origins of
+    # constrained free bodies in body axes
+    counters: Integers  # (1,) how many older points count; (3,) counters of the implicit schemes
+    matrix: Array  # (n_v, n_v) factors of Newton's matrix
+    pivot: Integers  # (n_v,) its row exchanges
 
 
-class System(Protocol):
-    """What integrators and checks need of a `wt_gym.multibody.system.MultibodySystem`."""
+class Drift(NamedTuple):
+    """What steps have drifted by before they were put back."""
 
-    tree: Any  # Tree, once it is built
-    n_q: int
-    n_u: int
-    n_servo: int
-    stabilization: float
-    quaternions: list[tuple[int, str]]
+    norm: float  # of quaternions, | |q| − 1 |
+    position: float  # of constraint equations, |φ| [m, rad]
+    velocity: float  # |φ̇| [m/s, rad/s]
 
-    @property
-    def constraints(self) -> Sequence[Named]:
-        """Constraint equations between bodies."""
-        ...
 
-    @property
-    def n_state(self) -> int:
-        """Length of the state vector."""
-        ...
+def new_history(n: int) -> History:
+    """Empty history of the Hamming scheme for a state of length n."""
+    points, count = np.zeros((4, n)), np.zeros(1, dtype=np.int64)
+    return History(points, points.copy(), np.zeros(n), count, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
 
-    @property
-    def state_names(self) -> list[str]:
-        """Names of the entries of the state vector."""
-        ...
 
-    @property
-    def constrained(self) -> int | None:
-        """None without constraint equations."""
-        ...
+class MultibodyError(WtGymError, ValueError):
+    """A system of bodies and joints that cannot be built or integrated."""
 
-    def require_built(self) -> None:
-        """Refuse the use of a system that is not built."""
 
-    def new_work(self, trail: int = 0) -> Work:
-        """Scratch arrays."""
-        ...
+FAILURES = {
+    tree_kernels.SINGULAR_MASS: "the mass matrix is not positive definite: a coordinate moves no mass",
+    tree_kernels.SINGULAR_CONSTRAINTS: "the constraint equations depend on each other: a motion is locked twice",
+    tree_kernels.DIVERGED: "the integration diverged; the step may exceed the stability limit",
+    tree_kernels.NOT_CONVERGED: "Newton's iteration did not converge; the step may be too long for the motion",
+}
+"""Messages for the codes that the compiled kernels return."""
 
-    def new_inputs(self) -> Inputs:
-        """Inputs, all zero."""
-        ...
 
-    def rates(self, y: ArrayLike, inputs: Inputs | None = None, work: Work | None = None) -> Array:
-        """dy/dt (n_state,)."""
-        ...
+def failure_of_a_step(code: int, step: float) -> str:
+    """Message for a code that a compiled integrator returned during a step [s], for everything that takes steps.
 
-    def project(self, y: Array, inputs: Inputs | None = None, passes: int = 2) -> None:
-        """Move a state onto the constraint equations."""
+    The mass matrix was sound at the start: when it is singular in a step, a diverging state has spoiled it before its
+    numbers overflowed.
+    """
+    if code in (tree_kernels.DIVERGED, tree_kernels.SINGULAR_MASS):
+        return f"{FAILURES[tree_kernels.DIVERGED]} (step {step:.6g} s)"
+    return FAILURES[code]
 
-    def position_change(self, y: Array, u: int) -> Array:
-        """Change of the positions (n_q,) per motion along a velocity."""
-        ...
 
-    def multiplier_rows(self, constraint: int) -> slice:
-        """Rows of the equations of a constraint."""
-        ...
+_EXACT = 1e-9
+"""Largest deviation of an axis from unit length and of a rotation matrix from orthogonality."""
+
+
+def check_vector(owner: str, name: str, value: ArrayLike, unit: bool = False) -> None:
+    """A finite vector (3,), of unit length on request.
+
+    Raises
+    ------
+    MultibodyError
+    """
+    vector = numbers(owner, name, value)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise MultibodyError(f"{owner}: {name} must be three finite numbers, got {value!r}")
+    if unit and abs(np.linalg.norm(vector) - 1.0) > _EXACT:
+        raise MultibodyError(f"{owner}: {name} {tuple(vector.tolist())} is not a unit vector, its length is "
+                             f"{np.linalg.norm(vector):.6g}")  # fmt: skip
+
+
+def check_rotation(owner: str, name: str, value: ArrayLike | None) -> None:
+    """A proper rotation matrix (3, 3), or None.
+
+    Raises
+    ------
+    MultibodyError
+    """
+    if value is None:
+        return
+    matrix = numbers(owner, name, value)
+    if matrix.shape != (3, 3):
+        raise MultibodyError(f"{owner}: {name} must be a rotation matrix (3, 3), got shape {matrix.shape}")
+    error = np.abs(matrix @ matrix.T - np.eye(3)).max()
+    if not error <= _EXACT:
+        raise MultibodyError(f"{owner}: {name} is not orthogonal, R Rᵀ differs from one by {error:.3g}")
+    if np.linalg.det(matrix) < 0.0:
+        raise MultibodyError(f"{owner}: {name} is a reflection (determinant −1); must be a proper rotation")
+
+
+def check_number(owner: str, name: str, value: Any, positive: bool = False, signed: bool = False) -> None:
+    """A finite number that is not negative, or not zero either, or of any sign where it is ``signed``.
+
+    Raises
+    ------
+    MultibodyError
+    """
+    number = numbers(owner, name, value)
+    low = not signed and (number < 0.0 if number.shape == () else True)
+    if number.shape != () or not np.isfinite(number) or low or (positive and number == 0.0):
+        bound = "" if signed else " > 0" if positive else " >= 0"
+        raise MultibodyError(f"{owner}: {name} must be a finite number{bound}, got {value!r}")
+
+
+def numbers(owner: str, name: str, value: Any) -> Array:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise MultibodyError(f"{owner}: {name} must be numbers, got {value!r}") from None
+
+
+def check_body(body: FlexibleBody) -> None:
+    """A body whose kinetic energy is not negative for any rigid or elastic motion.
+
+    A body may be massless; whether a coordinate moves no mass at all shows only in the assembled system.
+
+    Raises
+    ------
+    MultibodyError
+    """
+    inertia, owner = body.inertia, f"body {body.name!r}"
+    check_number(owner, "mass", inertia.mass)
+    c = inertia.c0
+    lever = np.array([[0.0, -c[2], c[1]], [c[2], 0.0, -c[0]], [-c[1], c[0], 0.0]])
+    rigid = np.block([[inertia.mass * np.eye(3), -lever], [lever, inertia.j0]])
+    for name, matrix in (("inertia", rigid), ("elastic mass matrix", inertia.m0), ("stiffness", body.stiffness),
+                         ("damping", body.damping)):  # fmt: skip
+        if not np.all(np.isfinite(matrix)):
+            raise MultibodyError(f"{owner}: its {name} is not finite")
+        size = np.abs(matrix).max(initial=0.0)
+        if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-6 * size:
+            raise MultibodyError(f"{owner}: its {name} is not symmetric")
+        if name in ("stiffness", "damping") or size == 0.0:
+            continue
+        # unit diagonal, so that units do not matter; what moves no mass has a zero row
+        diagonal = np.diag(matrix)
+        scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, size))
+        lowest = np.linalg.eigvalsh(matrix * np.outer(scale, scale))[0]
+        if diagonal.min() < 0.0 or lowest < -1e-7:
+            raise MultibodyError(
+                f"{owner}: its {name} is negative for a motion; about the body frame's origin its diagonal is "
+                f"{np.array2string(diagonal, precision=4)}"
+            )
+
+
+def check_unique(what: str, names: Sequence[str]) -> None:
+    """Names that occur once each.
+
+    Raises
+    ------
+    MultibodyError
+    """
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise MultibodyError(f"{what} names occur twice: {', '.join(twice)}; name bodies and joints differently")

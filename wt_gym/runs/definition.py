@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from wt_gym.base.fields import counting_fields
+from wt_gym.base.canary import CANARY
 
-__all__ = ["RunDefinition", "described", "digest"]
+__all__ = ["RunDefinition", "described", "digest", "run_digest"]
 
 _WRITTEN_OUT = 100
 """Numbers that an array may have to be written out; a larger one is told by a digest."""
@@ -30,11 +30,20 @@ def digest(value: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+def run_digest(definition: Mapping[str, Any]) -> str:
+    """Digest of the definition of a run without the canary in its fingerprint, which is compared, never hashed."""
+    fingerprint = definition.get("fingerprint")
+    if fingerprint is None or CANARY not in fingerprint:
+        return digest(definition)
+    return digest({**definition, "fingerprint": {name: fingerprint[name] for name in fingerprint if name != CANARY}})
+
+
 @dataclass(frozen=True)
 class RunDefinition:
     """Who runs where, in what wind and for how long, and with which code: plain data.
 
-    Runs with the same `to_json` have the same numbers on the same machine. Entries of None are left out.
+    Runs with the same `to_json` have the same numbers on the same machine; the last digits of the canary depend on the
+    processor. Entries of None are left out.
 
     Attributes
     ----------
@@ -45,7 +54,7 @@ class RunDefinition:
     skip : float
         Start left out of the metrics [s].
     fingerprint : dict
-        Digests of turbine, fidelity and sources (`wt_gym.benchmark.benchmark_fingerprint`).
+        Digests of turbine and fidelity, and a canary of the package (`wt_gym.benchmark.benchmark_fingerprint`).
     agent : dict, optional
         Tells who acts from everyone else; None where nobody does.
     env_id : str, optional
@@ -70,7 +79,7 @@ class RunDefinition:
     wind: dict[str, Any]
     duration: float
     skip: float
-    fingerprint: dict[str, str]
+    fingerprint: dict[str, Any]
     agent: dict[str, Any] | None = None
     env_id: str | None = None
     env_kwargs: dict[str, Any] | None = None
@@ -100,7 +109,7 @@ class RunDefinition:
     @property
     def digest(self) -> str:
         """Short name of the run."""
-        return digest(self.to_json())
+        return run_digest(self.to_json())
 
 
 def described(value: Any, name: str = "value") -> Any:
@@ -174,7 +183,7 @@ def _object(value: Any, name: str, above: tuple[int, ...]) -> Any:
     if isinstance(value, enum.Enum):
         return kind | {"value": value.name}
     if is_dataclass(value) and not isinstance(value, type):
-        content = {one.name: getattr(value, one.name) for one in counting_fields(value)}
+        content = {one.name: getattr(value, one.name) for one in fields(value)}
     elif callable(getattr(value, "to_dict", None)):
         content = value.to_dict()
     elif hasattr(value, "__dict__") and not isinstance(value, types.ModuleType):

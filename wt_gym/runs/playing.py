@@ -12,11 +12,10 @@ from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.control import Demand
 from wt_gym.control.controllers import checked_demand, make_controller, readings_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.envs.episode import episode_steps
-from wt_gym.envs.idling import IdleClock
-from wt_gym.envs.rewards import available_power
-from wt_gym.envs.rewards.power import DiscWind
+from wt_gym.envs.power import DiscWind, available_power
+from wt_gym.envs.terminations import IdleClock
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.simulation import Recorder
 

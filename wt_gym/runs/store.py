@@ -6,8 +6,9 @@ import json
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.base.canary import differing
 from wt_gym.base.files import write_text_whole
-from wt_gym.runs.definition import digest
+from wt_gym.runs.definition import run_digest
 from wt_gym.runs.folder_lock import FolderLock
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class RunStore(FolderLock):
 
     def name(self, definition: dict[str, Any]) -> str:
         """Name of the file of a run."""
-        return f"{digest(definition)}.json"
+        return f"{run_digest(definition)}.json"
 
     def file(self, definition: dict[str, Any]) -> Path:
         """Where the result of a run stands, or would."""
@@ -61,10 +62,10 @@ class RunStore(FolderLock):
         Raises
         ------
         ValueError
-            If its file is damaged, or holds another run than its name says.
+            If its file is damaged, holds another run than its name says, or was made by a version of the package with
+            another behavior.
         """
-        file = self.file(definition)
-        return self._read(file) if file.exists() else None
+        return self.read(definition) if self.file(definition).exists() else None
 
     def read(self, definition: dict[str, Any]) -> Any:
         """Result of a run that has been made.
@@ -76,7 +77,7 @@ class RunStore(FolderLock):
         ValueError
             As `find`.
         """
-        return self._read(self.file(definition))
+        return self._read(self.file(definition), definition)
 
     def keep(self, definition: dict[str, Any], result: Any) -> Any:
         """Write the result of a run; give it as it will be read.
@@ -89,8 +90,8 @@ class RunStore(FolderLock):
         self._folder.mkdir(parents=True, exist_ok=True)
         return self._write(self.file(definition), definition, result)
 
-    def _read(self, file: Path) -> Any:
-        """Read a file and check it against its name."""
+    def _read(self, file: Path, definition: dict[str, Any] | None = None) -> Any:
+        """Read a file, and check it against its name and the behavior of the present version of the package."""
         try:
             found = json.loads(file.read_text(encoding="utf-8"))
         except ValueError as error:
@@ -100,6 +101,12 @@ class RunStore(FolderLock):
             raise self.error(f"{file} is damaged, or no result: it must have {needed}; remove it")
         if self.name(found["definition"]) != file.name:
             raise self.error(f"{file} is not what its name says: its definition has been changed; remove it")
+        present = {} if definition is None else definition.get("fingerprint", {})
+        if present and (parts := differing(found["definition"].get("fingerprint", {}), present)):
+            raise self.error(
+                f"{file} was made with another {' and '.join(parts)}: take another folder, or remove the file to have "
+                "the run made again"
+            )
         return found
 
     def _write(self, file: Path, definition: dict[str, Any], result: Any) -> Any:

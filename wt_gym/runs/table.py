@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.runs.definition import digest
+from wt_gym.runs.definition import run_digest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -56,12 +56,12 @@ def make_runs(
     Raises
     ------
     ValueError
-        If a file of a run is damaged.
+        If a file of a run is damaged, or was made by a version of the package with another behavior.
     ChildProcessError
         If runs were lost, because the processes or machines that did them ended again and again.
     """
     definitions = [define(job) if define else {"number": number} for number, job in enumerate(jobs)]
-    keys = [digest(definition) for definition in definitions]
+    keys = [run_digest(definition) for definition in definitions]
     single = dict(zip(reversed(keys), zip(reversed(jobs), reversed(definitions), strict=True), strict=True))
     required = {key: single[key] for key in dict.fromkeys(keys)}  # the first job of each definition
     results = {}

@@ -1,11 +1,11 @@
 """The turbine assembled from its rooms: coupled time loop, state, signals and recording."""
 
 from wt_gym.simulation.channels import Channel, Signals, channel_table
+from wt_gym.simulation.contract import SimulatorState
 from wt_gym.simulation.drivetrain.drives import LinearDamper, TorqueCommand
 from wt_gym.simulation.fidelity import FIDELITIES, Fidelity
 from wt_gym.simulation.recorder import Recorder
 from wt_gym.simulation.simulator import Simulator
-from wt_gym.simulation.state import SimulatorState
 
 __all__ = [
     "FIDELITIES",

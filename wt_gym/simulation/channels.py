@@ -11,24 +11,29 @@ torques and powers are positive in the sense in which the rotor turns, whichever
 What is in the frame of a blade (z to the tip, x to the suction side, y to the trailing edge) is the same in the image,
 because that frame is reflected with the blade. All other signals are components along axes that no rotor turns: those
 across the plane of reflection, and moments and angles about axes in it, change their sign (`Channel.parity`).
+
+The equations of motion and of the air know no left and right: the mirror image, y → −y, of a motion in a wind is the
+motion of the mirror image in the mirrored wind. So a turbine with ``rotation="counter-clockwise"`` is simulated as its
+clockwise image (`wt_gym.turbines.variants`) in the mirrored wind (`wt_gym.wind.MirroredInflow`), with yaw angle and yaw
+rate of the other sign, and what comes out is reflected back: signals by their parity (`Channel.parity`), points and
+forces by S = diag(1, −1, 1), moments by −S. OpenFAST's ``MirrorRotor`` (drafted for its release 5.1) does the same with
+the rotor alone. Snapshots hold the state of the image.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import ItemsView, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import did_you_mean
-
-if TYPE_CHECKING:
-    from collections.abc import ItemsView, Iterator
-
-    from numpy.typing import ArrayLike, NDArray
-
-__all__ = ["EVEN", "ODD", "TOWER_TOP_PARITIES", "Channel", "Signals", "channel_table", "parities"]
+from wt_gym.base.types import Array
+from wt_gym.turbines.variants import REFLECTION, REFLECTION_6
 
 
 @dataclass(frozen=True)
@@ -37,14 +42,11 @@ class Channel:
 
     Attributes
     ----------
-    name : str
-    unit : str
     openfast : str
         OpenFAST's name of the same quantity (its unit may differ), or "".
     parity : int
         `EVEN` or `ODD`: sign with which the signal goes into that of the mirror image, in which y is −y and the rotor
         turns the other way.
-    description : str
     group : str
         Name without the number of the blade.
     """
@@ -136,7 +138,7 @@ def channel_table(n_blades: int) -> tuple[Channel, ...]:
 
 
 @cache
-def parities(n_blades: int) -> NDArray[np.float64]:
+def parities(n_blades: int) -> Array:
     """Parity of each channel, in the order of ``Signals.values``."""
     signs = np.array([float(channel.parity) for channel in channel_table(n_blades)])
     signs.flags.writeable = False
@@ -169,29 +171,28 @@ class Signals:
     ----------
     values : array (n_channels,)
         In the order of :func:`channel_table`; not copied.
-    n_blades : int
     """
 
     __slots__ = ("_places", "n_blades", "values")
 
     if TYPE_CHECKING:  # of all blades (n_blades,); every other channel is a number
-        pitch: NDArray[np.float64]
-        pitch_rate: NDArray[np.float64]
-        pitch_command: NDArray[np.float64]
-        tip_out_of_plane: NDArray[np.float64]
-        tip_in_plane: NDArray[np.float64]
-        root_flap_moment: NDArray[np.float64]
-        root_edge_moment: NDArray[np.float64]
-        root_torsion: NDArray[np.float64]
-        tip_clearance: NDArray[np.float64]
-        tip_clearance_min: NDArray[np.float64]
-        tip_out_of_plane_max: NDArray[np.float64]
-        root_flap_moment_max: NDArray[np.float64]
-        pitch_travel: NDArray[np.float64]
+        pitch: Array
+        pitch_rate: Array
+        pitch_command: Array
+        tip_out_of_plane: Array
+        tip_in_plane: Array
+        root_flap_moment: Array
+        root_edge_moment: Array
+        root_torsion: Array
+        tip_clearance: Array
+        tip_clearance_min: Array
+        tip_out_of_plane_max: Array
+        root_flap_moment_max: Array
+        pitch_travel: Array
 
         def __getattr__(self, name: str) -> float: ...
 
-    def __init__(self, values: NDArray[np.float64], n_blades: int) -> None:
+    def __init__(self, values: Array, n_blades: int) -> None:
         self.values, self.n_blades = values, n_blades
         self._places = _places(n_blades)
 
@@ -225,7 +226,7 @@ class Signals:
             raise KeyError(self._unknown(name))
         self.values[self._places[name]] = value
 
-    def __reduce__(self) -> tuple[type[Signals], tuple[NDArray[np.float64], int]]:
+    def __reduce__(self) -> tuple[type[Signals], tuple[Array, int]]:
         return Signals, (self.values, self.n_blades)
 
     def __eq__(self, other: object) -> bool:
@@ -263,6 +264,60 @@ class Signals:
     as_dict = to_dict
 
 
-def new_values(n_blades: int) -> tuple[NDArray[np.float64], dict[str, int | slice]]:
+def new_values(n_blades: int) -> tuple[Array, dict[str, int | slice]]:
     """An empty vector of channel values, and where in it channels and groups stand, by name."""
     return np.zeros(len(_layout(n_blades)[0])), _places(n_blades)
+
+
+_BLADES = re.compile(r"(blade_\d|pitch_|(flap|edge|torsion)_\d+_(collective|cosine|sine))")
+_SHAFT = ("azimuth", "shaft_torsion")
+_YAW = ("yaw", "yaw_twist")
+_PLANES = {"fore_aft": EVEN, "side_side": ODD, "torsion": ODD}
+_DIRECTIONS = {"x": EVEN, "y": ODD, "z": EVEN, "turn_x": ODD, "turn_y": EVEN, "turn_z": ODD}
+
+
+def reflected_loads(loads: Array) -> Array:
+    """Force and moment (6,) in global axes, of the other side of the mirror."""
+    return loads * REFLECTION_6
+
+
+def reflected_shapes(shapes: Mapping[str, Array]) -> dict[str, Array]:
+    """Shapes of `wt_gym.simulation.Simulator.geometry`, of the other side of the mirror.
+
+    Vorticity is a pseudovector: by the right-hand rule the circulation along a reflected filament has the other sign.
+    """
+    signs = {"tower_radius": 1.0, "wake_circulation": -1.0}
+    return {name: values * signs.get(name, REFLECTION) for name, values in shapes.items()}
+
+
+def state_parity(name: str) -> int:
+    """Parity of a state of the multibody system under the reflection.
+
+    Coordinates of blades and shaft are in frames that are reflected with them; those of the tower are along axes that
+    stay.
+
+    Parameters
+    ----------
+    name : str
+        Of `MultibodySystem.state_names`, rates included.
+
+    Raises
+    ------
+    KeyError
+        If the name is not one of a turbine's.
+    """
+    base = name.removesuffix("_rate")
+    if _BLADES.match(base) or base in _SHAFT:
+        return EVEN
+    if base in _YAW:
+        return ODD
+    for pattern, parities in ((r"(\w+)_\d+", _PLANES), (r"(?:tower_)?node_\d+_(\w+)", _DIRECTIONS)):
+        match = re.fullmatch(pattern, base)
+        if match and match[1] in parities:
+            return parities[match[1]]
+    raise KeyError(f"no parity of the state {name!r} is known")
+
+
+def state_parities(names: Iterable[str]) -> Array:
+    """Parity of each of the states (n,)."""
+    return np.array([float(state_parity(name)) for name in names])

@@ -1,21 +1,22 @@
-"""What environments, recorders and runs need of a simulator: `wt_gym.simulation.Simulator` or that of another code."""
+"""Contract of a simulator: `wt_gym.simulation.Simulator` or that of another code, and snapshots of a simulation."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from dataclasses import dataclass, fields, is_dataclass
+from os import PathLike
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-    from wt_gym.simulation.channels import Signals
-    from wt_gym.simulation.drivetrain.faults import DriveFault
-    from wt_gym.simulation.fidelity import Fidelity
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
-
-__all__ = ["SimulatorMaker", "TurbineSimulator"]
+from wt_gym.base.errors import SimulationError
+from wt_gym.simulation.channels import Signals
+from wt_gym.simulation.drivetrain.faults import DriveFault
+from wt_gym.simulation.fidelity import Fidelity
+from wt_gym.turbines import Turbine
+from wt_gym.wind import Inflow
 
 
 class TurbineSimulator(Protocol):
@@ -23,7 +24,6 @@ class TurbineSimulator(Protocol):
 
     Attributes
     ----------
-    turbine : Turbine
     inflow : Inflow
         Undisturbed wind; may be exchanged before a reset.
     fidelity : Fidelity
@@ -88,7 +88,7 @@ class TurbineSimulator(Protocol):
 
     def advance(
         self, duration: float, pitch: ArrayLike, yaw_rate: float = 0.0, generator_torque: float = 0.0,
-        accumulate: bool = False,
+        accumulate: bool = False
     ) -> Signals:  # fmt: skip
         """Move on with constant demands; arguments as of `wt_gym.simulation.Simulator.advance`.
 
@@ -114,3 +114,84 @@ class TurbineSimulator(Protocol):
 
 SimulatorMaker: TypeAlias = "Callable[[Turbine, Inflow, str | Fidelity], TurbineSimulator]"
 """Makes a simulator of a turbine in a wind at a fidelity."""
+
+
+def fingerprint(*parts: object) -> str:
+    """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text."""
+    digest = hashlib.sha256()
+
+    def feed(value: object) -> None:
+        if is_dataclass(value) and not isinstance(value, type):
+            digest.update(type(value).__name__.encode())
+            for f in fields(value):
+                digest.update(f.name.encode())
+                feed(getattr(value, f.name))
+        elif isinstance(value, np.ndarray):
+            digest.update(str(value.shape).encode() + value.tobytes())
+        elif isinstance(value, (tuple, list)):
+            for item in value:
+                feed(item)
+        else:
+            digest.update(repr(value).encode())
+
+    for part in parts:
+        feed(part)
+    return digest.hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatorState:
+    """Every number a simulation needs to continue bit for bit.
+
+    Attributes
+    ----------
+    arrays : dict of str to array
+        Own copies.
+    n_steps : int
+        Aerodynamic steps since the start.
+    model : str
+        Fingerprint of the simulator's turbine and fidelity.
+    """
+
+    arrays: dict[str, NDArray[Any]]
+    n_steps: int
+    model: str
+
+    @classmethod
+    def take(cls, arrays: Mapping[str, NDArray[Any]], n_steps: int, model: str) -> SimulatorState:
+        """Copy the given arrays."""
+        return cls({key: np.array(a) for key, a in arrays.items()}, int(n_steps), model)
+
+    def put(self, arrays: Mapping[str, NDArray[Any]], model: str) -> None:
+        """Write the snapshot back into the arrays of a simulator with the same fingerprint.
+
+        Raises
+        ------
+        SimulationError
+            When turbine or fidelity differ.
+        """
+        same = set(arrays) == set(self.arrays) and all(arrays[k].shape == a.shape for k, a in self.arrays.items())
+        if self.model != model or not same:
+            raise SimulationError("the snapshot belongs to a simulator with another turbine or fidelity")
+        for key, array in arrays.items():
+            array[...] = self.arrays[key]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, SimulatorState):
+            return NotImplemented
+        same = (self.n_steps, self.model) == (other.n_steps, other.model) and set(self.arrays) == set(other.arrays)
+        return same and all(np.array_equal(a, other.arrays[k], equal_nan=True) for k, a in self.arrays.items())
+
+    __hash__: ClassVar[Any] = None
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write to a compressed .npz file (plain numbers, no pickle)."""
+        members: dict[str, Any] = {"n_steps": self.n_steps, "model": self.model, **self.arrays}
+        np.savez_compressed(path, **members)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> SimulatorState:
+        """Read a file written by :meth:`save`."""
+        with np.load(path, allow_pickle=False) as data:
+            arrays = {key: data[key] for key in data.files if key not in ("n_steps", "model")}
+            return cls(arrays, int(data["n_steps"]), str(data["model"]))

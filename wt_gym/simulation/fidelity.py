@@ -1,33 +1,57 @@
-"""Fidelities: how finely air and structure are resolved, and at what price."""
+"""Fidelities: how finely air and structure are resolved, and at what price.
+
+Twist of a blade's tip under the steady loads of rated wind, and the fidelity that follows from it.
+
+A blade twists where the air acts beside the shear centers of its sections, and where its sections or its curved axis
+couple bending and torsion. By the principle of virtual forces (Przemieniecki, Theory of Matrix Structural Analysis,
+1968, ch. 5) the rotation of the tip about its tangent is
+
+    theta = integral of s1(z)^T C(z) s(z) dz,
+
+with C the inverse of the section stiffness, s the forces and moments at a section of all loads farther out, and s1
+those of a unit moment about the tangent of the tip. A cantilever is statically determinate, so both follow from
+equilibrium alone, about the undeformed axis. Where the axis is straight and runs through the shear centers, this is the
+integral of T / GJ with T = integral of (L e + M) dz, L the lift, e the distance of the quarter chord from the shear
+center and M the moment of the profile about the quarter chord.
+
+The loads are those of blade elements (`wt_gym.turbines.blade_element`) at rated speed in rated wind, at the least pitch
+of the turbine's own controller or beyond, where the rotor has no more than rated power. Neither the loads nor their
+lever arms follow the deformation.
+"""
 
 from __future__ import annotations
 
 import math
-import numbers
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, cast
+from functools import lru_cache
+
+import numpy as np
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
+from wt_gym.base.declared import Rule, broken, check_fields, counts, number, one_of, whole
 from wt_gym.base.errors import SimulationError, did_you_mean
-from wt_gym.base.fields import later_field
-from wt_gym.deprecated import renamed_arguments, renamed_attribute
+from wt_gym.base.types import Array
+from wt_gym.base.warn_once import warn_once
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
-from wt_gym.multibody.integrators.hamming import STARTERS
-from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, IntegratorEntry, SchemeSettings, integrator_name
+from wt_gym.multibody.integrators.schemes import (
+    DEFAULT,
+    INTEGRATORS,
+    STARTERS,
+    IntegratorEntry,
+    SchemeSettings,
+)
 from wt_gym.multibody.integrators.stability import GROWTH, predicted_growth
 from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-__all__ = ["ELASTODYN_NREL_5MW_TOWER", "FIDELITIES", "Fidelity", "fidelity"]
-
+from wt_gym.structure.beam import skew
+from wt_gym.structure.modes import COORDINATES
+from wt_gym.turbines import Blade, Turbine
+from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 
 RESERVE = 0.75
 """Largest ω h of the structural integration, in limits of an undamped mode: modes stiffen with rotation."""
 
 
-COORDINATES = ("modal", "nodal", "rigid")
 ELASTODYN_NREL_5MW_TOWER = (
     ((0.7004, 2.1963, -5.6202, 6.2275, -2.504), (-70.5319, -63.7623, 289.737, -176.513, 22.0706)),
     ((1.385, -1.7684, 3.0871, -2.2395, 0.5357), (-121.21, 184.415, -224.904, 298.536, -135.838)),
@@ -40,14 +64,40 @@ STEP_BASE = 0.2
 """Interval that the automatic time step divides [s]; control intervals are multiples of it."""
 
 
-@renamed_arguments(stabilisation="stabilization")  # rename: keep
+_MODES = "three whole counts with at least one mode"
+RULES = {
+    "time_step": number(0.0, 10.0, above=True, below=True, unit="s").or_none,
+    "corrections coupling_iterations blade_bodies": whole(1),
+    "tower_elements blade_elements": whole(4),
+    "max_substep": number(0.0, 0.5, above=True, unit="s"),
+    "formulation": one_of("embedded", "constrained", "observer"),
+    "reference_condition": one_of(*REFERENCE_CONDITIONS),
+    "frame_displacement": one_of(*DISPLACEMENTS),
+    "frame_update": Rule(
+        lambda value: value == "step" or number(0.0, above=True).fits(value),
+        "'step' or a positive displacement in meters",
+    ),
+    "tower_coordinates blade_coordinates": one_of(*COORDINATES),
+    "yaw_drive": one_of("stiff", "spring"),
+    "integrator": one_of(*INTEGRATORS),
+    "starter": one_of(*STARTERS),
+    "blade_basis": one_of("fixed", "deformed"),
+    "spectral_radius": number(0.0, 1.0).or_none,
+    "stabilization": number(0.0),
+    "tower_body": counts(2, 3, "two counts of at least 3").or_none,
+    "nacelle_body": counts(2, 5, "two counts of at least 5").or_none,
+    "tower_modes blade_modes": counts(3, 0, _MODES),
+}
+_OF_OBSERVERS = {"reference_condition": "clamped", "frame_update": "step", "frame_displacement": "second_order"}
+"""Defaults of what belongs to observer frames only."""
+
+
 @dataclass(frozen=True)
 class Fidelity:
     """Resolution of a simulation.
 
     Attributes
     ----------
-    name : str
     aero : AeroOptions
         Lattice and wake. The strides of thinned rows belong to ``aero.azimuth_step_deg``; where the step turns the
         rotor at rated speed by another angle they follow it, rounded down, see :meth:`aero_for`.
@@ -107,7 +157,7 @@ class Fidelity:
     nacelle_body : (int, int) or None
         Panels around and along of hub and nacelle as one closed body of revolution about the shaft in the lattice, at
         least 5 each; alone (the cheap form of the tower then stays) or with ``tower_body``, which ends a gap below it.
-        Its size is an estimate, see :func:`wt_gym.simulation.model.turbine_bodies.nacelle_surface`. It turns with the
+        Its size is an estimate, see :func:`wt_gym.simulation.models.nacelle_surface`. It turns with the
         nacelle, in steps of 0.25°, about the axis of the undeformed tower, unless bodies move with the tower. In
         "training" (8, 8) takes half as much time again for a step, as much as a tower of (8, 8); the influence of all
         panels on each other, about a millisecond for 100 of them, is inverted at each step of the yaw.
@@ -124,10 +174,10 @@ class Fidelity:
         holds what steps drift by.
     moving_bodies : bool
         The closed bodies follow the deflected tower, and that of the tower bears the force of the air on it
-        (`wt_gym.simulation.step.tower_air`). Otherwise they stand about the undeformed tower and feel nothing.
+        (`wt_gym.simulation.step.coupling`). Otherwise they stand about the undeformed tower and feel nothing.
     blade_basis : str
         "fixed": the modes of the clamped blade at rest; "deformed": those of the blade as it turns, bent and loaded,
-        recomputed at each aerodynamic step (`wt_gym.simulation.model.deformed_basis`).
+        recomputed at each aerodynamic step (`wt_gym.simulation.deformed_basis`).
     reference_condition : str
         Of the flexible bodies in observer frames: "clamped", "simply_supported" or "three_quarter", see
         :mod:`wt_gym.multibody.observer_frame.observer_frame_body`.
@@ -162,50 +212,21 @@ class Fidelity:
     tower_body: tuple[int, int] | None = None
     nacelle_body: tuple[int, int] | None = None
     formulation: str = "embedded"
-    spectral_radius: float | None = later_field(None)
-    stabilization: float = later_field(10.0)
-    projection: bool = later_field(True)
-    moving_bodies: bool = later_field(False)
-    blade_basis: str = later_field("fixed")
-    reference_condition: str = later_field("clamped")
-    frame_update: str | float = later_field("step")
-    frame_displacement: str = later_field("second_order")
-
-    stabilisation = renamed_attribute("stabilisation", "stabilization")  # rename: keep
+    spectral_radius: float | None = None
+    stabilization: float = 10.0
+    projection: bool = True
+    moving_bodies: bool = False
+    blade_basis: str = "fixed"
+    reference_condition: str = "clamped"
+    frame_update: str | float = "step"
+    frame_displacement: str = "second_order"
 
     def __post_init__(self) -> None:
-        """Refuse values without meaning; an earlier spelling of the integrator becomes the present one."""
-        object.__setattr__(self, "integrator", integrator_name(self.integrator))
-        if self.time_step is not None and not 0.0 < self.time_step < 10.0:
-            raise SimulationError(f"Fidelity.time_step is {self.time_step}; must be None or 0 … 10 s")
-        for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
-            value = getattr(self, name)
-            if not isinstance(value, numbers.Integral) or value < low:
-                raise SimulationError(f"Fidelity.{name} is {value!r}; must be a whole number of at least {low}")
-        if not 0.0 < self.max_substep <= 0.5:
-            raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; must be 0 … 0.5 s")
-        for name, allowed in (
-            ("formulation", ("embedded", "constrained", "observer")),
-            ("reference_condition", REFERENCE_CONDITIONS),
-            ("frame_displacement", DISPLACEMENTS),
-            ("tower_coordinates", COORDINATES),
-            ("blade_coordinates", COORDINATES),
-            ("yaw_drive", ("stiff", "spring")),
-            ("integrator", tuple(INTEGRATORS)),
-            ("starter", tuple(STARTERS)),
-            ("blade_basis", ("fixed", "deformed")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise SimulationError(
-                    f"Fidelity.{name} must be one of {', '.join(allowed)}, got {getattr(self, name)!r}"
-                    + did_you_mean(getattr(self, name), allowed)
-                )
-        if self.spectral_radius is not None and not 0.0 <= self.spectral_radius <= 1.0:
-            raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; must be None or 0 … 1")
-        if not isinstance(cast(object, self.blade_bodies), numbers.Integral) or self.blade_bodies < 1:
-            raise SimulationError(
-                f"Fidelity.blade_bodies is {self.blade_bodies!r}; must be a whole number of at least 1"
-            )
+        """Refuse values without meaning."""
+        check_fields(self, RULES, SimulationError)
+        for name in ("tower_modes", "blade_modes"):
+            if sum(getattr(self, name)) < 1:
+                raise broken(self, name, _MODES, SimulationError)
         if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self._explicit):
             implicit = _integrators(lambda entry: not entry.explicit)
             raise SimulationError(
@@ -213,74 +234,35 @@ class Fidelity:
                 f"integrator = {self.integrator!r}; several bodies must have 'modal' or 'nodal' coordinates, and an "
                 f"implicit integrator ({implicit}) for their high frequencies"
             )
-        for name, low in (("tower_body", 3), ("nacelle_body", 5)):
-            value = getattr(self, name)
-            counts = value if isinstance(value, (tuple, list)) else ()
-            if value is not None and not (
-                len(counts) == 2 and all(isinstance(count, numbers.Integral) and int(count) >= low for count in counts)
-            ):
-                raise SimulationError(f"Fidelity.{name} is {value}; must be None or two counts of at least {low}")
-        for name in ("tower_modes", "blade_modes"):
-            modes = getattr(self, name)
-            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and int(count) >= 0 for count in modes)
-            if not whole or sum(modes) < 1:
-                raise SimulationError(f"Fidelity.{name} is {modes}; must be three whole counts with at least one mode")
-
-        self._check_shapes()
-        self._check_bodies_and_basis()
-        self._check_observer()
-
-    def _check_bodies_and_basis(self) -> None:
-        """Stabilization, moving bodies and the basis of the blades have a meaning."""
-        if not (isinstance(cast(object, self.stabilization), numbers.Real) and 0.0 <= self.stabilization < math.inf):
-            raise SimulationError(f"Fidelity.stabilization is {self.stabilization!r}; must be a finite number >= 0")
         if self.moving_bodies and self.tower_body is None and self.nacelle_body is None:
             raise SimulationError("Fidelity.moving_bodies needs a tower_body or a nacelle_body to move")
+        self._check_shapes()
         if self.blade_basis == "deformed":
-            for name, needed in (("blade_coordinates", "modal"), ("blade_bodies", 1)):
-                if getattr(self, name) != needed:
-                    raise SimulationError(
-                        f"Fidelity.blade_basis 'deformed' needs {name} {needed!r}, not {getattr(self, name)!r}"
-                    )
+            self._require("blade_basis 'deformed'", blade_coordinates="modal", blade_bodies=1)
             if not INTEGRATORS[self.integrator].keeps_states:
                 raise SimulationError(
                     "Fidelity.blade_basis 'deformed' needs an integrator whose history passes to other modes "
                     f"({_integrators(lambda entry: entry.keeps_states)}), not {self.integrator!r}"
                 )
-
-    @property
-    def _explicit(self) -> bool:
-        return INTEGRATORS[self.integrator].explicit
-
-    def _check_observer(self) -> None:
-        """Options of observer frames have a meaning, and stand beside that formulation only."""
-        update = self.frame_update
-        positive = (
-            not isinstance(update, str | bool)
-            and isinstance(cast(object, update), numbers.Real)
-            and 0.0 < update < math.inf
-        )
-        if update != "step" and not positive:
-            raise SimulationError(
-                f"Fidelity.frame_update is {update!r}; must be 'step' or a positive displacement in meters"
-            )
         if self.formulation == "observer":
-            for name, needed in (("blade_bodies", 1), ("blade_basis", "fixed"), ("moving_bodies", False)):
-                if getattr(self, name) != needed:
-                    raise SimulationError(
-                        f"Fidelity.{name} is {getattr(self, name)!r}; formulation 'observer' takes {needed!r} only"
-                    )
+            self._require("formulation 'observer'", blade_bodies=1, blade_basis="fixed", moving_bodies=False)
             return
-        for name, default in (
-            ("reference_condition", "clamped"),
-            ("frame_update", "step"),
-            ("frame_displacement", "second_order"),
-        ):
+        for name, default in _OF_OBSERVERS.items():
             if getattr(self, name) != default:
                 raise SimulationError(
                     f"Fidelity.{name} is {getattr(self, name)!r}, but the formulation is {self.formulation!r}; it "
                     "belongs to 'observer'"
                 )
+
+    def _require(self, choice: str, **needed: object) -> None:
+        """Refuse other values of fields beside a choice than those that it needs."""
+        for name, value in needed.items():
+            if getattr(self, name) != value:
+                raise SimulationError(f"Fidelity: {choice} needs {name} {value!r}, not {getattr(self, name)!r}")
+
+    @property
+    def _explicit(self) -> bool:
+        return INTEGRATORS[self.integrator].explicit
 
     def _check_shapes(self) -> None:
         """Prescribed shapes of the tower, if any, fit the counted modes."""
@@ -328,8 +310,7 @@ class Fidelity:
 
     def aero_for(self, rated_speed: float) -> AeroOptions:
         """Lattice and wake for a rotor with this rated speed [rad/s], see :meth:`AeroOptions.for_step`."""
-        out: AeroOptions = self.aero.for_step(math.degrees(self.step_for(rated_speed) * rated_speed))
-        return out
+        return self.aero.for_step(math.degrees(self.step_for(rated_speed) * rated_speed))
 
     def substeps_for(self, time_step: float, highest: float | None) -> int:
         """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: no limit.
@@ -412,7 +393,7 @@ FIDELITIES = {
     ),
     "gebhardt": GEBHARDT,
     # the same with all that the paper names: wakes from trailing edges and tips, tower and nacelle as closed bodies,
-    # the ground, in a flow without viscosity; the loads are Joukowski's, see validation/gebhardt_full.py
+    # the ground, in a flow without viscosity; the loads are Joukowski's, see the case gebhardt-2012-full
     "gebhardt-full": replace(
         GEBHARDT,
         name="gebhardt-full",
@@ -452,3 +433,137 @@ def fidelity(choice: str | Fidelity) -> Fidelity:
         near = did_you_mean(choice, FIDELITIES)
         raise SimulationError(f"fidelity must be one of {', '.join(FIDELITIES)} or a Fidelity, got {choice!r}{near}")
     return FIDELITIES[choice]
+
+
+NOTABLE_TWIST = math.radians(0.5)
+"""Twist of the tip at rated thrust from which on blades are simulated with torsion [rad]."""
+LARGEST_TWIST = math.radians(10.0)
+"""Twist of the tip at rated thrust beyond which the torsional stiffness is taken for a fault of the file [rad]; blades
+of the IEA 22-MW, the softest of known data, twist by 6 deg."""
+_SECTIONS = 60
+"""Along the blade; the twist changes by less than 2 % with twice as many."""
+_PITCH_STEP = math.radians(0.5)
+_PITCH_RANGE = math.radians(12.0)
+"""Range of the pitch angles among which that of rated power is looked for [rad]."""
+_LEAST_PITCH = math.radians(-5.0)
+"""Where the turbine's data have none."""
+_TORSION = "-torsion"
+
+
+def suited_fidelity(turbine: Turbine) -> str:
+    """Return "training-torsion" where the tip twists by more than `NOTABLE_TWIST` at rated thrust, else "training".
+
+    Raises
+    ------
+    SimulationError
+        If it twists by more than `LARGEST_TWIST`.
+    """
+    twist = abs(rated_tip_twist(turbine))
+    if twist > LARGEST_TWIST:
+        stiffness = turbine.blade.structure.stiffness
+        midspan = stiffness[len(stiffness) // 2, 5, 5]
+        raise SimulationError(
+            f"the blades of {turbine.name!r} must twist by at most {math.degrees(LARGEST_TWIST):g} deg at rated "
+            f"thrust, got {math.degrees(twist):.0f} deg from a torsional stiffness GJ of {midspan:.2g} "
+            'N m^2 at midspan: correct it in the file, or name a fidelity, "training" for blades without torsion'
+        )
+    return f"training{_TORSION}" if twist > NOTABLE_TWIST else "training"
+
+
+def choose_fidelity(turbine: Turbine, choice: str | Fidelity | None) -> str | Fidelity:
+    """Return the fidelity of a simulation.
+
+    Without a choice it is the one that suits the turbine. A name with torsion for blades that hardly twist, or without
+    for others, brings a warning with the twist, once in a process; a `Fidelity` is taken as it is.
+
+    Parameters
+    ----------
+    choice : str, Fidelity or None
+
+    Raises
+    ------
+    SimulationError
+        For an unknown name; as `suited_fidelity`.
+    """
+    if isinstance(choice, Fidelity):
+        return choice
+    if choice is None:
+        return suited_fidelity(turbine)
+    chosen = fidelity(choice)
+    twists, other = chosen.blade_modes[2] > 0, choice.removesuffix(_TORSION)
+    other = f"{choice}{_TORSION}" if choice == other else other
+    if other in FIDELITIES:
+        twist = rated_tip_twist(turbine)
+        if twists != (abs(twist) > NOTABLE_TWIST):
+            warn_once(
+                f"the blades of {turbine.name!r} twist by {abs(math.degrees(twist)):.2f} deg at rated thrust, "
+                f"{'less' if twists else 'more'} than {math.degrees(NOTABLE_TWIST):g} deg: fidelity {other!r} suits "
+                f"them, got {choice!r}",
+                stacklevel=3,
+            )
+    return choice
+
+
+@lru_cache(maxsize=32)
+def rated_tip_twist(turbine: Turbine) -> float:
+    """Twist of the tip at rated thrust, see the module [rad]; positive turns the nose to the suction side.
+
+    Blades of OpenFAST's ElastoDyn have no torsional stiffness of their own; with the estimate of their reader they
+    hardly twist.
+    """
+    elements = BladeElements(BladeElementRotor.of_turbine(turbine), _SECTIONS)
+    force, moment = _rated_loads(turbine, elements)
+    return tip_twist(turbine.blade, elements.span - turbine.blade.root_radius, force, moment)
+
+
+def _rated_loads(turbine: Turbine, elements: BladeElements) -> tuple[Array, Array]:
+    """Force (n, 3) in the axes of the pitched blade [N] and moment about the quarter chord (n,) [N m] of sections."""
+    drivetrain = turbine.drivetrain
+    power = drivetrain.rated_power / drivetrain.generator_efficiency / drivetrain.gearbox_efficiency
+    pitch = _least_pitch(turbine) + np.arange(0.0, _PITCH_RANGE, _PITCH_STEP)
+    solved = elements.solve(turbine.rated_wind_speed, drivetrain.rated_rotor_speed, pitch)
+    k = int(np.argmax(solved["power"]))  # beyond it the blade feathers
+    k += int(np.argmax(solved["power"][k:] <= power))
+    normal, driving, alpha, speed = (solved[name][k] for name in ("normal", "driving", "alpha", "speed"))
+    cm = np.array([p.coefficients(a)[2] for p, a in zip(elements.polars, alpha.tolist(), strict=True)])
+    c, s, width = math.cos(pitch[k]), math.sin(pitch[k]), elements.width
+    force = width * np.column_stack([normal * c + driving * s, normal * s - driving * c, np.zeros(_SECTIONS)])
+    return force, 0.5 * turbine.air_density * speed**2 * elements.chord**2 * cm * width
+
+
+def _least_pitch(turbine: Turbine) -> float:
+    """Least pitch of the turbine's own controller in rated wind [rad]."""
+    own, lowest = turbine.control, turbine.pitch.min_pitch
+    if own is not None and own.min_pitch_wind is not None and own.min_pitch is not None:
+        return max(float(np.interp(turbine.rated_wind_speed, own.min_pitch_wind, own.min_pitch)), lowest)
+    return max(_LEAST_PITCH if own is None or own.fine_pitch is None else own.fine_pitch, lowest)
+
+
+def tip_twist(blade: Blade, z: Array, force: Array, moment: Array) -> float:
+    """Rotation of the tip under forces (n, 3) at the quarter chords and moments about z (n,) of equal sections [rad].
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        Middles of the sections from the root [m].
+    """
+    half = 0.5 * (z[1] - z[0])
+    axis, ends = blade.axis_at(z), blade.axis_at(np.clip(np.append(z - half, z[-1] + half), 0.0, blade.length))
+    step = np.diff(ends, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    tangent = step / length[:, None]
+    twist = blade.twist_at(z)
+    aft = (0.25 - blade.le_offset_at(z)) * blade.chord_at(z)
+    couple = np.cross(axis + aft[:, None] * np.column_stack([np.sin(twist), np.cos(twist), 0.0 * twist]), force)
+    couple[:, 2] += moment
+    # of all that acts farther out, and half of the section itself
+    outer_force = np.cumsum(force[::-1], axis=0)[::-1] - 0.5 * force
+    outer_moment = np.cumsum(couple[::-1], axis=0)[::-1] - 0.5 * couple - np.cross(axis, outer_force)
+    turn = skew(np.cross([0.0, 0.0, 1.0], tangent))  # z of the section matrices is the tangent, by the shortest way
+    to_local = np.swapaxes(np.eye(3) + turn + turn @ turn / (1.0 + tangent[:, 2, None, None]), 1, 2)
+    loads = np.einsum("sij,skj->ski", to_local, np.stack([outer_force, outer_moment], axis=1)).reshape(-1, 6)
+    unit = np.hstack([np.zeros_like(axis), to_local @ tangent[-1]])
+    stiffness = blade.structure.stiffness_at(blade.station_at(z))
+    first = 2 if blade.structure.shear_rigid else 0  # what is rigid has no compliance
+    strain = np.linalg.solve(stiffness[:, first:, first:], loads[:, first:, None])[..., 0]
+    return float(np.sum(np.sum(unit[:, first:] * strain, axis=1) * length))

@@ -1,65 +1,127 @@
-"""Recording of signals into a labeled data set."""
+"""Recording of signals into a labeled data set, and files of it: NetCDF, OpenFAST's binary outputs, text."""
 
 from __future__ import annotations
 
+import csv
+import io
+import math
+import struct
+from collections.abc import Iterator
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.simulation.channels import channel_table
-from wt_gym.simulation.recording_files import write_recording
+from wt_gym.base.files import write_netcdf_whole, write_text_whole, write_whole
+from wt_gym.base.types import Array
+from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.simulation.contract import TurbineSimulator
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.simulation.fidelity import Fidelity
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
-
-    Variable = tuple[str | tuple[str, ...], NDArray[np.float64], dict[str, str]]
-    """Names of the axes, values and attributes."""
-
-    from os import PathLike
-
-    from numpy.typing import NDArray
+    import xarray as xr
     from xarray import Dataset
 
-    from wt_gym.simulation.channels import Signals
-
-__all__ = ["RecordedSimulator", "Recorder"]
-
-
-class RecordedSimulator(Protocol):
-    """What is recorded of a `wt_gym.simulation.Simulator`."""
-
-    @property
-    def turbine(self) -> Turbine:
-        """The turbine."""
-
-    @property
-    def inflow(self) -> Inflow:
-        """Its wind."""
-
-    @property
-    def fidelity(self) -> Fidelity:
-        """Resolution of structure and air."""
-
-    @property
-    def time_step(self) -> float:
-        """Aerodynamic step [s]."""
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
+Variable = tuple[str | tuple[str, ...], Array, dict[str, str]]
+"""Names of the axes, values and attributes."""
 
 
-class _ConstrainedSimulator(RecordedSimulator, Protocol):
-    """One whose blades constraint equations hold."""
+ENDINGS = (".nc", ".outb", ".csv")
+"""Endings of file names, each with its format."""
+_OPENFAST_UNITS = {
+    "s": (1.0, "s"), "m": (1.0, "m"), "m/s": (1.0, "m/s"), "rad": (180.0 / math.pi, "deg"),
+    "rad/s": (30.0 / math.pi, "rpm"), "N": (1e-3, "kN"), "N m": (1e-3, "kN-m"), "W": (1e-3, "kW"),
+}  # fmt: skip
+"""Factor and unit of ElastoDyn's and ServoDyn's outputs by the SI unit."""
+_OTHER_UNITS = {
+    "YawVzn": (180.0 / math.pi, "deg/s"), "RtAeroPwr": (1.0, "W"), "RtAeroMxh": (1.0, "N-m"), "RtAeroFxh": (1.0, "N"),
+}  # fmt: skip
+"""Factor and unit of outputs in other units: a rate of an angle, and those of AeroDyn."""
+_FORMAT, _NAME_LENGTH = 4, 20
+"""OpenFAST's ``FileFmtID_ChanLen_In``: 16-bit numbers at even times, with the length of names before all else."""
+_COUNTS, _DIGITS = 65_000.0, 2.0**23
 
-    def root_multipliers(self) -> NDArray[np.float64]:
-        """Lagrange multipliers of the constraints that hold the blades (n_blades, 6)."""
+
+def write_recording(path: Path, data: xr.Dataset) -> None:
+    """Write signals in the format of the file's ending; the file is there when it is whole.
+
+    ``.nc`` is NetCDF 4 with everything. ``.csv`` has a column a signal in SI units, with name and unit in its first
+    line. ``.outb`` has the signals that OpenFAST has, under its names and in its units, as its post-processing reads
+    them; the numbers have 16 bits, so that a signal is resolved to 1/65000 of its range.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    data : xarray.Dataset
+        Of `wt_gym.simulation.Recorder.to_dataset`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such format.
+    """
+    match path.suffix.lower():
+        case ".nc":
+            write_netcdf_whole(path, data)
+        case ".csv":
+            write_text_whole(path, _csv(data))
+        case ".outb":
+            content = _outb(data)
+            write_whole(path, lambda file: file.write(content))
+        case _:
+            raise ValueError(f"a file of signals must end in {', '.join(ENDINGS)}, got {path.name}")
+
+
+def _columns(data: xr.Dataset) -> Iterator[tuple[str, str, Array]]:
+    """Name, unit and values of each signal; those with further axes have a column for each place on them."""
+    yield "time", "s", data["time"].values
+    for name, variable in data.data_vars.items():
+        if variable.ndim == 1:
+            yield str(name), variable.attrs["units"], variable.values
+            continue
+        for place in np.ndindex(variable.shape[1:]):
+            labels = [str(data[axis].values[k]) for axis, k in zip(variable.dims[1:], place, strict=True)]
+            yield "_".join([str(name), *labels]), variable.attrs["units"], variable.values[(slice(None), *place)]
+
+
+def _csv(data: xr.Dataset) -> str:
+    columns = list(_columns(data))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([f"{name} [{unit}]" for name, unit, _ in columns])
+    writer.writerows(np.column_stack([values for *_, values in columns]).tolist())
+    return text.getvalue()
+
+
+def _outb(data: xr.Dataset) -> bytes:
+    """Binary outputs as `WrBinFAST` of OpenFAST's `FAST_Subs.f90` writes them.
+
+    Values are packed as integers ``scale x + offset`` with ``scale`` and ``offset`` in single precision. The scale is
+    bounded so that the offset of a nearly constant signal is rounded by less than a count.
+    """
+    names, units, table = ["Time"], ["(s)"], []
+    for variable in data.data_vars.values():
+        if name := variable.attrs.get("openfast_name"):
+            factor, unit = _OTHER_UNITS.get(name) or _OPENFAST_UNITS[variable.attrs["units"]]
+            names.append(name)
+            units.append(f"({unit})")
+            table.append(factor * variable.values)
+    values = np.array(table)
+    low, high = values.min(axis=1), values.max(axis=1)
+    span, size = high - low, np.maximum(np.abs(low), np.abs(high))
+    least = np.maximum(span / _COUNTS, size / _DIGITS)
+    scale = np.divide(1.0, least, out=np.ones_like(least), where=least > 0.0).astype(np.float32)
+    offset = (-scale * 0.5 * (low + high)).astype(np.float32)
+    packed = np.rint(scale[:, None].astype(float) * values + offset[:, None].astype(float)).astype(np.int16)
+    time = data["time"].values
+    step = float((time[-1] - time[0]) / (time.size - 1)) if time.size > 1 else 0.0
+    described = f"wt_gym: {data.attrs.get('turbine', '')}, {data.attrs.get('inflow', '')}".encode("ascii", "replace")
+    head = struct.pack("<hhiidd", _FORMAT, _NAME_LENGTH, len(table), time.size, float(time[0]), step)
+    texts = "".join(text.ljust(_NAME_LENGTH) for text in (*names, *units)).encode("ascii")
+    scales = scale.astype("<f4").tobytes() + offset.astype("<f4").tobytes()
+    length = struct.pack("<i", len(described))
+    return b"".join([head, scales, length, described, texts, packed.T.astype("<i2").tobytes()])
 
 
 class Recorder:
@@ -82,7 +144,7 @@ class Recorder:
     >>> recorder.to_dataset().to_netcdf("run.nc", engine="h5netcdf")  # doctest: +SKIP
     """
 
-    def __init__(self, simulator: RecordedSimulator, **attributes: float | str) -> None:
+    def __init__(self, simulator: TurbineSimulator, **attributes: float | str) -> None:
         self.channels = channel_table(simulator.turbine.n_blades)
         self.attributes = {
             "turbine": simulator.turbine.name,
@@ -92,11 +154,11 @@ class Recorder:
             "aerodynamic_time_step_s": simulator.time_step,
             **attributes,
         }
-        self._rows: list[NDArray[np.float64]] = []
+        self._rows: list[Array] = []
         # only a simulator that has multipliers is asked at each instant, and kept alive
         constrained = simulator.fidelity.formulation == "constrained"
-        self._held = cast("_ConstrainedSimulator", simulator) if constrained else None
-        self._multipliers: list[NDArray[np.float64]] = []
+        self._held = simulator if constrained else None
+        self._multipliers: list[Array] = []
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -153,20 +215,20 @@ class Recorder:
         write_recording(Path(path), self.to_dataset())
 
 
-def _multipliers_at(simulator: _ConstrainedSimulator, signals: Signals) -> NDArray[np.float64]:
+def _multipliers_at(simulator: TurbineSimulator, signals: Signals) -> Array:
     """Multipliers (n_blades, 6) of the instant of the signals; not a number where the simulator is not there.
 
     After a failed step the signals at hand are those of the step before, and the state has no meaning.
     """
     if signals.values[0] == simulator.time:
         try:
-            return simulator.root_multipliers()
+            return cast(Any, simulator).root_multipliers()
         except SimulationError:
             pass
     return np.full((simulator.turbine.n_blades, 6), np.nan)
 
 
-def _multiplier_variables(multipliers: NDArray[np.float64]) -> dict[str, Variable]:
+def _multiplier_variables(multipliers: Array) -> dict[str, Variable]:
     """Variables of a data set from multipliers (n, n_blades, 6)."""
     text = "{} of the hub on the blade at its root (Lagrange multipliers), axes of the pitched root"
     parts = (("force", "N", "Force", multipliers[..., :3]), ("moment", "N m", "Moment", multipliers[..., 3:]))

@@ -2,56 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from os import PathLike
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.aerodynamics.options import AerodynamicsError
 from wt_gym.base.errors import ActionError, InflowError, SimulationError
-from wt_gym.deprecated import renamed_arguments
-from wt_gym.multibody.checks import check_state
-from wt_gym.multibody.errors import MultibodyError
-from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
-from wt_gym.simulation.compilation import announce_compilation, compile_once
-from wt_gym.simulation.compile_ahead import compile_ahead
-from wt_gym.simulation.drivetrain.drives import Drives, check_damper_step, check_finite
+from wt_gym.base.types import Array
+from wt_gym.multibody.arrays import Drift, MultibodyError
+from wt_gym.multibody.system import check_state
+from wt_gym.multibody.tree.point_kernels import point_motion
+from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities, reflected_loads, reflected_shapes
+from wt_gym.simulation.compilation import announce_compilation, compile_ahead, compile_once
+from wt_gym.simulation.contract import SimulatorState, fingerprint
+from wt_gym.simulation.drivetrain.drives import Drives, GeneratorLaw, check_damper_step, check_finite
+from wt_gym.simulation.drivetrain.faults import DriveFault
+from wt_gym.simulation.fidelity import Fidelity, choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.geometry import turbine_shapes
-from wt_gym.simulation.model.assembly import assemble
-from wt_gym.simulation.reflection import reflected_loads, reflected_shapes
+from wt_gym.simulation.models import assemble
 from wt_gym.simulation.start import Starter
-from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.simulation.step.coupling import Coupling
-from wt_gym.simulation.step.measurement import Measurement
-from wt_gym.simulation.tip_twist import choose_fidelity
+from wt_gym.simulation.step.coupling_data import Measurement
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.variants import clockwise_image, with_generator
-from wt_gym.wind import MirroredInflow
-from wt_gym.wind.described import is_described, wind_from
-from wt_gym.wind.protocol import require_cover
+from wt_gym.wind import Inflow, MirroredInflow
+from wt_gym.wind.files import is_described, wind_from
+from wt_gym.wind.inflow import require_cover
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
-    from typing import Any
+    from wt_gym.simulation.linear_model import LinearModel, RotorPoint
 
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.multibody.integrators.hamming import Drift
-    from wt_gym.simulation.drivetrain.drives import GeneratorLaw
-    from wt_gym.simulation.drivetrain.faults import DriveFault
-    from wt_gym.simulation.fidelity import Fidelity
-    from wt_gym.simulation.linear.linear_model import LinearModel, RotorPoint
-    from wt_gym.wind import Inflow
-
-    WindChoice = Inflow | str | PathLike[str] | Mapping[str, Any]
-    """A wind, or what describes one."""
-    _Arguments = tuple[Turbine, Inflow, Fidelity, int, GeneratorLaw]
-
-__all__ = ["Simulator"]
+WindChoice = Inflow | str | PathLike[str] | Mapping[str, Any]
+"""A wind, or what describes one."""
+_Arguments = tuple[Turbine, Inflow, Fidelity, int, GeneratorLaw]
 
 
 class Simulator:
@@ -62,10 +50,10 @@ class Simulator:
     turbine : str, path or Turbine
         Name in the catalogue, path of a windIO file or OpenFAST model (.fst), or a turbine.
     inflow : Inflow, path or mapping
-        Undisturbed wind, or what describes it (`wt_gym.wind.described`). A turbulence box must reach around the rotor.
+        Undisturbed wind, or what describes it (`wt_gym.wind.files`). A turbulence box must reach around the rotor.
     fidelity : str or Fidelity, optional
         "training", "engineering", "reference" or another of `FIDELITIES`, or one of your own; by default
-        "training-torsion" where the blades twist, else "training" (`wt_gym.simulation.tip_twist`).
+        "training-torsion" where the blades twist, else "training" (`wt_gym.simulation.fidelity`).
     threads : int
         Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
     generator : "torque", "damper" or GeneratorLaw, optional
@@ -74,20 +62,15 @@ class Simulator:
 
     Attributes
     ----------
-    turbine : Turbine
     inflow : Inflow
         May be exchanged before a reset.
-    fidelity : Fidelity
     time_step : float
         Aerodynamic step [s]; ``advance`` takes whole numbers of it.
-    structure : TurbineStructure
-    lattice : VortexLattice
     coupling : Coupling
         Structure and air in their present state.
-    drives : Drives
     mirrored : bool
         Whether the rotor turns counter-clockwise. Structure, lattice, coupling and drives are then those of the mirror
-        image, whose rotor turns clockwise, in the mirrored wind (`wt_gym.simulation.reflection`); arguments, signals
+        image, whose rotor turns clockwise, in the mirrored wind (`wt_gym.simulation.channels`); arguments, signals
         and shapes are those of the turbine.
     faults : tuple of wt_gym.simulation.drivetrain.faults.DriveFault
         What fails, and when. As the inflow it may be exchanged before a reset, and does not belong to a snapshot.
@@ -187,7 +170,6 @@ class Simulator:
         values, n_blades = self._measurement.values, self.turbine.n_blades
         return Signals(values * parities(n_blades) if self.mirrored else values.copy(), n_blades)
 
-    @renamed_arguments(thrust_before="wake_thrust")  # rename: keep
     def reset(
         self,
         rotor_speed: float,
@@ -223,10 +205,6 @@ class Simulator:
             Motion of the structure, as `motion` gives it of a simulator with the same turbine and fidelity, to continue
             with its velocities and accelerations; ``tower_top`` is then left aside. Modal coordinates, formulation
             "embedded" and an explicit integrator only.
-
-        Returns
-        -------
-        Signals
 
         Raises
         ------
@@ -267,7 +245,6 @@ class Simulator:
         self._measure()
         return self.signals
 
-    @renamed_arguments(go_on="accumulate")  # rename: keep
     def advance(
         self,
         duration: float,
@@ -332,12 +309,7 @@ class Simulator:
     # ---- snapshots and pictures ----
 
     def state(self) -> SimulatorState:
-        """Snapshot from which the simulation continues bit for bit.
-
-        Returns
-        -------
-        SimulatorState
-        """
+        """Snapshot from which the simulation continues bit for bit."""
         self._require_start()
         return SimulatorState.take(self._state_arrays(), self._n_steps, self._model)
 
@@ -359,7 +331,7 @@ class Simulator:
         self._started = True
         self.coupling.resume()
 
-    def root_multipliers(self) -> NDArray[np.float64]:
+    def root_multipliers(self) -> Array:
         """Lagrange multipliers of the constraints that hold the blades: the loads which the hub exerts on them.
 
         They cost nothing unless they are asked for, and need ``formulation="constrained"``. ``-multipliers[:, 4]`` is
@@ -377,10 +349,9 @@ class Simulator:
             Without constraint equations.
         """
         self._require_start()
-        out: NDArray[np.float64] = self.coupling.root_multipliers()
-        return out
+        return self.coupling.root_multipliers()
 
-    def ground_loads(self) -> NDArray[np.float64]:
+    def ground_loads(self) -> Array:
         """Force and moment with which the turbine rests on the ground: at the sea bed on a monopile.
 
         Returns
@@ -401,7 +372,7 @@ class Simulator:
             loads[4] += depth * force[0]
         return reflected_loads(loads) if self.mirrored else loads
 
-    def tower_top(self) -> NDArray[np.float64]:
+    def tower_top(self) -> Array:
         """Motion of the tower top as it is now, in the form that `reset` takes.
 
         Returns
@@ -419,7 +390,7 @@ class Simulator:
         top = np.concatenate([to_heading @ work.r[nacelle, :2], to_heading @ velocity[:2]])
         return top * TOWER_TOP_PARITIES if self.mirrored else top
 
-    def motion(self) -> NDArray[np.float64]:
+    def motion(self) -> Array:
         """Deformation of the structure, its rates and accelerations, in the form of `reset`.
 
         The tower moves along and across the nacelle.
@@ -465,18 +436,18 @@ class Simulator:
         return out
 
     def linearize(self, operating_point: RotorPoint | None = None, **options: Any) -> LinearModel:
-        """Linear model about a steady operating point; see :func:`wt_gym.simulation.linear.linearization.linearize`.
+        """Linear model about a steady operating point; see :func:`wt_gym.simulation.linearization.linearize`.
 
         Returns
         -------
         LinearModel
             A, B, C, D with named states, inputs and outputs.
         """
-        from wt_gym.simulation.linear.linearization import linearize  # it builds on simulators
+        from wt_gym.simulation.linearization import linearize  # it builds on simulators
 
         return linearize(self, operating_point, **options)
 
-    def geometry(self) -> dict[str, NDArray[np.float64]]:
+    def geometry(self) -> dict[str, Array]:
         """Shapes for pictures, global coordinates [m].
 
         Returns
@@ -487,7 +458,21 @@ class Simulator:
             "tower" (n, 3) axis and "tower_radius" (n,); "hub" (3,); "nacelle" (2, 3) ends of the shaft.
         """
         self._require_start()
-        shapes = turbine_shapes(self.coupling)
+        coupling, s, y = self.coupling, self.structure, self.coupling.integrator.state
+        work = coupling.integrator.work
+        coupling.move_lattice(y)
+        tower, velocity = np.zeros_like(s.tower_points.position), np.zeros_like(s.tower_points.position)
+        frame = work.rot[s.tower], work.r[s.tower], work.v[s.tower], work.omega[s.tower]
+        point_motion(*frame, *s.elastic(s.tower, y), s.tower_points, tower, velocity)
+        shapes = {
+            "blades": coupling.exchange.nodes.copy(),
+            "wake": coupling.aero.wake_nodes.copy(),
+            "wake_circulation": coupling.aero.wake_circulation.copy(),
+            "tower": tower,
+            "tower_radius": s.tower_radius.copy(),
+            "hub": work.r[s.hub].copy(),
+            "nacelle": np.array([work.r[s.hub], work.r[s.generator]]),
+        }
         return reflected_shapes(shapes) if self.mirrored else shapes
 
     def _require_start(self) -> None:

@@ -2,23 +2,134 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
+from wt_gym.base.errors import SimulationError
+from wt_gym.base.types import Array, Integers
+from wt_gym.multibody.arrays import Inputs, MultibodyError, Work
 from wt_gym.multibody.integrators.schemes import INTEGRATORS
-from wt_gym.simulation.model.equilibrium import elastic_equilibrium
+from wt_gym.multibody.system import MultibodySystem
+from wt_gym.simulation.drivetrain.drives import Drives
+from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.simulation.step import coupling_kernels
 from wt_gym.simulation.step.coupling import Coupling
+from wt_gym.wind import Inflow
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+ROUNDING = 1e-6
+"""Change of the coordinates, over their size, below which a step that leads no nearer is rounding: nodal coordinates
+are 1e9 times as stiff against each other as the blade as a whole."""
+SMALLEST_SHARE = 1.0 / 256.0
+"""Of a step of Newton's method, below which there is no balance."""
 
-    from wt_gym.simulation.drivetrain.drives import Drives
-    from wt_gym.simulation.fidelity import Fidelity
-    from wt_gym.wind import Inflow
 
-__all__ = ["Starter"]
+def elastic_equilibrium(
+    system: MultibodySystem,
+    y: Array,
+    inputs: Inputs,
+    work: Work,
+    azimuth_q: int,
+    azimuth_u: int,
+    of_forces: bool = False,
+    iterations: int = 40,
+    tolerance: float = 1e-9,
+    accelerations: float | Array = 0.0,
+) -> None:
+    """Newton's method for elastic coordinates that do not accelerate, or as told; the rotor's own acceleration is free.
+
+    A step is halved until the next one, with the same derivatives, is shorter: where strong loads bend slender blades
+    far, whole steps lead away (natural monotonicity, Deuflhard, Newton Methods for Nonlinear Problems, 2004).
+
+    Parameters
+    ----------
+    system : MultibodySystem
+        Every velocity but ``azimuth_u`` belongs to an elastic coordinate or spring.
+    y : array (n_state,)
+        State, of whose coordinates the elastic ones change in place.
+    inputs, work : arrays of the system
+    azimuth_q, azimuth_u : int
+        The coordinate and velocity that turn freely.
+    of_forces : bool
+        Balance forces, r = f − M_a u̇_a with the column M_a of the velocity that turns freely and u̇_a = f_a/M_aa,
+        instead of accelerations. In nodal coordinates the accelerations of one small turn of a node exceed those of a
+        bent blade so far that differences show nothing of these.
+    accelerations : float or array (n_u - 1,)
+        That the elastic velocities are to have; with forces 0.
+
+    Raises
+    ------
+    SimulationError
+        When no balance is found.
+    MultibodyError
+        When the mass matrix is singular at the start.
+    """
+    q = np.array([i for i in range(system.n_q) if i != azimuth_q], dtype=int)
+    u = np.array([i for i in range(system.n_u) if i != azimuth_u], dtype=int) + system.n_q
+    if len(q) == 0:
+        return
+
+    def residual(state: Array) -> Array:
+        if not of_forces:
+            return system.rates(state, inputs, work)[u] - accelerations
+        mass, force = system.balance(state, inputs, work)
+        column = np.concatenate([mass[azimuth_u, :azimuth_u], mass[azimuth_u:, azimuth_u]])
+        return (force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q]
+
+    following: Array | None
+    (jacobian, change), fresh = _newton_step(residual, y, q), True
+    for _ in range(iterations):
+        if np.abs(change).max() < tolerance * max(1.0, np.abs(y[q]).max()):
+            y[q] += change
+            return
+        following = _shortened_step(residual, y, q, change, jacobian, SMALLEST_SHARE if fresh else 1.0)
+        if following is None and fresh:
+            if np.abs(change).max() < ROUNDING * max(1.0, np.abs(y[q]).max()):
+                return
+            break
+        # nearly linear: the derivatives serve as long as they bring the balance nearer by half
+        fresh = following is None or bool(np.linalg.norm(following) > 0.5 * np.linalg.norm(change))
+        if following is None or fresh:
+            jacobian, following = _newton_step(residual, y, q)
+        change = following
+    raise SimulationError("the static equilibrium of the structure did not converge under its loads")
+
+
+def _shortened_step(
+    residual: Callable[[Array], Array], y: Array, q: Integers, change: Array, jacobian: Array, smallest: float
+) -> Array | None:
+    """Take a step, or the largest half, quarter, … of it after which the next one is shorter.
+
+    Returns
+    -------
+    array or None
+        The next step, with the same derivatives; None, and y as it was, if a share below ``smallest`` was needed.
+    """
+    origin, share = y[q].copy(), 1.0
+    while share >= smallest:
+        y[q] = origin + share * change
+        try:
+            following = np.asarray(np.linalg.solve(jacobian, -residual(y)), dtype=np.float64)
+        except MultibodyError:  # the structure has left its model
+            following = None
+        if following is not None and np.linalg.norm(following) < (1.0 - 0.25 * share) * np.linalg.norm(change):
+            return following
+        share *= 0.5
+    y[q] = origin
+    return None
+
+
+def _newton_step(residual: Callable[[Array], Array], y: Array, q: Integers, step: float = 1e-4) -> tuple[Array, Array]:
+    """Derivatives of the residual by the coordinates q, and the step that follows from them."""
+    here, columns = residual(y), []
+    for place in q:
+        origin = y[place]
+        y[place] = origin + step
+        columns.append((residual(y) - here) / step)
+        y[place] = origin
+    jacobian = np.array(columns).T
+    return jacobian, np.asarray(np.linalg.solve(jacobian, -here), dtype=np.float64)
+
 
 PASSES = 3
 """Passes between wake and elastic deformation."""
@@ -28,11 +139,6 @@ class Starter:
     """Puts a coupled turbine into a steady state.
 
     A turbine with constraint equations is balanced without them, and takes over the motion.
-
-    Parameters
-    ----------
-    coupling : Coupling
-    drives : Drives
     """
 
     def __init__(self, coupling: Coupling, drives: Drives) -> None:
@@ -46,9 +152,9 @@ class Starter:
         azimuth: float,
         generator_torque: float | None,
         inflow: Inflow,
-        tower_top: NDArray[np.float64] | None = None,
+        tower_top: Array | None = None,
         wake_thrust: float | None = None,
-        motion: NDArray[np.float64] | None = None,
+        motion: Array | None = None,
     ) -> None:
         """Balance turbine, wake and air, and begin to move; pitch and yaw are those that the drives have started with.
 
@@ -58,7 +164,6 @@ class Starter:
             [rad/s], [rad].
         generator_torque : float or None
             High-speed shaft [N m]; None: what balances the torque of the air.
-        inflow : Inflow
         tower_top : array (4,), optional
             Displacement of the tower top along and across the heading of the nacelle [m] and its rates [m/s]; by
             default the balance, at rest.
@@ -98,16 +203,16 @@ class Starter:
     def _act(self, coupling: Coupling) -> None:
         self.drives.act(coupling.integrator.inputs, coupling.models.structure.azimuth_u, first=0)
 
-    def _rigid_state(self, rotor_speed: float, azimuth: float) -> NDArray[np.float64]:
+    def _rigid_state(self, rotor_speed: float, azimuth: float) -> Array:
         """Undeformed turbine turning steadily."""
         s = self._balanced.models.structure
-        y: NDArray[np.float64] = s.system.initial_state()
+        y: Array = s.system.initial_state()
         n_y = s.system.n_q + s.system.n_u
         y[s.azimuth_q], y[s.system.n_q + s.azimuth_u] = azimuth, rotor_speed
         y[n_y : n_y + s.system.n_servo] = self.drives.command[1:]
         return y
 
-    def _turn_loads(self, y: NDArray[np.float64], rotor_speed: float, azimuth: float) -> None:
+    def _turn_loads(self, y: Array, rotor_speed: float, azimuth: float) -> None:
         """Rates of the blades (y, in place) as their balance turns with the rotor past weight, shear and yawed wind.
 
         Each elastic coordinate has its balance at as many azimuths as there are blades. Its mean and the first harmonic
@@ -127,7 +232,7 @@ class Starter:
             for own, rate in zip(u, slope @ np.array(q), strict=True):
                 own[:] = rate
 
-    def _sway(self, y: NDArray[np.float64], tower_top: NDArray[np.float64]) -> None:
+    def _sway(self, y: Array, tower_top: Array) -> None:
         """Displacement and motion of the tower top (y, in place) in its first modes."""
         c = self._balanced
         s, yaw = c.models.structure, self.drives.command[1]
@@ -141,12 +246,12 @@ class Starter:
 
     def _find_equilibrium(
         self,
-        y: NDArray[np.float64],
+        y: Array,
         rotor_speed: float,
         generator_torque: float | None,
         inflow: Inflow,
         wake_thrust: float | None,
-        accelerations: float | NDArray[np.float64] = 0.0,
+        accelerations: float | Array = 0.0,
     ) -> None:
         """Wake, loads and elastic state (y, in place) in balance with each other and the generator.
 
@@ -162,7 +267,7 @@ class Starter:
 
     def _balance_air(
         self,
-        y: NDArray[np.float64],
+        y: Array,
         rotor_speed: float,
         generator_torque: float | None,
         inflow: Inflow,

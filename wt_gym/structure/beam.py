@@ -13,24 +13,21 @@ e.g. Przemieniecki, Theory of Matrix Structural Analysis, 1968, ch. 5 and 8.)
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import Annotated, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from wt_gym.base.types import Array
 from wt_gym.turbines.blade import BeamStations, inertia_matrix, interpolate
 from wt_gym.turbines.checks import Table
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-__all__ = ["Beam", "BeamSections", "skew"]
 
 N_GAUSS = 4  # exact for the cubic displacement times linear mass of a uniform element
 
 
-def skew(v: ArrayLike) -> NDArray[np.float64]:
+def skew(v: ArrayLike) -> Array:
     """Cross-product matrices of vectors.
 
     Parameters
@@ -54,7 +51,7 @@ def skew(v: ArrayLike) -> NDArray[np.float64]:
 class BeamSections(BeamStations):
     """Section properties along a beam, all about the reference axis, and where that axis lies in the body."""
 
-    axis: Annotated[NDArray[np.float64], Table("station", 3)]
+    axis: Annotated[Array, Table("station", 3)]
     """Position of the reference axis in the body frame (n, 3) [m]."""
 
     @classmethod
@@ -97,11 +94,11 @@ class BeamSections(BeamStations):
         axis[:, 2] = s
         return cls(s, np.tile(stiffness, (n, 1, 1)), np.tile(inertia, (n, 1, 1)), axis)
 
-    def axis_at(self, s: ArrayLike) -> NDArray[np.float64]:
+    def axis_at(self, s: ArrayLike) -> Array:
         """Position (..., 3) of the reference axis at arc length s."""
         return interpolate(s, self.station, self.axis)
 
-    def compliance_at(self, s: ArrayLike) -> NDArray[np.float64]:
+    def compliance_at(self, s: ArrayLike) -> Array:
         """Compliance (..., 6, 6); rows and columns of rigid shear are zero."""
         k = self.stiffness_at(s)
         c = np.zeros_like(k)
@@ -112,7 +109,7 @@ class BeamSections(BeamStations):
         return c
 
 
-def _frame_along(tangent: NDArray[np.float64]) -> NDArray[np.float64]:
+def _frame_along(tangent: Array) -> Array:
     """Rotation (3, 3) that turns z into the tangent by the shortest way (no turn about the tangent)."""
     z = np.array([0.0, 0.0, 1.0])
     axis = np.cross(z, tangent)
@@ -120,11 +117,10 @@ def _frame_along(tangent: NDArray[np.float64]) -> NDArray[np.float64]:
     if c < -1.0 + 1e-9:
         raise ValueError("the reference axis of a beam must not run against its z axis")
     a = skew(axis)
-    out: NDArray[np.float64] = np.eye(3) + a + a @ a / (1.0 + c)
-    return out
+    return np.eye(3) + a + a @ a / (1.0 + c)
 
 
-def _lever(length: ArrayLike) -> NDArray[np.float64]:
+def _lever(length: ArrayLike) -> Array:
     """Equilibrium matrices B (…, 6, 6) that carry an end force over a distance along z."""
     length = np.asarray(length, dtype=float)
     out = np.zeros((*length.shape, 6, 6))
@@ -134,16 +130,16 @@ def _lever(length: ArrayLike) -> NDArray[np.float64]:
     return out
 
 
-def _transpose(a: NDArray[np.float64]) -> NDArray[np.float64]:
+def _transpose(a: Array) -> Array:
     return np.swapaxes(a, -1, -2)
 
 
-def _integration_row(nodes: NDArray[np.float64], x: float) -> NDArray[np.float64]:
+def _integration_row(nodes: Array, x: float) -> Array:
     """Weights w with ∫₀ˣ p(ξ) dξ = Σ w_k p(ξ_k) for polynomials through the given nodes."""
     powers = np.arange(len(nodes))
     moments = x ** (powers + 1) / (powers + 1)
     row = np.linalg.solve(np.vander(nodes, increasing=True).T, moments)
-    return cast("NDArray[np.float64]", row)
+    return cast(Array, row)
 
 
 class Beam:
@@ -184,8 +180,8 @@ class Beam:
         self,
         sections: BeamSections,
         nodes: ArrayLike,
-        foundation: NDArray[np.float64] | None = None,
-        added_mass: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
+        foundation: Array | None = None,
+        added_mass: Callable[[Array], Array] | None = None,
         lumps: Sequence[tuple[int, float]] = (),
     ) -> None:
         self.sections = sections
@@ -232,7 +228,7 @@ class Beam:
         self._flexibility = self._element_flexibility(np.arange(self.n_elements), np.ones(self.n_elements))
         self._end_stiffness = np.linalg.inv(self._flexibility)
 
-    def _element_flexibility(self, e: ArrayLike, xi: ArrayLike) -> NDArray[np.float64]:
+    def _element_flexibility(self, e: ArrayLike, xi: ArrayLike) -> Array:
         """G(ξ) = ∫₀^{ξL} B_sᵀ C B dσ: displacement at ξ of a root-clamped element per end force (n, 6, 6)."""
         e, xi = np.atleast_1d(e), np.atleast_1d(xi)
         arc = np.diff(self.nodes)[e]
@@ -249,7 +245,7 @@ class Beam:
                 out += (w / n_panel * xi * length)[:, None, None] * (_transpose(to_point) @ compliance @ to_end)
         return out
 
-    def shape(self, e: ArrayLike, xi: ArrayLike) -> NDArray[np.float64]:
+    def shape(self, e: ArrayLike, xi: ArrayLike) -> Array:
         """Displacements and rotations inside elements per nodal coordinate, in the body frame.
 
         Parameters
@@ -272,8 +268,7 @@ class Beam:
         r2[:, :3, :3] = r2[:, 3:, 3:] = r
         r4 = np.zeros((len(e), 12, 12))
         r4[:, :6, :6] = r4[:, 6:, 6:] = r2
-        out: NDArray[np.float64] = r2 @ local @ _transpose(r4)
-        return out
+        return r2 @ local @ _transpose(r4)
 
     def _assemble_stiffness(self) -> None:
         """K_e = [[T K T^T, −T K], [−K Tᵀ, K]] rotated into the body frame."""
@@ -287,7 +282,7 @@ class Beam:
             i = slice(6 * e, 6 * e + 12)
             self.stiffness[i, i] += r @ local[e] @ r.T
 
-    def _assemble_fluid(self, added_mass: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> NDArray[np.float64]:
+    def _assemble_fluid(self, added_mass: Callable[[Array], Array]) -> Array:
         """∫ m (Sₓᵀ Sₓ + S_yᵀ S_y) ds over the displacements across the axis, in panels much finer than an element."""
         total, n_panel = np.zeros((self.n_dof, self.n_dof)), 20
         xi = np.concatenate([(panel + self._xi) / n_panel for panel in range(n_panel)])
@@ -360,7 +355,7 @@ class Beam:
         e = int(np.clip(np.searchsorted(self.nodes, s, side="right") - 1, 0, self.n_elements - 1))
         return e, (s - self.nodes[e]) / (self.nodes[e + 1] - self.nodes[e])
 
-    def linear_field(self, s: float, basis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def linear_field(self, s: float, basis: Array) -> tuple[Array, Array]:
         """Displacement and rotation at arc length s for a basis.
 
         Parameters
@@ -379,14 +374,13 @@ class Beam:
         field = self.shape(e, xi)[0] @ basis[6 * e : 6 * e + 12]
         return field[:3], field[3:]
 
-    def gauss_rotation(self, basis: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gauss_rotation(self, basis: Array) -> Array:
         """Rotation fields (n_elements, N_GAUSS, 3, n) at the Gauss points for a basis."""
         cols = np.array([np.arange(6 * e, 6 * e + 12) for e in range(self.n_elements)])
         rot = self._gauss_shape[:, 3:, :].reshape(self.n_elements, N_GAUSS, 3, 12)
-        out: NDArray[np.float64] = np.einsum("egid,edn->egin", rot, basis[cols], optimize=True)
-        return out
+        return np.einsum("egid,edn->egin", rot, basis[cols], optimize=True)
 
-    def second_order_field(self, basis: NDArray[np.float64]) -> SecondOrderField:
+    def second_order_field(self, basis: Array) -> SecondOrderField:
         """Second-order displacement of the reference axis (foreshortening), the source of geometric stiffness.
 
         The beam axis keeps its length while its sections turn by the rotation vector θ = Θ q:
@@ -395,10 +389,6 @@ class Beam:
             H_jk(s) = ∫₀ˢ ½ (θ̃_j θ̃_k + θ̃_k θ̃_j) t dσ.
 
         (Stress stiffening by quadratic deformation modes: Kane, Ryan & Banerjee 1987, J. Guidance 10, 139–151.)
-
-        Returns
-        -------
-        SecondOrderField
         """
         theta = self.gauss_rotation(basis)
         return SecondOrderField(self, theta)
@@ -407,7 +397,7 @@ class Beam:
 class SecondOrderField:
     """Quadratic displacement H_jk of a beam axis for the rotation fields of a basis."""
 
-    def __init__(self, beam: Beam, theta: NDArray[np.float64]) -> None:
+    def __init__(self, beam: Beam, theta: Array) -> None:
         self._beam = beam
         self._integrand = self._pair(theta, beam._frame[:, None, :, 2])
         step = np.einsum("g,egijk->eijk", beam._weight, self._integrand) * beam._length[:, None, None, None]
@@ -415,32 +405,102 @@ class SecondOrderField:
         self._start = np.concatenate([np.zeros((1, 3, n, n)), np.cumsum(step, axis=0)])
 
     @staticmethod
-    def _pair(theta: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _pair(theta: Array, v: Array) -> Array:
         """½ (θ̃_j θ̃_k + θ̃_k θ̃_j) v = ½ [θ_j (θ_k·v) + θ_k (θ_j·v)] − v (θ_j·θ_k), shapes (…, 3, n), (…, 3)."""
         along = np.einsum("...in,...i->...n", theta, np.broadcast_to(v, (*theta.shape[:-2], 3)))
         mixed = np.einsum("...ij,...k->...ijk", theta, along)
         dot = np.einsum("...ij,...ik->...jk", theta, theta)
-        out: NDArray[np.float64] = (
-            0.5 * (mixed + np.swapaxes(mixed, -1, -2)) - v[..., :, None, None] * dot[..., None, :, :]
-        )
-        return out
+        return 0.5 * (mixed + np.swapaxes(mixed, -1, -2)) - v[..., :, None, None] * dot[..., None, :, :]
 
-    def at(self, s: float) -> NDArray[np.float64]:
+    def at(self, s: float) -> Array:
         """H (3, n, n) of the reference axis at arc length s."""
         e, xi = self._beam.locate(s)
         row = _integration_row(self._beam._xi, xi) * self._beam._length[e]
-        out: NDArray[np.float64] = self._start[e] + np.einsum("g,gijk->ijk", row, self._integrand[e])
-        return out
+        return self._start[e] + np.einsum("g,gijk->ijk", row, self._integrand[e])
 
-    def at_gauss(self) -> NDArray[np.float64]:
+    def at_gauss(self) -> Array:
         """H (n_elements · N_GAUSS, 3, n, n) at the Gauss points."""
         rows = np.array([_integration_row(self._beam._xi, x) for x in self._beam._xi])
         inner = np.einsum("gh,ehijk->egijk", rows, self._integrand) * self._beam._length[:, None, None, None, None]
         out = self._start[:-1, None] + inner
-        result: NDArray[np.float64] = out.reshape(out.shape[0] * out.shape[1], *out.shape[2:])
-        return result
+        return out.reshape(out.shape[0] * out.shape[1], *out.shape[2:])
 
     @classmethod
-    def of_offset(cls, theta: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    def of_offset(cls, theta: Array, offset: Array) -> Array:
         """Quadratic displacement of a point carried at an offset by a section turning by θ (…, 3, n)."""
         return cls._pair(theta, offset)
+
+
+ELEMENTS_PER_LENGTH = 8
+"""Elements to the length 1/β = (4 EI/k)^¼ over which the deflection of a pile dies away: 1e-5 of the stiffness."""
+
+
+def pile_head_stiffness(
+    length: float,
+    lateral: Callable[[Array], ArrayLike],
+    *,
+    EA: float,
+    EI: float,
+    GJ: float,
+    axial: float,
+    torsional: float,
+    base_lateral: float = 0.0,
+) -> Array:
+    """Stiffness of the head of an upright pile on springs along its length (Winkler), all else condensed statically.
+
+    The ground resists the displacement of the pile by k(d) per length at the depth d. On a pile much longer than
+    1/β = (4 EI/k)^¼ with a constant k the head has (M. Hetényi, Beams on Elastic Foundation, 1946, section 10)
+
+        K_uu = 4 EI β³,   K_uθ = ∓2 EI β²,   K_θθ = 2 EI β.
+
+    Parameters
+    ----------
+    length : float
+        Embedded length [m].
+    lateral : callable
+        k [N/m²] at depths (n,) below the head [m].
+    EA, EI, GJ : float
+        Axial [N], bending and torsional stiffness [N m²] of the pile.
+    axial, torsional : float
+        Friction along the shaft against settlement [N/m²] and against twist [N m/(rad m)].
+    base_lateral : float
+        Shear under the tip [N/m].
+
+    Returns
+    -------
+    array (6, 6)
+        For `wt_gym.turbines.Support.foundation`: displacements along and rotations about x, y, z (up).
+
+    Raises
+    ------
+    ValueError
+        For lengths or stiffnesses that are not positive.
+    """
+    depth = np.linspace(0.0, length, 201)
+    springs = np.asarray(lateral(depth), dtype=float) * np.ones_like(depth)
+    given = {"length": length, "EA": EA, "EI": EI, "GJ": GJ, "axial": axial, "torsional": torsional}
+    for name, value in given.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} of a pile is {value}; it must be positive and finite")
+    if not (np.all(np.isfinite(springs)) and np.all(springs >= 0.0) and np.any(springs > 0.0)):
+        raise ValueError("lateral springs of a pile must be finite, nowhere negative, and somewhere positive [N/m^2]")
+    beta = (springs.max() / (4.0 * EI)) ** 0.25
+    sections = BeamSections.uniform(length, EA=EA, EIx=EI, EIy=EI, GJ=GJ, mass=1.0)
+    beam = Beam(sections, max(int(np.ceil(ELEMENTS_PER_LENGTH * beta * length)), 8))
+    total = beam.stiffness.copy()
+    x, w = np.polynomial.legendre.leggauss(4)
+    for e, (low, high) in enumerate(zip(beam.nodes[:-1], beam.nodes[1:], strict=True)):
+        shape = beam.shape(np.full(4, e), 0.5 * (x + 1.0))
+        # the beam's z axis points up from the tip of the pile
+        place = low + 0.5 * (x + 1.0) * (high - low)
+        resisting = np.zeros((4, 6))
+        resisting[:, :2] = np.asarray(lateral(length - place), dtype=float).reshape(-1, 1) * np.ones((4, 1))
+        resisting[:, 2], resisting[:, 5] = axial, torsional
+        weight = 0.5 * w * (high - low)
+        i = slice(6 * e, 6 * e + 12)
+        total[i, i] += np.einsum("g,gk,gka,gkb->ab", weight, resisting, shape, shape, optimize=True)
+    total[0, 0] += base_lateral
+    total[1, 1] += base_lateral
+    inner, head = slice(0, -6), slice(-6, None)
+    condensed = total[head, head] - total[head, inner] @ np.linalg.solve(total[inner, inner], total[inner, head])
+    return 0.5 * (condensed + condensed.T)

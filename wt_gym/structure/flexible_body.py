@@ -16,30 +16,16 @@ Schwertassek 1991, Int. J. Numer. Methods Eng. 32, 1833–1850.)
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.structure.beam import SecondOrderField, skew
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.structure.beam import Beam
-
-__all__ = [
-    "BodyInertia",
-    "FlexibleBody",
-    "Marker",
-    "offset_marker",
-    "particle_fields",
-    "shape_damping",
-    "without_second_order",
-]
+from wt_gym.base.types import Array
+from wt_gym.structure.beam import Beam, SecondOrderField, skew
 
 
 @dataclass(frozen=True)
@@ -58,25 +44,25 @@ class Marker:
         Rotation vector per elastic coordinate.
     """
 
-    position: NDArray[np.float64]
-    linear: NDArray[np.float64]
-    second: NDArray[np.float64]
-    rotation: NDArray[np.float64]
+    position: Array
+    linear: Array
+    second: Array
+    rotation: Array
 
 
 class MassPointFields(Protocol):
     """Displacement fields of mass points, as :class:`ParticleFields` has them."""
 
     @property
-    def position(self) -> NDArray[np.float64]:
+    def position(self) -> Array:
         """Undeformed positions (n_p, 3)."""
 
     @property
-    def linear(self) -> NDArray[np.float64]:
+    def linear(self) -> Array:
         """Displacement per elastic coordinate (n_p, 3, n)."""
 
     @property
-    def second(self) -> NDArray[np.float64]:
+    def second(self) -> Array:
         """Second-order displacement (n_p, 3, n, n)."""
 
 
@@ -105,18 +91,18 @@ class BodyInertia:
     """
 
     mass: float
-    c0: NDArray[np.float64]
-    c1: NDArray[np.float64]
-    c2: NDArray[np.float64]
-    j0: NDArray[np.float64]
-    j1: NDArray[np.float64]
-    j2: NDArray[np.float64]
-    d0: NDArray[np.float64]
-    d1: NDArray[np.float64]
-    d2: NDArray[np.float64]
-    m0: NDArray[np.float64]
-    m1: NDArray[np.float64]
-    m2: NDArray[np.float64]
+    c0: Array
+    c1: Array
+    c2: Array
+    j0: Array
+    j1: Array
+    j2: Array
+    d0: Array
+    d1: Array
+    d2: Array
+    m0: Array
+    m1: Array
+    m2: Array
 
     @classmethod
     def rigid(cls, mass: float, center: ArrayLike, inertia_about_center: ArrayLike) -> BodyInertia:
@@ -142,7 +128,7 @@ class BodyInertia:
         )
 
     @classmethod
-    def from_particles(cls, mass: NDArray[np.float64], fields: MassPointFields, complete: bool = False) -> BodyInertia:
+    def from_particles(cls, mass: Array, fields: MassPointFields, complete: bool = False) -> BodyInertia:
         """Sum over mass points (n_p,) with their :class:`ParticleFields`; ``complete``: with d2 and m2."""
         x0, s = fields.position, fields.linear
         n = s.shape[-1]
@@ -150,9 +136,8 @@ class BodyInertia:
         ms = mass[:, None, None] * s
         mx = mass[:, None] * x0
 
-        def second_moment_to_inertia(e: NDArray[np.float64]) -> NDArray[np.float64]:
-            out: NDArray[np.float64] = np.trace(e, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - e
-            return out
+        def second_moment_to_inertia(e: Array) -> Array:
+            return np.trace(e, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - e
 
         e0 = np.einsum("pi,pj->ij", mx, x0)
         e1 = np.einsum("pi,pjk->kij", mx, s)
@@ -185,7 +170,7 @@ class BodyInertia:
         )
 
 
-def _axial(t: NDArray[np.float64]) -> NDArray[np.float64]:
+def _axial(t: Array) -> Array:
     """∫ a × b dm from ∫ a bᵀ dm (…, 3, 3)."""
     return np.stack([t[..., 1, 2] - t[..., 2, 1], t[..., 2, 0] - t[..., 0, 2], t[..., 0, 1] - t[..., 1, 0]], -1)
 
@@ -194,19 +179,19 @@ def _axial(t: NDArray[np.float64]) -> NDArray[np.float64]:
 class ParticleFields:
     """Position (n_p, 3), linear (n_p, 3, n) and second-order (n_p, 3, n, n) displacement of mass points."""
 
-    position: NDArray[np.float64]
-    linear: NDArray[np.float64]
-    _axis_second: NDArray[np.float64] = field(repr=False)
-    _rotation: NDArray[np.float64] = field(repr=False)
-    _offset: NDArray[np.float64] = field(repr=False)
+    position: Array
+    linear: Array
+    _axis_second: Array = field(repr=False)
+    _rotation: Array = field(repr=False)
+    _offset: Array = field(repr=False)
     _gauss: NDArray[np.intp] = field(repr=False)
 
     @property
-    def second(self) -> NDArray[np.float64]:
+    def second(self) -> Array:
         """H of every mass point; large for nodal bases."""
         return self._axis_second[self._gauss] + SecondOrderField.of_offset(self._rotation[self._gauss], self._offset)
 
-    def second_along(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def second_along(self, q: Array) -> Array:
         """H_p q (n_p, 3, n): how the displacement per coordinate changes with a deformation q (n,)."""
         axis = np.einsum("gijk,k->gij", self._axis_second, q, optimize=True)[self._gauss]
         theta, d = self._rotation[self._gauss], self._offset
@@ -214,10 +199,9 @@ class ParticleFields:
         # ½ [θ_j (θ·d) + θ (θ_j·d)] − d (θ_j·θ)
         along = np.einsum("pi,pi->p", turned, d)
         mixed = theta * along[:, None, None] + np.einsum("pi,pj,pjk->pik", turned, d, theta, optimize=True)
-        out: NDArray[np.float64] = axis + 0.5 * mixed - np.einsum("pi,pj,pjk->pik", d, turned, theta, optimize=True)
-        return out
+        return axis + 0.5 * mixed - np.einsum("pi,pj,pjk->pik", d, turned, theta, optimize=True)
 
-    def contract_second(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+    def contract_second(self, force: Array) -> Array:
         """Σ_p force_p · H_p (n, n) without storing H of all points; force (n_p, 3)."""
         n_g = len(self._axis_second)
         per_gauss = np.zeros((n_g, 3))
@@ -228,11 +212,10 @@ class ParticleFields:
         moment = np.einsum("pi,pj->pij", force, self._offset)
         trace = np.trace(moment, axis1=1, axis2=2)
         symmetric = 0.5 * (moment + np.swapaxes(moment, 1, 2)) - trace[:, None, None] * np.eye(3)
-        result: NDArray[np.float64] = out + np.einsum("pij,pia,pjb->ab", symmetric, theta, theta, optimize=True)
-        return result
+        return out + np.einsum("pij,pia,pjb->ab", symmetric, theta, theta, optimize=True)
 
 
-def particle_fields(beam: Beam, basis: NDArray[np.float64]) -> ParticleFields:
+def particle_fields(beam: Beam, basis: Array) -> ParticleFields:
     """Displacement fields of a beam's mass points for a basis (n_dof, n)."""
     basis = np.asarray(basis, dtype=float)
     theta = beam.gauss_rotation(basis)
@@ -253,8 +236,6 @@ class FlexibleBody:
 
     Attributes
     ----------
-    name : str
-    inertia : BodyInertia
     stiffness, damping : array (n, n)
         Of the elastic coordinates.
     markers : dict of str to Marker
@@ -265,8 +246,8 @@ class FlexibleBody:
 
     name: str
     inertia: BodyInertia
-    stiffness: NDArray[np.float64]
-    damping: NDArray[np.float64]
+    stiffness: Array
+    damping: Array
     markers: dict[str, Marker]
     coordinate_names: tuple[str, ...] = ()
 
@@ -297,7 +278,7 @@ class FlexibleBody:
         cls,
         name: str,
         beam: Beam,
-        basis: NDArray[np.float64],
+        basis: Array,
         damping_ratio: float = 0.0,
         markers: Mapping[str, float] | None = None,
         coordinate_names: Sequence[str] | None = None,
@@ -307,8 +288,6 @@ class FlexibleBody:
 
         Parameters
         ----------
-        name : str
-        beam : Beam
         basis : array (n_dof, n)
             Modes or unit vectors of nodal coordinates.
         damping_ratio : float
@@ -336,19 +315,13 @@ class FlexibleBody:
         return cls(name, inertia, stiffness, shape_damping(stiffness, inertia.m0, damping_ratio), points, names)
 
 
-def without_second_order(body: FlexibleBody, beam: Beam, basis: NDArray[np.float64]) -> FlexibleBody:
+def without_second_order(body: FlexibleBody, beam: Beam, basis: Array) -> FlexibleBody:
     """The same body with the displacement r = x₀ + S q alone, and so without geometric stiffness.
 
     Parameters
     ----------
-    body : FlexibleBody
-    beam : Beam
     basis : array (n_dof, n)
         From which the body was made.
-
-    Returns
-    -------
-    FlexibleBody
     """
     fields, n = particle_fields(beam, basis), body.n_elastic
     none = np.zeros((len(beam.particle_mass), 3, n, n))
@@ -358,7 +331,7 @@ def without_second_order(body: FlexibleBody, beam: Beam, basis: NDArray[np.float
     return replace(body, inertia=inertia, markers=markers)
 
 
-def shape_damping(stiffness: NDArray[np.float64], mass: NDArray[np.float64], ratio: float) -> NDArray[np.float64]:
+def shape_damping(stiffness: Array, mass: Array, ratio: float) -> Array:
     """Damping matrix of a body whose shapes, each vibrating in the body alone, all have the same damping ratio.
 
     In proportion to the stiffness, shape by shape (meant for modes or the like, not for unit displacements of nodes),
@@ -384,18 +357,16 @@ def shape_damping(stiffness: NDArray[np.float64], mass: NDArray[np.float64], rat
     if ratio == 0.0:
         return np.zeros_like(stiffness)
     scale = np.sqrt(2.0 * ratio) * (np.diag(mass) / np.diag(stiffness)) ** 0.25
-    out: NDArray[np.float64] = scale[:, None] * stiffness * scale
-    return out
+    return scale[:, None] * stiffness * scale
 
 
 def offset_marker(
-    beam: Beam, basis: NDArray[np.float64], s: float, offset: ArrayLike, second: SecondOrderField | None = None
+    beam: Beam, basis: Array, s: float, offset: ArrayLike, second: SecondOrderField | None = None
 ) -> Marker:
     """Marker of a point rigidly carried by the section at arc length s.
 
     Parameters
     ----------
-    beam : Beam
     basis : array (n_dof, n)
     s : float
         Arc length [m].

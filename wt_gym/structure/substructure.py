@@ -12,24 +12,18 @@ reference axis at the cut. Arc lengths are those of the whole beam throughout.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Protocol, TypeVar, cast
+from typing import Protocol, TypeVar, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from wt_gym.base.types import Array, Integers
 from wt_gym.structure.beam import Beam, BeamSections
-from wt_gym.structure.coordinates import ALL_DOFS, nodal_basis
 from wt_gym.structure.flexible_body import FlexibleBody, Marker, offset_marker
-from wt_gym.structure.modes import lowest_modes
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-__all__ = ["SubBody", "add_chain", "cut_beam", "sub_body_at", "tip_and_interior_modes"]
-
+from wt_gym.structure.modes import ALL_DOFS, lowest_modes, nodal_basis
 
 J = TypeVar("J", contravariant=True)
 """A joint: the multibody system knows what one is, this module does not."""
@@ -60,7 +54,7 @@ class SubBody:
 
     body: FlexibleBody
     beam: Beam
-    basis: NDArray[np.float64]
+    basis: Array
     start: float
     end: float
 
@@ -81,7 +75,7 @@ def cut_beam(
     name: str,
     sections: BeamSections,
     nodes: ArrayLike,
-    cuts: int | Sequence[float] | NDArray[np.float64],
+    cuts: int | Sequence[float] | Array,
     coordinates: str = "nodal",
     n_modes: int = 0,
     dofs: Sequence[int] = ALL_DOFS,
@@ -143,12 +137,11 @@ def cut_beam(
     return tuple(sub_bodies)
 
 
-def tip_and_interior_modes(beam: Beam, n_modes: int, dofs: Sequence[int] = ALL_DOFS) -> NDArray[np.float64]:
+def tip_and_interior_modes(beam: Beam, n_modes: int, dofs: Sequence[int] = ALL_DOFS) -> Array:
     """Static tip modes and vibration modes between fixed ends of a beam clamped at node 0.
 
     Parameters
     ----------
-    beam : Beam
     n_modes : int
         Vibration modes between fixed ends; all of them together with the tip modes span every nodal displacement.
     dofs : sequence of int
@@ -188,7 +181,6 @@ def add_chain(
 
     Parameters
     ----------
-    system : MultibodySystem
     sub_bodies : sequence of SubBody
         From root to tip.
     joint : Joint
@@ -221,7 +213,7 @@ def sub_body_at(sub_bodies: Sequence[SubBody], s: float) -> int:
     return max(0, int(np.searchsorted([p.start for p in sub_bodies], s + 1e-9) - 1))
 
 
-def _bounds(nodes: NDArray[np.float64], cuts: int | Sequence[float] | NDArray[np.float64]) -> NDArray[np.int64]:
+def _bounds(nodes: Array, cuts: int | Sequence[float] | Array) -> Integers:
     """Node numbers of both ends and of the cuts."""
     n_elements = len(nodes) - 1
     if np.isscalar(cuts):

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
-from wt_gym.base.fields import later_field
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation
 from wt_gym.turbines.blade import BeamStations, Blade, BladeIce
 from wt_gym.turbines.checks import (
@@ -129,7 +128,7 @@ class Tower(ArrayRecord):
     """Structural damping of every tower mode, fraction of critical (TwrFADmp / 100)."""
     drag_coefficient: Annotated[float, Range(0.0, 5.0)]
     """Of the cross-section, based on the diameter (TwrCd)."""
-    support: Support | None = later_field(None)
+    support: Support | None = None
     """Monopile under the base."""
 
     def _check(self) -> None:
@@ -261,16 +260,16 @@ class Drivetrain(ArrayRecord):
     """High-speed shaft [N m] (VS_MaxTq)."""
     max_torque_rate: _NotNegative
     """High-speed shaft [N m/s] (VS_MaxRat); 0 for a generator that takes no demand, a linear damper."""
-    generator_damping: _NotNegative = later_field(0.0)
+    generator_damping: _NotNegative = 0.0
     """Torque over speed of a generator that is, or may run as, a linear damper, low-speed shaft [N m s/rad]; 0 if it
     cannot."""
-    gearbox_reverses: bool = later_field(False)
+    gearbox_reverses: bool = False
     """Whether the high-speed shaft turns against the low-speed shaft (GBRevers)."""
-    torque_lag: Annotated[float, Range(0.0, LONGEST_LAG)] = later_field(0.0)
+    torque_lag: Annotated[float, Range(0.0, LONGEST_LAG)] = 0.0
     """Time constant with which the torque follows its demand [s]; 0: at once (`wt_gym.turbines.variants`)."""
-    losses: LossShares | None = later_field(None)
+    losses: LossShares | None = None
     """Losses over speed and torque; None: ``generator_efficiency`` holds everywhere."""
-    shaft_damper: ShaftDamper | None = later_field(None)
+    shaft_damper: ShaftDamper | None = None
     """Torque of the converter against the torsion of the shaft."""
 
     @property
@@ -310,7 +309,7 @@ class PitchSystem(ArrayRecord):
     2 ζ ω θ̇. None, the default: an ideal drive, which follows the demand at up to ``max_rate``. windIO files say nothing
     about it, and the baseline controller of the NREL 5-MW is published without dynamics of the actuators
     (NREL/TP-500-38060, section 7)."""
-    servo_damping: Annotated[float, Range(0.1, 10.0)] = later_field(1.0)
+    servo_damping: Annotated[float, Range(0.1, 10.0)] = 1.0
     """Damping ratio ζ of that servo (ROSCO's PA_Damping), by default 1; behind a moving demand its lag is 2 ζ/ω."""
 
     def _check(self) -> None:
@@ -401,13 +400,13 @@ class ControlData(ArrayRecord):
     """Wind speed at hub height from rated on, ascending (k,) [m/s]."""
     trim_pitch: Annotated[NDArray[np.float64] | None, Table("trims", low=-np.pi)] = None
     """Steady pitch there (k,) [rad]. Both or neither."""
-    speed_shift_per_pitch: _Share = later_field(None)
+    speed_shift_per_pitch: _Share = None
     """Fall of the speed that the torque law tracks, over rated speed, per pitch above the least pitch [1/rad]: the
     set-point smoother (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.4)."""
-    speed_shift_per_power: _Share = later_field(None)
+    speed_shift_per_power: _Share = None
     """Rise of the speed that the pitch law holds, over rated speed, per power missing to rated, over rated power
     [-]."""
-    speed_shift_frequency: Annotated[float | None, Range(1e-4, 1e3)] = later_field(None)
+    speed_shift_frequency: Annotated[float | None, Range(1e-4, 1e3)] = None
     """Corner frequency of the low-pass filter on both shifts [rad/s]."""
 
     def _check(self) -> None:
@@ -455,15 +454,15 @@ class Turbine(ArrayRecord):
     """Of IEC 61400-1."""
     notes: tuple[str, ...] = ()
     """Assumptions of the reader where the file does not say it, in plain words."""
-    control: ControlData | None = later_field(None)
+    control: ControlData | None = None
     """Published numbers of the turbine's own controller."""
-    design_air_density: Annotated[float | None, Range(0.1, 10.0)] = later_field(None)
+    design_air_density: Annotated[float | None, Range(0.1, 10.0)] = None
     """Of the air for which the turbine's controller is designed [kg/m^3], where it is not ``air_density``."""
-    rotation: Annotated[str, OneOf("clockwise", "counter-clockwise")] = later_field("clockwise")
+    rotation: Annotated[str, OneOf("clockwise", "counter-clockwise")] = "clockwise"
     """Direction in which the rotor turns, seen looking downwind. Blade data are in the frame of the blade, z to the
     tip, x to the suction side, y to the trailing edge, which is left-handed where the rotor turns counter-clockwise
     (`wt_gym.turbines.variants.mirrored`)."""
-    ice: BladeIce | None = later_field(None)
+    ice: BladeIce | None = None
     """On one of the blades."""
 
     def _check(self) -> None:

@@ -5,26 +5,15 @@
 [8.0, 0.0, 0.0]
 """
 
-from wt_gym.wind.described import wind_from
-from wt_gym.wind.mirrored import MirroredInflow
-from wt_gym.wind.path import PathInflow
-from wt_gym.wind.protocol import Inflow
+from wt_gym.wind.files import read_bts, wind_from, write_bts
+from wt_gym.wind.iec import TransientInflow
+from wt_gym.wind.inflow import Inflow, MirroredInflow, TurningInflow
 from wt_gym.wind.series import SeriesInflow
 from wt_gym.wind.steady import SteadyInflow
-from wt_gym.wind.transient import TransientInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
-from wt_gym.wind.turbulent import TurbulentInflow
-from wt_gym.wind.turning import TurningInflow
+from wt_gym.wind.turbulent import PathInflow, TurbulentInflow
 
 __all__ = [
-    "Inflow",
-    "MirroredInflow",
-    "PathInflow",
-    "SeriesInflow",
-    "SteadyInflow",
-    "TransientInflow",
-    "TurbulenceBox",
-    "TurbulentInflow",
-    "TurningInflow",
-    "wind_from",
-]
+    "Inflow", "MirroredInflow", "PathInflow", "SeriesInflow", "SteadyInflow", "TransientInflow", "TurbulenceBox",
+    "TurbulentInflow", "TurningInflow", "read_bts", "wind_from", "write_bts",
+]  # fmt: skip

@@ -1,5 +1,17 @@
-"""Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and the synthesis of one realization.
+"""Parameters of a turbulence box, and Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and synthesis.
 
+Interpolation
+-------------
+Samples dt apart are read by linear interpolation. A harmonic of frequency f, x = f dt, keeps the amplitude sinc²(x),
+sinc(x) = sin(πx)/(πx): the Fourier transform of the triangle with which linear interpolation convolves the samples
+(Oppenheim and Schafer, Discrete-Time Signal Processing, section 4.6). The rest appears as images at |m/dt ± f| with the
+amplitudes sinc²(m ± x). Together they hold the share (2 + cos 2πx)/3 of the variance: the mean square on the line from
+a to b is (a² + ab + b²)/3. Samples whose amplitudes are divided by sinc² therefore give the interpolated wind exactly
+the required spectrum up to half the sampling frequency. x depends only on the number of the harmonic in the record, so
+that this holds at every speed at which a box is carried along.
+
+Synthesis
+---------
 The three components are stationary processes with the one-sided Kaimal spectra of IEC 61400-1 (edition 4, annex C.2)
 and, between two points a distance r apart at frequency f, the coherence exp(−κ(f) r). Following Veers
 (Three-dimensional wind simulation, SAND88-0152, 1988) the Fourier coefficients at each frequency are √S(f) A(f) ζ with
@@ -19,7 +31,7 @@ The spectrum integrates to σ² over all frequencies. A record of period T has t
 frequency, and Σ S(n/T)/T falls short of σ²: of the slow variations below 1.5/T only the first harmonic is left, and
 eddies too fast for the sampling are missing. At 12 m/s, 600 s and 0.25 s, σ_u comes out as 0.945 of the target. Three
 answers (``scaling``), all without chance, because the amplitudes at the hub are certain. All count the wind as it is
-read, in straight lines between the samples (`wt_gym.wind.interpolation`), unless ``spectrum_of="samples"``:
+read, in straight lines between the samples (`wt_gym.wind.kaimal`), unless ``spectrum_of="samples"``:
 
 ``"low_frequency"`` (default)
     The first harmonic carries the missing variance: σ at the hub is the target of the load cases, and every other
@@ -35,28 +47,66 @@ read, in straight lines between the samples (`wt_gym.wind.interpolation`), unles
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import KW_ONLY, asdict, dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.fft
+from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import InflowError
+from wt_gym.base.types import Array
 from wt_gym.wind.coherence_kernels import parity_block
 from wt_gym.wind.iec import length_scale, turbulence_sigma
-from wt_gym.wind.interpolation import SPECTRUM_OF, sample_gain, variance_read
-from wt_gym.wind.protocol import require_number
+from wt_gym.wind.inflow import POSITIVE, check_numbers, fill_in
 
-if TYPE_CHECKING:
-    from typing import Any
+SPECTRUM_OF = ("interpolated", "samples")
+"""Of what a box has the spectrum and the standard deviation: of the wind as it is read, or of the bare samples."""
 
-    from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "SCALINGS", "BoxParameters", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "resolve_shared",
-    "synthesize",
-]  # fmt: skip
+def sample_gain(n_times: int, spectrum_of: str) -> Array:
+    """Variance of the samples over the required one, of the harmonics 1, 2, … below half the sampling frequency.
+
+    Parameters
+    ----------
+    n_times
+        Number of samples.
+    spectrum_of
+        Of `SPECTRUM_OF`.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape ((n_times - 1) // 2,).
+    """
+    place = _places(n_times)
+    return np.ones(place.size) if spectrum_of == "samples" else np.sinc(place) ** -4
+
+
+def variance_read(n_times: int, spectrum_of: str) -> Array:
+    """Variance that counts for the standard deviation of a box over the required one, by harmonic with its images.
+
+    Parameters
+    ----------
+    n_times, spectrum_of
+        As of `sample_gain`.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape ((n_times - 1) // 2,).
+    """
+    place = _places(n_times)
+    if spectrum_of == "samples":
+        return np.ones(place.size)
+    return (2.0 + np.cos(2.0 * np.pi * place)) / 3.0 * sample_gain(n_times, spectrum_of)
+
+
+def _places(n_times: int) -> Array:
+    """Frequencies of the harmonics times the sampling interval."""
+    return np.arange(1, (n_times - 1) // 2 + 1) / n_times
+
 
 SIGMA_RATIO = np.array([1.0, 0.8, 0.5])
 LENGTH_RATIO = np.array([8.1, 2.7, 0.66])
@@ -73,26 +123,63 @@ _DEFAULT_MARGIN = 1.15
 
 @dataclass(frozen=True)
 class BoxParameters:
-    """What determines a box of any model; the arguments of :class:`TurbulenceBox`'s makers, resolved.
-
-    ``grid`` is (n_y, n_z), ``width`` the side of the square grid [m], ``n_times`` the number of time steps.
-    """
+    """What determines a box of any model: the arguments of `TurbulenceBox.kaimal`, checked, defaults filled in."""
 
     model: ClassVar[str]
 
     mean_speed: float
     hub_height: float
     rotor_diameter: float
-    turbulence_class: str
+    turbulence_class: str = "B"
+    _: KW_ONLY
     seed: int
-    n_times: int
-    time_step: float
-    grid: tuple[int, int]
-    width: float
-    turbulence: str
-    turbine_class: str
-    scaling: str
-    spectrum_of: str
+    duration: float = 600.0
+    time_step: float = 0.25
+    grid: tuple[int, int] = None  # type: ignore[assignment]  # (n_y, n_z); filled in
+    width: float = None  # type: ignore[assignment]  # side of the square grid [m]; filled in
+    turbulence: str = "NTM"
+    turbine_class: str = "I"
+    scaling: str = "low_frequency"
+    spectrum_of: str = "interpolated"
+
+    def __post_init__(self) -> None:
+        check_numbers(self, mean_speed=("m/s", *POSITIVE), hub_height=("m", *POSITIVE), time_step=("s", *POSITIVE))
+        check_numbers(
+            self, rotor_diameter=("m", 0.0, 2.0 * self.hub_height, True),
+            duration=("s", 4.0 * self.time_step),
+        )  # fmt: skip
+        # refuses unknown classes
+        turbulence_sigma(self.mean_speed, self.turbulence_class, self.turbulence, self.turbine_class)
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int | np.integer) or self.seed < 0:
+            raise InflowError(f"seed must be an integer of at least 0; got {self.seed!r}")
+        object.__setattr__(self, "seed", int(self.seed))
+        for name, allowed in (("scaling", SCALINGS), ("spectrum_of", SPECTRUM_OF)):
+            if (value := getattr(self, name)) not in allowed:
+                raise InflowError(f"{name} must be one of {', '.join(map(repr, allowed))}; got {value!r}")
+        if abs(self.n_times * self.time_step - self.duration) > 1e-6 * self.duration:
+            raise InflowError(f"duration must be a multiple of time_step; got {self.duration} s and {self.time_step} s")
+        fill_in(self, width=min(_DEFAULT_MARGIN * self.rotor_diameter, 1.98 * self.hub_height))  # above the ground
+        check_numbers(self, width=("m", 0.0, 2.0 * self.hub_height, True))
+        n_points = 2 * math.ceil(0.5 * self.width / _DEFAULT_SPACING) + 1
+        fill_in(self, grid=(n_points, n_points))
+        object.__setattr__(self, "grid", _checked_grid(self.grid))
+
+    def synthesize(self) -> NDArray[np.float32]:
+        """Fluctuations of the realization [m/s], float32, shape (n_times, n_z, n_y, 3).
+
+        Every point has zero mean over the period. The Nyquist frequency carries nothing.
+        """
+        raise NotImplementedError
+
+    @property
+    def description(self) -> str:
+        """One line that tells a person what turbulence this is."""
+        raise NotImplementedError
+
+    @property
+    def n_times(self) -> int:
+        """Number of time steps."""
+        return round(self.duration / self.time_step)
 
     @property
     def spacing(self) -> tuple[float, float]:
@@ -100,67 +187,13 @@ class BoxParameters:
         return self.width / (self.grid[0] - 1), self.width / (self.grid[1] - 1)
 
     @property
-    def frequency(self) -> NDArray[np.float64]:
+    def frequency(self) -> Array:
         """Frequencies of the harmonics [Hz], shape (n,): multiples of 1/T below half the sampling frequency."""
         return np.arange(1, (self.n_times - 1) // 2 + 1) / (self.n_times * self.time_step)
 
     def as_dict(self) -> dict[str, object]:
         """Return the parameters as plain values that JSON can hold."""
-        return {**asdict(self), "grid": list(self.grid)}
-
-
-def resolve_shared(
-    mean_speed: float,
-    hub_height: float,
-    rotor_diameter: float,
-    turbulence_class: str,
-    seed: int,
-    duration: float,
-    time_step: float,
-    grid: tuple[int, int] | None,
-    width: float | None,
-    turbulence: str,
-    turbine_class: str,
-    scaling: str,
-    spectrum_of: str = "interpolated",
-) -> dict[str, Any]:
-    """Check the arguments that all models share and fill in the defaults: the fields of `BoxParameters`."""
-    mean_speed = require_number(mean_speed, "mean_speed", "m/s", 0.0, open_minimum=True)
-    hub_height = require_number(hub_height, "hub_height", "m", 0.0, open_minimum=True)
-    diameter = require_number(rotor_diameter, "rotor_diameter", "m", 0.0, 2.0 * hub_height, open_minimum=True)
-    time_step = require_number(time_step, "time_step", "s", 0.0, open_minimum=True)
-    duration = require_number(duration, "duration", "s", 4.0 * time_step)
-    turbulence_sigma(mean_speed, turbulence_class, turbulence, turbine_class)  # refuses unknown classes
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InflowError(f"seed must be an integer of at least 0; got {seed!r}")
-    if scaling not in SCALINGS:
-        raise InflowError(f"scaling must be one of {', '.join(map(repr, SCALINGS))}; got {scaling!r}")
-    if spectrum_of not in SPECTRUM_OF:
-        raise InflowError(f"spectrum_of must be one of {', '.join(map(repr, SPECTRUM_OF))}; got {spectrum_of!r}")
-    n_times = round(duration / time_step)
-    if abs(n_times * time_step - duration) > 1e-6 * duration:
-        raise InflowError(f"duration must be a multiple of time_step; got {duration} s and {time_step} s")
-    if width is None:
-        width = min(_DEFAULT_MARGIN * diameter, 1.98 * hub_height)  # the grid must stay above the ground
-    width = require_number(width, "width", "m", 0.0, 2.0 * hub_height, open_minimum=True)
-    if grid is None:
-        n_points = 2 * math.ceil(0.5 * width / _DEFAULT_SPACING) + 1
-        grid = (n_points, n_points)
-    return {
-        "mean_speed": mean_speed,
-        "hub_height": hub_height,
-        "rotor_diameter": diameter,
-        "turbulence_class": turbulence_class,
-        "seed": int(seed),
-        "n_times": n_times,
-        "time_step": time_step,
-        "grid": _checked_grid(grid),
-        "width": width,
-        "turbulence": turbulence,
-        "turbine_class": turbine_class,
-        "scaling": scaling,
-        "spectrum_of": spectrum_of,
-    }
+        return {"model": self.model, **asdict(self), "grid": list(self.grid)}
 
 
 @dataclass(frozen=True)
@@ -169,46 +202,45 @@ class KaimalParameters(BoxParameters):
 
     model: ClassVar[str] = "kaimal"
 
-    lateral_coherence: bool
+    lateral_coherence: bool = True
 
-    @classmethod
-    def resolve(cls, lateral_coherence: bool, **arguments: Any) -> KaimalParameters:
-        """Check the arguments and fill in the defaults; the others are those of `resolve_shared`."""
-        return cls(**resolve_shared(**arguments), lateral_coherence=bool(lateral_coherence))
+    def synthesize(self) -> NDArray[np.float32]:
+        """See `BoxParameters.synthesize`; by Veers' method."""
+        with one_blas_thread():
+            return _synthesized(self)
 
     @property
-    def sigma(self) -> NDArray[np.float64]:
+    def sigma(self) -> Array:
         """Standard deviations of u, v and w [m/s], shape (3,)."""
         return SIGMA_RATIO * turbulence_sigma(
             self.mean_speed, self.turbulence_class, self.turbulence, self.turbine_class
         )
 
     @property
-    def unscaled_variance(self) -> NDArray[np.float64]:
+    def unscaled_variance(self) -> Array:
         """Variance S(f)/T of each harmonic by the spectrum [m²/s²], shape (n, 3), of what ``spectrum_of`` names."""
         spectrum = kaimal_spectrum(self.frequency, self.mean_speed, self.hub_height, self.sigma[0])
         return spectrum / (self.n_times * self.time_step)
 
     @property
-    def amplitude_factor(self) -> NDArray[np.float64]:
+    def amplitude_factor(self) -> Array:
         """Factor on the amplitudes of u, v and w, shape (3,): of the first harmonic or of all (``scaling``)."""
         variance = self._variance_read
         total = variance.sum(axis=0)
         if self.scaling == "low_frequency":  # S falls with f, so the sum never reaches the integral σ²
-            out: NDArray[np.float64] = np.sqrt(1.0 + (self.sigma**2 - total) / variance[0])
-            return out
+            return np.sqrt(1.0 + (self.sigma**2 - total) / variance[0])
         if self.scaling == "uniform":
             out = self.sigma / np.sqrt(total)
             return out
         return np.ones(3)
 
     @property
-    def _variance_read(self) -> NDArray[np.float64]:
+    def _variance_read(self) -> Array:
         """What each harmonic without a scaling adds to σ² [m²/s²], shape (n, 3)."""
         return self.unscaled_variance * variance_read(self.n_times, self.spectrum_of)[:, None]
 
     @property
-    def harmonic_variance(self) -> NDArray[np.float64]:
+    def harmonic_variance(self) -> Array:
         """Variance of each harmonic of the samples at the hub [m²/s²], shape (n, 3)."""
         variance = self.unscaled_variance * sample_gain(self.n_times, self.spectrum_of)[:, None]
         variance[: 1 if self.scaling == "low_frequency" else None] *= self.amplitude_factor**2
@@ -232,7 +264,7 @@ class KaimalParameters(BoxParameters):
         return f"{what} times {_three(self.amplitude_factor)}"
 
 
-def _three(numbers: NDArray[np.float64]) -> str:
+def _three(numbers: Array) -> str:
     return "/".join(f"{number:.3g}" for number in numbers)
 
 
@@ -248,7 +280,7 @@ def _checked_grid(grid: tuple[int, int]) -> tuple[int, int]:
     return n_y, n_z
 
 
-def kaimal_spectrum(frequency: ArrayLike, mean_speed: float, hub_height: float, sigma_u: float) -> NDArray[np.float64]:
+def kaimal_spectrum(frequency: ArrayLike, mean_speed: float, hub_height: float, sigma_u: float) -> Array:
     """One-sided Kaimal spectra S_k(f) of u, v and w [m²/s²/Hz].
 
     f S_k/σ_k² = 4 (f L_k/V) / (1 + 6 f L_k/V)^(5/3) with L = (8.1, 2.7, 0.66) Λ₁ and σ = (1, 0.8, 0.5) σ_u
@@ -271,29 +303,19 @@ def kaimal_spectrum(frequency: ArrayLike, mean_speed: float, hub_height: float, 
     return (SIGMA_RATIO * sigma_u) ** 2 * 4.0 * time_scale / (1.0 + 6.0 * reduced) ** (5.0 / 3.0)
 
 
-def coherence_decay(frequency: ArrayLike, mean_speed: float, hub_height: float) -> NDArray[np.float64]:
+def coherence_decay(frequency: ArrayLike, mean_speed: float, hub_height: float) -> Array:
     """Decay rate κ(f) [1/m] of the coherence exp(−κ r) between points a distance r apart across the wind.
 
     κ = 12 √((f/V)² + (0.12/L_c)²), L_c = 8.1 Λ₁ (IEC 61400-1, equation C.16, with r taken out of the root).
     """
     scale = LENGTH_RATIO[0] * length_scale(hub_height)
-    out: NDArray[np.float64] = COHERENCE_DECREMENT * np.hypot(
+    return COHERENCE_DECREMENT * np.hypot(
         np.asarray(frequency, dtype=np.float64) / mean_speed, COHERENCE_OFFSET / scale
     )
-    return out
-
-
-def synthesize(parameters: KaimalParameters) -> NDArray[np.float32]:
-    """Fluctuations of one realization [m/s], float32, shape (n_times, n_z, n_y, 3).
-
-    Every point has zero mean over the period. The Nyquist frequency carries nothing.
-    """
-    with one_blas_thread():
-        return _synthesized(parameters)
 
 
 def _synthesized(parameters: KaimalParameters) -> NDArray[np.float32]:
-    """See `synthesize`."""
+    """See `KaimalParameters.synthesize`."""
     n_times, (n_y, n_z) = parameters.n_times, parameters.grid
     rng = np.random.default_rng(parameters.seed)
     frequency = parameters.frequency
@@ -307,13 +329,10 @@ def _synthesized(parameters: KaimalParameters) -> NDArray[np.float32]:
     # A harmonic a cos + b sin holds the variance (a² + b²)/2; its coefficient is n/2 (a − ib).
     amplitude = n_times * np.sqrt(0.5 * parameters.harmonic_variance)
     coefficients[1 : frequency.size + 1] *= amplitude[:, None, None, :]
-    out: NDArray[np.float32] = scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
-    return out
+    return scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
 
 
-def _coherent_noise(
-    rng: np.random.Generator, decay: NDArray[np.float64], parameters: KaimalParameters
-) -> NDArray[np.float64]:
+def _coherent_noise(rng: np.random.Generator, decay: Array, parameters: KaimalParameters) -> Array:
     """Noise of unit mean square with the coherence at each frequency, shape (n_frequencies, n_z, n_y, 6).
 
     The last axis holds three real and three imaginary parts. At the hub the modulus is exactly one.
@@ -332,22 +351,22 @@ def _coherent_noise(
             part = noise[:, rows, columns]
             factor = _upper_factor(table, *part.shape[1:3])
             blocks[:, rows, columns] = (factor @ part.reshape(decay.size, -1, 6)).reshape(part.shape)
-    coherent: NDArray[np.float64] = np.einsum("fabc,az,by->fzyc", blocks, basis_z, basis_y, optimize=True)
+    coherent: Array = np.einsum("fabc,az,by->fzyc", blocks, basis_z, basis_y, optimize=True)
     if not parameters.lateral_coherence:
         coherent[..., [1, 2, 4, 5]] = noise[..., [1, 2, 4, 5]]
     return coherent
 
 
-def _coherence_table(decay: NDArray[np.float64], parameters: KaimalParameters) -> NDArray[np.float64]:
+def _coherence_table(decay: Array, parameters: KaimalParameters) -> Array:
     """Coherence of two points by their distance in grid steps along z and y, shape (n_frequencies, n_z, n_y)."""
     (n_y, n_z), (spacing_y, spacing_z) = parameters.grid, parameters.spacing
     distance = np.hypot(spacing_z * np.arange(n_z)[:, None], spacing_y * np.arange(n_y))
-    out: NDArray[np.float64] = np.exp(-decay[:, None, None] * distance)
+    out: Array = np.exp(-decay[:, None, None] * distance)
     out[out < _NOTHING] = 0.0  # repeated products of still smaller ones are denormal, which is slow
     return out
 
 
-def _upper_factor(table: NDArray[np.float64], n_rows: int, n_columns: int) -> NDArray[np.float64]:
+def _upper_factor(table: Array, n_rows: int, n_columns: int) -> Array:
     """Upper triangular U with U Uᵀ the coherence matrices (n, m, m) of one parity per axis, m = ``n_rows n_columns``.
 
     The hub is the last vector of the even-even block, and the last row of U holds its diagonal only: one number of the
@@ -357,8 +376,7 @@ def _upper_factor(table: NDArray[np.float64], n_rows: int, n_columns: int) -> ND
     reversed_block = np.zeros((len(table), size, size))
     parity_block(table, n_rows, n_columns, reversed_block)
     lower = np.linalg.cholesky(reversed_block)  # which reads the lower triangle alone
-    out: NDArray[np.float64] = lower[:, ::-1, ::-1]  # type: ignore[assignment]  # its stubs know floating alone
-    return out
+    return lower[:, ::-1, ::-1]  # type: ignore[return-value]  # its stubs know floating alone
 
 
 def _halves(n: int) -> tuple[slice, slice]:
@@ -367,7 +385,7 @@ def _halves(n: int) -> tuple[slice, slice]:
     return slice(0, n_even), slice(n_even, n)
 
 
-def _reflection_basis(n: int) -> NDArray[np.float64]:
+def _reflection_basis(n: int) -> Array:
     """Orthogonal matrix (n, n) whose rows are even, then odd, under reversal of n (odd) points."""
     half = n // 2
     basis = np.zeros((n, n))

@@ -36,24 +36,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import ClassVar, cast
 
 import numpy as np
 import scipy.fft
 import scipy.interpolate
 import scipy.special
+from numpy.typing import ArrayLike, NDArray
 
+from wt_gym.base.types import Array
 from wt_gym.wind.iec import length_scale, turbulence_sigma
-from wt_gym.wind.interpolation import sample_gain, variance_read
-from wt_gym.wind.kaimal import BoxParameters, resolve_shared
-from wt_gym.wind.protocol import require_number
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import ArrayLike, NDArray
-
-__all__ = ["MannParameters", "distortion", "life_time", "one_point_spectra", "spectral_tensor", "synthesize_mann"]
+from wt_gym.wind.inflow import POSITIVE, check_numbers, fill_in
+from wt_gym.wind.kaimal import BoxParameters, sample_gain, variance_read
 
 SHEAR = 3.9
 """Γ of the standard."""
@@ -72,25 +66,34 @@ class MannParameters(BoxParameters):
 
     model: ClassVar[str] = "mann"
 
-    length: float
-    shear: float
+    length: float = None  # type: ignore[assignment]  # L [m]; filled in
+    shear: float = SHEAR
 
-    @classmethod
-    def resolve(cls, length: float | None, shear: float, **arguments: Any) -> MannParameters:
-        """Check the arguments and fill in the defaults; those besides L and Γ are those of `resolve_shared`."""
-        shared = resolve_shared(**arguments)
-        if length is None:
-            length = LENGTH_SHARE * length_scale(shared["hub_height"])
-        length = require_number(length, "length", "m", 0.0, open_minimum=True)
-        return cls(**shared, length=length, shear=require_number(shear, "shear", "", 0.0))
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        fill_in(self, length=LENGTH_SHARE * length_scale(self.hub_height))
+        check_numbers(self, length=("m", *POSITIVE), shear=("", 0.0))
+
+    def synthesize(self) -> NDArray[np.float32]:
+        """See `BoxParameters.synthesize`."""
+        n_times, (n_y, n_z) = self.n_times, self.grid
+        rng, wave = np.random.default_rng(self.seed), self.wave_number
+        amplitude = n_times * np.sqrt(0.5 * self.harmonic_variance)
+        coefficients = np.zeros((n_times // 2 + 1, n_z, n_y, 3), dtype=np.complex128)
+        for start in range(0, wave.size, _WAVES_PER_BATCH):
+            batch = slice(start, min(start + _WAVES_PER_BATCH, wave.size))
+            # What passes a point at time t has come from x = −V t: the frequency f belongs to k1 = −2πf/V.
+            noise = _plane_noise(rng, -wave[batch] * self.length, self)
+            coefficients[1 + batch.start : 1 + batch.stop] = noise * amplitude[batch, None, None, :]
+        out: Array = scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True)
+        return out.astype(np.float32)
 
     @property
-    def sigma(self) -> NDArray[np.float64]:
+    def sigma(self) -> Array:
         """Standard deviations of u, v and w [m/s], shape (3,): that of u is the standard's, the others the model's."""
         target = turbulence_sigma(self.mean_speed, self.turbulence_class, self.turbulence, self.turbine_class)
         variance = _unit_variance(self.shear)
-        out: NDArray[np.float64] = target * np.sqrt(variance[:3] / variance[0])
-        return out
+        return target * np.sqrt(variance[:3] / variance[0])
 
     @property
     def dissipation(self) -> float:
@@ -98,19 +101,18 @@ class MannParameters(BoxParameters):
         return float(self.sigma[0] ** 2 / (_unit_variance(self.shear)[0] * self.length ** (2.0 / 3.0)))
 
     @property
-    def wave_number(self) -> NDArray[np.float64]:
+    def wave_number(self) -> Array:
         """k₁ of the harmonics 1/T, 2/T, … below half the sampling frequency [rad/m], shape (n,)."""
         return 2.0 * np.pi * self.frequency / self.mean_speed
 
     @property
-    def unscaled_variance(self) -> NDArray[np.float64]:
+    def unscaled_variance(self) -> Array:
         """Variance of each harmonic by the model [m²/s²], shape (n, 3): 2 F(k₁) Δk₁."""
         spectra = one_point_spectra(self.wave_number, self.length, self.shear, self.dissipation)
-        out: NDArray[np.float64] = 2.0 * spectra[:, :3] * self.wave_number[0]
-        return out
+        return 2.0 * spectra[:, :3] * self.wave_number[0]
 
     @property
-    def harmonic_variance(self) -> NDArray[np.float64]:
+    def harmonic_variance(self) -> Array:
         """Variance of each harmonic of the samples [m²/s²], shape (n, 3), after ``scaling``."""
         share, gain = (f(self.n_times, self.spectrum_of)[:, None] for f in (variance_read, sample_gain))
         variance = self.unscaled_variance
@@ -130,12 +132,8 @@ class MannParameters(BoxParameters):
             f"scaling {self.scaling}"
         )
 
-    def as_dict(self) -> dict[str, object]:
-        """Return the parameters as plain values that JSON can hold."""
-        return {"model": self.model, **super().as_dict()}
 
-
-def life_time(wave_number: NDArray[np.float64], shear: float) -> NDArray[np.float64]:
+def life_time(wave_number: Array, shear: float) -> Array:
     """Life time β of eddies in units of the mean shear, for kL (Mann 1994, equation 3.6).
 
     Parameters
@@ -148,28 +146,23 @@ def life_time(wave_number: NDArray[np.float64], shear: float) -> NDArray[np.floa
     k = np.asarray(wave_number, dtype=np.float64)
     if shear == 0.0:
         return np.zeros_like(k)
-    out: NDArray[np.float64] = (
-        shear * k ** (-2.0 / 3.0) / np.sqrt(scipy.special.hyp2f1(1.0 / 3.0, 17.0 / 6.0, 4.0 / 3.0, -(k**-2.0)))
-    )
-    return out
+    return shear * k ** (-2.0 / 3.0) / np.sqrt(scipy.special.hyp2f1(1.0 / 3.0, 17.0 / 6.0, 4.0 / 3.0, -(k**-2.0)))
 
 
 @lru_cache(maxsize=8)
-def _life_time_table(shear: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _life_time_table(shear: float) -> tuple[Array, Array]:
     """Logarithms of kL and β: between them β is a power of k to 1e-5, and the hypergeometric function is slow."""
     k = np.geomspace(1e-5, 1e5, 4001)
     return np.log(k), np.log(life_time(k, shear))
 
 
-def _life_time(wave_number: NDArray[np.float64], shear: float) -> NDArray[np.float64]:
+def _life_time(wave_number: Array, shear: float) -> Array:
     if shear == 0.0:
         return np.zeros_like(wave_number)
     return np.exp(np.interp(np.log(wave_number), *_life_time_table(shear)))
 
 
-def distortion(
-    k1: NDArray[np.float64], k2: NDArray[np.float64], k3: NDArray[np.float64], beta: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def distortion(k1: Array, k2: Array, k3: Array, beta: Array) -> tuple[Array, Array, Array, Array]:
     """What shearing has done to a wave: k₃ before it, ζ₁, ζ₂ and the factor k₀²/k² (Mann 1994, equations 3.12 to 3.18).
 
     Parameters
@@ -188,7 +181,7 @@ def distortion(
     return k30, c1 - k2 / k1 * c2, k2 / k1 * c1 + c2, k0_squared / k_squared
 
 
-def spectral_tensor(k1: ArrayLike, k2: ArrayLike, k3: ArrayLike, shear: float) -> NDArray[np.float64]:
+def spectral_tensor(k1: ArrayLike, k2: ArrayLike, k3: ArrayLike, shear: float) -> Array:
     """Spectral tensor Φ of the model in units of L and αε^(2/3) L^(2/3): Φ_ij(kL) has the unit L³.
 
     Parameters
@@ -218,12 +211,11 @@ def spectral_tensor(k1: ArrayLike, k2: ArrayLike, k3: ArrayLike, shear: float) -
     tensor[..., 3] = -k1 * k2 + zeta2 * uw0 + zeta1 * vw0 + zeta1 * zeta2 * level
     tensor[..., 4] = factor * (uw0 + zeta1 * level)
     tensor[..., 5] = factor * (vw0 + zeta2 * level)
-    out: NDArray[np.float64] = scale[..., None] * tensor
-    return out
+    return scale[..., None] * tensor
 
 
 @lru_cache(maxsize=8)
-def _unit_spectra(shear: float) -> NDArray[np.float64]:
+def _unit_spectra(shear: float) -> Array:
     """∬ Φ dk₂ dk₃ at the wave numbers of the table, in units of L, shape (n, 4): uu, vv, ww, uw.
 
     In polar coordinates across the wind, by the trapezoidal rule over the angle, where the integrand is periodic, and
@@ -237,9 +229,7 @@ def _unit_spectra(shear: float) -> NDArray[np.float64]:
     return np.array(spectra)[:, [0, 1, 2, 4]]
 
 
-def one_point_spectra(
-    k1: NDArray[np.float64], length: float, shear: float, dissipation: float = 1.0
-) -> NDArray[np.float64]:
+def one_point_spectra(k1: Array, length: float, shear: float, dissipation: float = 1.0) -> Array:
     """Spectra of the wind at a point over k₁, two-sided: ∫F dk₁ from −∞ to ∞ is the variance.
 
     Parameters
@@ -258,8 +248,7 @@ def one_point_spectra(
     k, ends = np.log(np.asarray(k1, dtype=np.float64) * length), np.log(_TABLE[[0, -1]])
     sign, power = np.array([1.0, 1.0, 1.0, -1.0]), np.array([-5.0, -5.0, -5.0, -7.0]) / 3.0
     values = _log_spectra(float(shear))(np.clip(k, *ends)) + np.maximum(k - ends[1], 0.0)[..., None] * power
-    out: NDArray[np.float64] = dissipation * length ** (5.0 / 3.0) * sign * np.exp(values)
-    return out
+    return dissipation * length ** (5.0 / 3.0) * sign * np.exp(values)
 
 
 @lru_cache(maxsize=8)
@@ -270,36 +259,14 @@ def _log_spectra(shear: float) -> scipy.interpolate.CubicSpline:
 
 
 @lru_cache(maxsize=8)
-def _unit_variance(shear: float) -> NDArray[np.float64]:
+def _unit_variance(shear: float) -> Array:
     """Variances of u, v and w and the covariance of u and w, in units of αε^(2/3) L^(2/3), shape (4,)."""
     k = np.geomspace(1e-4, 1e6, 4001)
     spectra = one_point_spectra(k, 1.0, shear)
-    out: NDArray[np.float64] = 2.0 * (np.trapezoid(spectra * k[:, None], np.log(k), axis=0) + k[0] * spectra[0])
-    return out
+    return 2.0 * (np.trapezoid(spectra * k[:, None], np.log(k), axis=0) + k[0] * spectra[0])
 
 
-def synthesize_mann(parameters: MannParameters) -> NDArray[np.float32]:
-    """Fluctuations of one realization [m/s], float32, shape (n_times, n_z, n_y, 3).
-
-    Every point has zero mean over the period. The Nyquist frequency carries nothing.
-    """
-    n_times, (n_y, n_z) = parameters.n_times, parameters.grid
-    rng = np.random.default_rng(parameters.seed)
-    wave = parameters.wave_number
-    amplitude = n_times * np.sqrt(0.5 * parameters.harmonic_variance)
-    coefficients = np.zeros((n_times // 2 + 1, n_z, n_y, 3), dtype=np.complex128)
-    for start in range(0, wave.size, _WAVES_PER_BATCH):
-        batch = slice(start, min(start + _WAVES_PER_BATCH, wave.size))
-        # What passes a point at time t has come from x = −V t: the frequency f belongs to k1 = −2πf/V.
-        noise = _plane_noise(rng, -wave[batch] * parameters.length, parameters)
-        coefficients[1 + batch.start : 1 + batch.stop] = noise * amplitude[batch, None, None, :]
-    out: NDArray[np.float32] = scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
-    return out
-
-
-def _plane_noise(
-    rng: np.random.Generator, k1: NDArray[np.float64], parameters: MannParameters
-) -> NDArray[np.complex128]:
+def _plane_noise(rng: np.random.Generator, k1: Array, parameters: MannParameters) -> NDArray[np.complex128]:
     """Complex noise of unit mean square with the cross-spectra of the model, shape (n, n_z, n_y, 3), for k₁L (n,)."""
     n_y, n_z = parameters.grid
     spacing_y, spacing_z = (d / parameters.length for d in parameters.spacing)
@@ -312,12 +279,11 @@ def _plane_noise(
         for i in around
         for j in around
     )
-    tensor = cast("NDArray[np.float64]", sum(terms))
+    tensor = cast(Array, sum(terms))
     white = rng.standard_normal((2, k1.size, m_z, m_y, 3)) * math.sqrt(0.5)
     waves = _correlated(tensor, white[0] + 1j * white[1])
     field = scipy.fft.ifft2(waves, axes=(1, 2), norm="forward", overwrite_x=True)[:, :n_z, :n_y]
-    out: NDArray[np.complex128] = field / np.sqrt(tensor[..., :3].sum(axis=(1, 2)))[:, None, None, :]
-    return out
+    return field / np.sqrt(tensor[..., :3].sum(axis=(1, 2)))[:, None, None, :]
 
 
 def _wide(n_points: int, spacing: float) -> int:
@@ -326,7 +292,7 @@ def _wide(n_points: int, spacing: float) -> int:
     return int(scipy.fft.next_fast_len(least))
 
 
-def _correlated(tensor: NDArray[np.float64], white: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _correlated(tensor: Array, white: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """White noise (..., 3) with the covariance of the tensor (..., 6): the Cholesky factor times it."""
     uu, vv, ww, uv, uw, vw = np.moveaxis(tensor, -1, 0)
     a = np.sqrt(uu)

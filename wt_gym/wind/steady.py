@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from wt_gym.base.errors import InflowError
+from wt_gym.base.types import Array
+from wt_gym.wind.inflow import POSITIVE, PointInflow, check_numbers
 from wt_gym.wind.inflow_kernels import mean_velocity
-from wt_gym.wind.protocol import PointInflow, require_number
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-__all__ = ["SteadyInflow"]
 
 
 @dataclass(frozen=True)
@@ -79,38 +72,25 @@ class SteadyInflow(PointInflow):
     jet_share: float = 0.5
 
     def __post_init__(self) -> None:
-        bounds = {
-            "speed": ("m/s", 0.0, 200.0, False),
-            "hub_height": ("m", 0.0, math.inf, True),
-            "shear_exponent": ("(no unit)", -1.0, 1.0, False),
-            "veer": ("rad/m", -0.05, 0.05, False),
-            "yaw_misalignment": ("rad", -math.pi, math.pi, False),
-            "inclination": ("rad", -0.5 * math.pi, 0.5 * math.pi, False),
-        }
-        for name, (unit, low, high, open_low) in bounds.items():
-            number = require_number(getattr(self, name), name, unit, low, high, open_minimum=open_low)
-            object.__setattr__(self, name, number)
-        self._check_jet()
+        check_numbers(
+            self, speed=("m/s", 0.0, 200.0), hub_height=("m", *POSITIVE), shear_exponent=("(no unit)", -1.0, 1.0),
+            veer=("rad/m", -0.05, 0.05), yaw_misalignment=("rad", -math.pi, math.pi),
+            inclination=("rad", -0.5 * math.pi, 0.5 * math.pi), jet_share=("(no unit)", 0.0, 1.0, True),
+        )  # fmt: skip
+        if self.jet_height is not None:  # much lower, at a quarter of the hub height, the jet has no wind at the hub
+            check_numbers(self, jet_height=("m", self.hub_height / 3.0, math.inf, True))
         if self.roughness_length is None:
             return
-        length = require_number(self.roughness_length, "roughness_length", "m", 0.0, open_minimum=True)
-        object.__setattr__(self, "roughness_length", length)
-        if length >= self.hub_height:
-            raise InflowError(f"roughness_length must be below the hub height {self.hub_height} m; got {length}")
+        check_numbers(self, roughness_length=("m", *POSITIVE))
+        if self.roughness_length >= self.hub_height:
+            raise InflowError(
+                f"roughness_length must be below the hub height {self.hub_height} m; got {self.roughness_length}"
+            )
         if self.shear_exponent != 0.0:
             raise InflowError(
                 "shear_exponent (power law) and roughness_length (logarithmic) exclude each other; "
-                f"got {self.shear_exponent} and {length}"
+                f"got {self.shear_exponent} and {self.roughness_length}"
             )
-
-    def _check_jet(self) -> None:
-        share = require_number(self.jet_share, "jet_share", "(no unit)", 0.0, 1.0, open_minimum=True)
-        object.__setattr__(self, "jet_share", share)
-        if self.jet_height is None:
-            return
-        lowest = self.hub_height / 3.0  # much lower, at a quarter, the jet has no wind at the hub
-        height = require_number(self.jet_height, "jet_height", "m", lowest, open_minimum=True)
-        object.__setattr__(self, "jet_height", height)
 
     @property
     def mean_speed(self) -> float:
@@ -153,5 +133,5 @@ class SteadyInflow(PointInflow):
         layer = self.speed, self.hub_height, self.shear_exponent, self.roughness_length or 0.0
         return *layer, self.jet_height or 0.0, self.jet_share, self.veer
 
-    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
+    def _fill(self, rows: Array, time: float, out: Array) -> int:
         return int(mean_velocity(rows, self.kernel_profile, self.yaw_misalignment, self.inclination, out))

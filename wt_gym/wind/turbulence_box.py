@@ -1,28 +1,125 @@
-"""A frozen field of turbulence on a y-z grid over time."""
+"""A frozen field of turbulence on a y-z grid over time, and the boxes that are kept on disk.
+
+Files live in ``$WT_GYM_CACHE/turbulence``, or without that variable in the user's cache directory. Each holds, one
+after the other in NumPy's format, the parameters of a box, a checksum and the samples: read in a third of the time
+that an archive of them takes. A file that cannot be read, or that belongs to other parameters, is made again; a
+directory that cannot be written costs only the time of the next synthesis and is reported to the log. The folder is
+kept below :data:`MAX_BYTES` by removing the boxes not used for longest.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import json
+import logging
 import os
+import tempfile
+import tokenize
 import warnings
+import zipfile
+import zlib
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, cast
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import InflowError
-from wt_gym.wind import box_cache, bts
-from wt_gym.wind.kaimal import KaimalParameters, synthesize
-from wt_gym.wind.mann import SHEAR, MannParameters, synthesize_mann
-from wt_gym.wind.protocol import require_number
+from wt_gym.base.types import Array
+from wt_gym.base.user_cache import user_cache
+from wt_gym.wind.inflow import POSITIVE, check_numbers, fill_in, require_number, set_read_only
+from wt_gym.wind.kaimal import BoxParameters, KaimalParameters
+from wt_gym.wind.mann import MannParameters
 from wt_gym.wind.steady import SteadyInflow
 
-if TYPE_CHECKING:
-    from typing import Any
+MAX_BYTES = 2 * 1024**3
 
-    from numpy.typing import ArrayLike, NDArray
+_FORMAT = 5  # raise when the synthesis changes its results
+# What numpy raises on damaged files: the errors of syntax and tokens where a bit of an array's header is wrong.
+_DAMAGE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, OverflowError, MemoryError, BufferError, SyntaxError,
+    tokenize.TokenError, zipfile.BadZipFile,
+)  # fmt: skip
+_log = logging.getLogger(__name__)
 
-__all__ = ["TurbulenceBox"]
+
+def cache_file(parameters: BoxParameters) -> Path | None:
+    """File in which the box of these parameters is or would be kept."""
+    folder = user_cache()
+    if folder is None:
+        return None
+    digest = hashlib.sha256(_label(parameters).encode()).hexdigest()[:20]
+    return folder / "turbulence" / f"{parameters.model}-{digest}.npy"
+
+
+def _label(parameters: BoxParameters) -> str:
+    return json.dumps({"format": _FORMAT, **parameters.as_dict()}, sort_keys=True)
+
+
+def load(parameters: BoxParameters) -> NDArray[np.float32] | None:
+    """Fluctuations (n_times, n_z, n_y, 3) from the cache, or None if there is no intact file."""
+    path = cache_file(parameters)
+    if path is None:
+        return None
+    try:
+        with path.open("rb") as file:
+            label, checksum, fluctuation = (np.load(file, allow_pickle=False) for _ in range(3))
+        if zlib.crc32(fluctuation.data) != checksum:
+            raise ValueError("its samples do not have their checksum")
+    except FileNotFoundError:
+        return None
+    except _DAMAGE as error:
+        _log.warning("cached turbulence %s is unreadable (%s); it is made again", path, error)
+        return None
+    shape = (parameters.n_times, parameters.grid[1], parameters.grid[0], 3)
+    if str(label) != _label(parameters) or fluctuation.shape != shape or fluctuation.dtype != np.float32:
+        _log.warning("cached turbulence %s holds another box; it is made again", path)
+        return None
+    found: NDArray[np.float32] = fluctuation
+    with contextlib.suppress(OSError):  # a read-only cache is still a good cache
+        os.utime(path)
+    return found
+
+
+def store(parameters: BoxParameters, fluctuation: NDArray[np.float32]) -> None:
+    """Write the box so that other processes see either the whole file or none."""
+    path = cache_file(parameters)
+    if path is None:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=path.stem, suffix=".partial", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                for array in (np.array(_label(parameters)), np.uint32(zlib.crc32(fluctuation.data)), fluctuation):
+                    np.save(file, array)
+            os.replace(name, path)
+        except BaseException:
+            os.unlink(name)
+            raise
+        _prune(path)
+    except OSError as error:
+        _log.warning("turbulence could not be cached in %s (%s)", path.parent, error)
+
+
+def _prune(newest: Path) -> None:
+    """Remove the boxes not used for longest until the folder is within its limit; ``newest`` stays."""
+    boxes = []
+    for path in [*newest.parent.glob("kaimal-*"), *newest.parent.glob("mann-*")]:
+        with contextlib.suppress(FileNotFoundError):  # another process may prune at the same time
+            status = path.stat()
+            boxes.append((status.st_mtime, status.st_size, path))
+    total = sum(size for _, size, _ in boxes)
+    for _, size, path in sorted(boxes):
+        if total <= MAX_BYTES:
+            return
+        if path != newest:
+            path.unlink(missing_ok=True)
+            total -= size
+
 
 _BOXES_IN_MEMORY = 8
 
@@ -31,7 +128,7 @@ _BOXES_IN_MEMORY = 8
 class TurbulenceBox:
     """Velocity fluctuations at the points of a plane across the wind, sampled in time.
 
-    Make one with :meth:`kaimal`, :meth:`mann` or :meth:`from_bts`. Boxes are immutable and can be shared.
+    Make one with :meth:`kaimal` or :meth:`mann`, or read it with `read_bts`. Boxes are immutable and can be shared.
 
     Parameters
     ----------
@@ -79,35 +176,28 @@ class TurbulenceBox:
     hub_height: float
     periodic: bool = True
     holds_profile: bool = False
-    tower: NDArray[np.float32] | None = field(default=None, repr=False)
+    tower: NDArray[np.float32] = field(default=None, repr=False)  # type: ignore[arg-type]  # none: an empty array
     scale: float = 1.0
     description: str = "turbulence box"
     y_center: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, unit in (
-            ("time_step", "s"),
-            ("spacing_y", "m"),
-            ("spacing_z", "m"),
-            ("mean_speed", "m/s"),
-            ("hub_height", "m"),
-            ("scale", "-"),
-        ):
-            number = require_number(getattr(self, name), name, unit, 0.0, open_minimum=True)
-            object.__setattr__(self, name, number)
-        object.__setattr__(self, "z_bottom", require_number(self.z_bottom, "z_bottom", "m"))
-        object.__setattr__(self, "y_center", require_number(self.y_center, "y_center", "m"))
+        check_numbers(
+            self, time_step=("s", *POSITIVE), spacing_y=("m", *POSITIVE), spacing_z=("m", *POSITIVE),
+            mean_speed=("m/s", *POSITIVE), hub_height=("m", *POSITIVE), scale=("-", *POSITIVE), z_bottom=("m",),
+            y_center=("m",),
+        )  # fmt: skip
         samples = _frozen_samples(self.fluctuation, "fluctuation")
         if samples.ndim != 4 or samples.shape[3] != 3 or min(samples.shape[:3]) < 2:
             raise InflowError(
                 "fluctuation must have shape (n_times, n_z, n_y, 3) with at least two points along each of the "
                 f"first three axes; got {samples.shape}"
             )
-        tower = _frozen_samples(np.empty((samples.shape[0], 0, 3)) if self.tower is None else self.tower, "tower")
+        fill_in(self, tower=np.empty((samples.shape[0], 0, 3)))
+        tower = _frozen_samples(self.tower, "tower")
         if tower.ndim != 3 or tower.shape[0] != samples.shape[0] or tower.shape[2] != 3:
             raise InflowError(f"tower must have shape ({samples.shape[0]}, n_tower, 3); got {tower.shape}")
-        object.__setattr__(self, "fluctuation", samples)
-        object.__setattr__(self, "tower", tower)
+        set_read_only(self, fluctuation=samples, tower=tower)
 
     def carried_along(self, mean_speed: float, scale: float, description: str) -> TurbulenceBox:
         """The same field carried along at another speed [m/s] and multiplied by another ``scale``.
@@ -115,11 +205,11 @@ class TurbulenceBox:
         The samples are shared, and not looked at again: a box of them takes no time.
         """
         box = object.__new__(TurbulenceBox)
-        speed = require_number(mean_speed, "mean_speed", "m/s", 0.0, open_minimum=True)
+        speed = require_number(mean_speed, "mean_speed", "m/s", *POSITIVE)
         changes = {
             "time_step": self.time_step * self.mean_speed / speed,
             "mean_speed": speed,
-            "scale": require_number(scale, "scale", "-", 0.0, open_minimum=True),
+            "scale": require_number(scale, "scale", "-", *POSITIVE),
             "description": description,
         }
         for field_ in fields(self):  # not the profile, which holds for one speed
@@ -136,13 +226,8 @@ class TurbulenceBox:
         # NumPy does not carry the read-only flag through pickle; without it another form of the kernels would run.
         for name, value in state.items():
             object.__setattr__(self, name, value)
-        for samples in (self.fluctuation, self._tower):
+        for samples in (self.fluctuation, self.tower):
             samples.setflags(write=False)
-
-    @property
-    def _tower(self) -> NDArray[np.float32]:
-        """``tower``, which is an array from the start, without points where none was given."""
-        return cast("NDArray[np.float32]", self.tower)
 
     @classmethod
     def kaimal(
@@ -152,17 +237,8 @@ class TurbulenceBox:
         rotor_diameter: float,
         turbulence_class: str = "B",
         *,
-        seed: int,
-        duration: float = 600.0,
-        time_step: float = 0.25,
-        grid: tuple[int, int] | None = None,
-        width: float | None = None,
-        turbulence: str = "NTM",
-        turbine_class: str = "I",
-        scaling: str = "low_frequency",
-        lateral_coherence: bool = True,
-        spectrum_of: str = "interpolated",
         cache: bool = True,
+        **options: Any,
     ) -> TurbulenceBox:
         """Kaimal turbulence of IEC 61400-1 around a rotor, periodic in time.
 
@@ -202,7 +278,7 @@ class TurbulenceBox:
             independent in v and w, and interpolation between them loses variance.
         spectrum_of
             Whose spectrum and σ are the standard's: ``"interpolated"``, those of the wind in straight lines between
-            the samples, as `TurbulentInflow` and other tools read a box (`wt_gym.wind.interpolation`); the samples
+            the samples, as `TurbulentInflow` and other tools read a box (`wt_gym.wind.kaimal`); the samples
             themselves are then stronger near half the sampling frequency. ``"samples"``: those of the samples; the
             wind between them lacks a third of the variance at a quarter of the sampling frequency.
         cache
@@ -214,23 +290,8 @@ class TurbulenceBox:
         InflowError
             An argument is out of range or does not fit the others.
         """
-        parameters = KaimalParameters.resolve(
-            lateral_coherence,
-            mean_speed=mean_speed,
-            hub_height=hub_height,
-            rotor_diameter=rotor_diameter,
-            turbulence_class=turbulence_class,
-            seed=seed,
-            duration=duration,
-            time_step=time_step,
-            grid=grid,
-            width=width,
-            turbulence=turbulence,
-            turbine_class=turbine_class,
-            scaling=scaling,
-            spectrum_of=spectrum_of,
-        )
-        return _made_box(parameters, bool(cache))
+        place = mean_speed, hub_height, rotor_diameter, turbulence_class
+        return _made_box(KaimalParameters(*place, **options), bool(cache))
 
     @classmethod
     def mann(
@@ -240,18 +301,8 @@ class TurbulenceBox:
         rotor_diameter: float,
         turbulence_class: str = "B",
         *,
-        seed: int,
-        duration: float = 600.0,
-        time_step: float = 0.25,
-        grid: tuple[int, int] | None = None,
-        width: float | None = None,
-        turbulence: str = "NTM",
-        turbine_class: str = "I",
-        scaling: str = "low_frequency",
-        spectrum_of: str = "interpolated",
-        length: float | None = None,
-        shear: float = SHEAR,
         cache: bool = True,
+        **options: Any,
     ) -> TurbulenceBox:
         """Turbulence of Mann's uniform shear model around a rotor, periodic in time; see `wt_gym.wind.mann`.
 
@@ -272,100 +323,8 @@ turbine_class, spectrum_of, cache
         InflowError
             An argument is out of range or does not fit the others.
         """
-        parameters = MannParameters.resolve(
-            length,
-            shear,
-            mean_speed=mean_speed,
-            hub_height=hub_height,
-            rotor_diameter=rotor_diameter,
-            turbulence_class=turbulence_class,
-            seed=seed,
-            duration=duration,
-            time_step=time_step,
-            grid=grid,
-            width=width,
-            turbulence=turbulence,
-            turbine_class=turbine_class,
-            scaling=scaling,
-            spectrum_of=spectrum_of,
-        )
-        return _made_box(parameters, bool(cache))
-
-    @classmethod
-    def from_bts(cls, path: str | os.PathLike[str], *, remove_profile: bool = False) -> TurbulenceBox:
-        """Read a TurbSim full-field file (``.bts``).
-
-        Parameters
-        ----------
-        path
-            The file.
-        remove_profile
-            Subtract the time mean at every point, so that another profile can be added. By default
-            only the hub speed of the header is subtracted and the file's shear stays in the fluctuation.
-
-        Raises
-        ------
-        InflowError
-            The file is missing, truncated or no ``.bts`` file.
-        """
-        content = bts.read(path)
-        fluctuation, tower = content.grid, content.tower
-        if remove_profile:
-            fluctuation = fluctuation - fluctuation.mean(axis=0, dtype=np.float64).astype(np.float32)
-            tower = tower - tower.mean(axis=0, dtype=np.float64).astype(np.float32)
-        else:
-            hub_velocity = np.array([content.mean_speed, 0.0, 0.0], dtype=np.float32)
-            fluctuation, tower = fluctuation - hub_velocity, tower - hub_velocity
-        return cls(
-            fluctuation=fluctuation,
-            time_step=content.time_step,
-            spacing_y=content.spacing_y,
-            spacing_z=content.spacing_z,
-            z_bottom=content.z_bottom,
-            mean_speed=content.mean_speed,
-            hub_height=content.hub_height,
-            periodic=content.periodic,
-            holds_profile=not remove_profile,
-            tower=tower,
-            description=content.description,
-        )
-
-    def to_bts(self, path: str | os.PathLike[str], steady: SteadyInflow | None = None) -> None:
-        """Write a TurbSim full-field file (``.bts``).
-
-        Parameters
-        ----------
-        path
-            The file; replaced if it exists.
-        steady
-            Mean profile to add, by default uniform at ``mean_speed``. Its yaw misalignment and inclination turn
-            the whole field and have no place in the file: they must be zero.
-        """
-        if steady is None:
-            steady = SteadyInflow(self.mean_speed, self.hub_height)
-        self.require_fitting(steady)
-        if self.y_center != 0.0:
-            raise InflowError(f"a .bts file is centered on the tower: y_center must be 0; got {self.y_center:g} m")
-        if steady.yaw_misalignment != 0.0 or steady.inclination != 0.0:
-            raise InflowError("a .bts file is aligned with the wind: yaw_misalignment and inclination must be zero")
-        points = np.zeros((self.z.size, self.y.size, 3))
-        points[..., 1] = self.y
-        points[..., 2] = self.z[:, None]
-        tower_points = np.zeros((self._tower.shape[1], 3))
-        tower_points[:, 2] = self.z_bottom - self.spacing_z * np.arange(self._tower.shape[1])
-        content = bts.BtsContent(
-            grid=self.scale * self.fluctuation + steady.velocity(points, 0.0).astype(np.float32),
-            tower=self.scale * self._tower + steady.velocity(tower_points, 0.0).astype(np.float32),
-            time_step=self.time_step,
-            spacing_y=self.spacing_y,
-            spacing_z=self.spacing_z,
-            z_bottom=self.z_bottom,
-            mean_speed=self.mean_speed,
-            hub_height=self.hub_height,
-            periodic=self.periodic,
-            description=self.description,
-        )
-        bts.write(path, content)
+        place = mean_speed, hub_height, rotor_diameter, turbulence_class
+        return _made_box(MannParameters(*place, **options), bool(cache))
 
     def require_fitting(self, steady: SteadyInflow) -> None:
         """Refuse a mean wind that does not belong to this box (speed, hub height, a second profile)."""
@@ -386,14 +345,13 @@ turbine_class, spectrum_of, cache
         return float(self.fluctuation.shape[0] * self.time_step)
 
     @property
-    def y(self) -> NDArray[np.float64]:
+    def y(self) -> Array:
         """Lateral positions of the columns [m], shape (n_y,)."""
         n = self.fluctuation.shape[2]
-        out: NDArray[np.float64] = self.y_center + self.spacing_y * (np.arange(n) - 0.5 * (n - 1))
-        return out
+        return self.y_center + self.spacing_y * (np.arange(n) - 0.5 * (n - 1))
 
     @property
-    def z(self) -> NDArray[np.float64]:
+    def z(self) -> Array:
         """Heights of the rows [m], shape (n_z,)."""
         return np.asarray(self.z_bottom + self.spacing_z * np.arange(self.fluctuation.shape[1]), dtype=np.float64)
 
@@ -466,7 +424,7 @@ turbine_class, spectrum_of, cache
             return NotImplemented
         if self is other:
             return True
-        same_samples = np.array_equal(self.fluctuation, other.fluctuation) and np.array_equal(self._tower, other._tower)
+        same_samples = np.array_equal(self.fluctuation, other.fluctuation) and np.array_equal(self.tower, other.tower)
         return self._key() == other._key() and same_samples
 
     def __hash__(self) -> int:
@@ -481,27 +439,23 @@ turbine_class, spectrum_of, cache
 
 
 def _frozen_samples(samples: ArrayLike, name: str) -> NDArray[np.float32]:
-    """Return a read-only, contiguous float32 array; a copy unless it is one already."""
+    """Return a contiguous float32 array; a copy unless it is one already, and read-only."""
     array = np.asarray(samples)
     if array.dtype != np.float32 or not array.flags.c_contiguous or array.flags.writeable:
         array = np.array(samples, dtype=np.float32, order="C")
     if not np.isfinite(array).all():
         raise InflowError(f"{name} must be finite everywhere")
-    array.setflags(write=False)
     return array
 
 
 @lru_cache(maxsize=_BOXES_IN_MEMORY)
-def _made_box(parameters: KaimalParameters | MannParameters, use_disk: bool) -> TurbulenceBox:
-    fluctuation = box_cache.load(parameters) if use_disk else None
+def _made_box(parameters: BoxParameters, use_disk: bool) -> TurbulenceBox:
+    fluctuation = load(parameters) if use_disk else None
     if fluctuation is None:
-        if isinstance(parameters, MannParameters):
-            fluctuation = synthesize_mann(parameters)
-        else:
-            fluctuation = synthesize(parameters)
+        fluctuation = parameters.synthesize()
         if use_disk:
-            box_cache.store(parameters, fluctuation)
-    fluctuation.setflags(write=False)
+            store(parameters, fluctuation)
+    fluctuation.setflags(write=False)  # or it would be copied
     spacing_y, spacing_z = parameters.spacing
     return TurbulenceBox(
         fluctuation=fluctuation,

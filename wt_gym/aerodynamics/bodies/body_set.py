@@ -3,36 +3,39 @@
 Sources on a closed body make no lift and leave the equations regular: the matrix of normal velocities of one closed
 body of vortex rings would lack one rank. The strengths are eliminated from the unknowns of the lattice, see
 `body_kernels.couple_bodies`.
+
+Force of the flow on a closed body of sources: Lagally's theorem for unsteady flow.
+
+Sources of the fluxes m at r, of vanishing sum, stand for a body of the volume V that moves with the velocity u in the
+velocity v of all that is outside it. The force of the potential flow on the body is
+
+    F = −ρ Σ m (v − u) + d/dt P,    P = −ρ Σ m r + ρ V u
+
+(Lagally 1922; W. E. Cummins, The force and moment on a body in a time-varying potential flow, J. Ship Research 1, 1957;
+the last term is the inertia of the fluid that the body displaces). In a steady uniform flow the force is zero. A sphere
+in an accelerating stream U has Σ m r = −3/2 V U and so F = 3/2 ρ V dU/dt; one that accelerates in fluid at rest has
+Σ m r = 3/2 V u and F = −1/2 ρ V du/dt, its added mass.
+
+Unlike an integral of the pressure the sum needs neither velocities along the surface nor the potential, and it can be
+taken strip by strip of a slender body: a strip of the area S has Σ m r = −2 S U dz, so that the force per length is
+2 ρ S (dU/dt + U·∇U) − ρ S du/dt, twice and once the mass of the displaced air.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.aerodynamics.bodies import body_kernels
-from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.aerodynamics.bodies import body_kernels, tower_kernels
+from wt_gym.aerodynamics.induction.tree_induction import RingWork
 from wt_gym.aerodynamics.lattice.bound_kernels import invert
-from wt_gym.aerodynamics.lattice.ring_work import RingWork
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import ArrayLike, NDArray
-
-__all__ = [
-    "BodyArrays",
-    "BodySet",
-    "BodySurface",
-    "BodyWork",
-    "TowerAxis",
-    "ellipsoid_body",
-    "revolution_body",
-    "tower_body",
-]
+from wt_gym.aerodynamics.options import AerodynamicsError
+from wt_gym.base.types import Array, Integers
 
 FAR = 3.0
 """Distance over panel radius from which a panel is a point source with quadrupole; its velocity is then within 1e-3."""
@@ -43,40 +46,40 @@ MAX_WARP = 0.05
 class TowerAxis(NamedTuple):
     """Straight axis and radii of a tower."""
 
-    ends: NDArray[np.float64]  # (2, 3) base and top [m]
-    stations: NDArray[np.float64]  # (n,) distances from the base [m]
-    radii: NDArray[np.float64]  # (n,) [m]
+    ends: Array  # (2, 3) base and top [m]
+    stations: Array  # (n,) distances from the base [m]
+    radii: Array  # (n,) [m]
 
 
 class BodyArrays(NamedTuple):
     """What the kernels need of the panels of all bodies."""
 
-    corners: NDArray[np.float64]  # (n_panel, 4, 3) in the mean plane, counter-clockwise about the normal [m]
-    center: NDArray[np.float64]  # (3, n_panel) control points: centroids [m]
-    normal: NDArray[np.float64]  # (n_panel, 3) unit, out of the body
+    corners: Array  # (n_panel, 4, 3) in the mean plane, counter-clockwise about the normal [m]
+    center: Array  # (3, n_panel) control points: centroids [m]
+    normal: Array  # (n_panel, 3) unit, out of the body
     # (n_panel, 8): area [m^2], xx, yy, zz, xy, yz, zx about the centroid [m^4], all over 4 pi,
-    far: NDArray[np.float64]
+    far: Array
     # and the square of the distance [m^2] below which the exact velocity is computed
-    motion: NDArray[np.float64]  # (3, n_panel) velocity of the control points [m/s]
-    owner: NDArray[np.int64]  # (n_panel,) number of the body
-    axis: NDArray[np.float64]  # (2, 3) base and top of the tower [m]
-    stations: NDArray[np.float64]  # (n,) distances from its base [m]; none without a tower
-    radii: NDArray[np.float64]  # (n,) its radii there [m]
+    motion: Array  # (3, n_panel) velocity of the control points [m/s]
+    owner: Integers  # (n_panel,) number of the body
+    axis: Array  # (2, 3) base and top of the tower [m]
+    stations: Array  # (n,) distances from its base [m]; none without a tower
+    radii: Array  # (n,) its radii there [m]
     # (n_panel, n_panel): strengths = inverse @ normal velocities that the panels must induce
-    inverse: NDArray[np.float64]
+    inverse: Array
 
 
 class BodyWork(NamedTuple):
     """Work arrays of `body_kernels.couple_bodies`; the first three are its input."""
 
-    ring_influence: NDArray[np.float64]  # (n_ring, 3, n_panel) velocity of each unit ring at the control points
-    wind: NDArray[np.float64]  # (n_panel, 3) undisturbed wind there [m/s]
-    wake_flow: NDArray[np.float64]  # (3, n_panel) velocity of the wake there [m/s]
-    through: NDArray[np.float64]  # (n_panel,) normal velocities [m/s]
+    ring_influence: Array  # (n_ring, 3, n_panel) velocity of each unit ring at the control points
+    wind: Array  # (n_panel, 3) undisturbed wind there [m/s]
+    wake_flow: Array  # (3, n_panel) velocity of the wake there [m/s]
+    through: Array  # (n_panel,) normal velocities [m/s]
     # (n_panel, 3, n_point) velocity of each unit panel at the points of the blades
-    source_influence: NDArray[np.float64]
-    eliminated: NDArray[np.float64]  # (n_ring, n_panel) strengths that answer a unit ring, with opposite sign
-    start: NDArray[np.float64]  # (n_panel,) strengths without rings [m/s]
+    source_influence: Array
+    eliminated: Array  # (n_ring, n_panel) strengths that answer a unit ring, with opposite sign
+    start: Array  # (n_panel,) strengths without rings [m/s]
     rings: RingWork
     flags: NDArray[np.int8]  # (n_max + 1, n_blade, n_edge + 1), see tower_kernels.flag_wake_segments
 
@@ -115,15 +118,15 @@ class BodySurface:
         If a panel has no area or is far from flat, if the surface is not closed, or if normals point inwards.
     """
 
-    vertices: NDArray[np.float64]
-    quads: NDArray[np.int64]
+    vertices: Array
+    quads: Integers
     ground: float | None = None
     name: str = "body"
     tower: TowerAxis | None = None
-    corners: NDArray[np.float64] = field(init=False, repr=False)
-    center: NDArray[np.float64] = field(init=False, repr=False)
-    normal: NDArray[np.float64] = field(init=False, repr=False)
-    area: NDArray[np.float64] = field(init=False, repr=False)
+    corners: Array = field(init=False, repr=False)
+    center: Array = field(init=False, repr=False)
+    normal: Array = field(init=False, repr=False)
+    area: Array = field(init=False, repr=False)
     volume: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -153,7 +156,7 @@ class BodySurface:
         """Number of panels."""
         return len(self.quads)
 
-    def _check_edges(self, vertices: NDArray[np.float64], quads: NDArray[np.int64]) -> None:
+    def _check_edges(self, vertices: Array, quads: Integers) -> None:
         """Each edge must be passed once in each direction, or lie on the ground."""
         start, end = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
         panel = np.repeat(np.arange(len(quads)), 4)
@@ -180,9 +183,7 @@ class BodySurface:
             )
 
 
-def _panel_geometry(
-    corners: NDArray[np.float64], name: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _panel_geometry(corners: Array, name: str) -> tuple[Array, Array, Array, Array]:
     """Corners (n, 4, 3) in their mean planes, centroids, unit normals and areas."""
     diagonals = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     normal = 0.5 * np.cross(*diagonals)
@@ -209,24 +210,19 @@ def _panel_geometry(
     return corners, center, normal, area
 
 
-def _triangles(
-    corners: NDArray[np.float64], normal: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _triangles(corners: Array, normal: Array) -> tuple[Array, Array]:
     """Two triangles (n, 2, 3, 3) of each panel and their areas (n, 2), negative beyond a re-entrant corner."""
     triangles = np.stack([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]], axis=1)
     a, b, c = (triangles[:, :, k] for k in range(3))
     return triangles, 0.5 * np.einsum("pti,pi->pt", np.cross(b - a, c - a), normal)
 
 
-def _second_moments(
-    corners: NDArray[np.float64], center: NDArray[np.float64], normal: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _second_moments(corners: Array, center: Array, normal: Array) -> Array:
     """Integrals of x_i x_j about the centroid, (n, 3, 3) [m^4]."""
     triangles, areas = _triangles(corners - center[:, None], normal)
     total = triangles.sum(axis=2)
     pairs = np.einsum("ptki,ptkj->ptij", triangles, triangles) + np.einsum("pti,ptj->ptij", total, total)
-    out: NDArray[np.float64] = np.einsum("ptij,pt->pij", pairs, areas) / 12.0
-    return out
+    return np.einsum("ptij,pt->pij", pairs, areas) / 12.0
 
 
 class BodySet:
@@ -289,12 +285,12 @@ class BodySet:
         return int(self.first_panel[-1])
 
     @property
-    def control_points(self) -> NDArray[np.float64]:
+    def control_points(self) -> Array:
         """Control points, shape (n_panel, 3) [m]; where the wind is needed."""
         return np.ascontiguousarray(self.arrays.center.T)
 
     @property
-    def area(self) -> NDArray[np.float64]:
+    def area(self) -> Array:
         """Panel areas, shape (n_panel,) [m^2]."""
         return 4.0 * np.pi * self.arrays.far[:, 0]
 
@@ -358,7 +354,6 @@ class BodySet:
 
         Parameters
         ----------
-        body : int
         vertices : array_like, shape (n_vertex, 3)
             Where the vertices of its surface are now, global [m].
 
@@ -389,7 +384,7 @@ class BodySet:
             start=np.zeros(n), rings=RingWork.empty(n_ring, n_corner, n), flags=np.zeros(wake_shape, dtype=np.int8),
         )  # fmt: skip
 
-    def strengths(self, flow: ArrayLike) -> NDArray[np.float64]:
+    def strengths(self, flow: ArrayLike) -> Array:
         """Source strengths that make the bodies impermeable, shape (n_panel,) [m/s].
 
         Parameters
@@ -398,10 +393,9 @@ class BodySet:
             Velocity of everything but the bodies at the control points [m/s].
         """
         relative = np.asarray(flow) - self.arrays.motion.T
-        out: NDArray[np.float64] = -self.arrays.inverse @ np.einsum("pi,pi->p", self.arrays.normal, relative)
-        return out
+        return -self.arrays.inverse @ np.einsum("pi,pi->p", self.arrays.normal, relative)
 
-    def velocity(self, points: ArrayLike, strengths: ArrayLike) -> NDArray[np.float64]:
+    def velocity(self, points: ArrayLike, strengths: ArrayLike) -> Array:
         """Velocity of the sources at points (..., 3) [m/s]; at a control point, that on the outside."""
         points = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3).T)
@@ -414,21 +408,14 @@ class BodySet:
         """Slice of the panels of each body."""
         return [slice(*ends) for ends in pairwise(self.first_panel)]
 
-    def _move(self, b: int, rotation: NDArray[np.float64], origin: NDArray[np.float64]) -> None:
+    def _move(self, b: int, rotation: Array, origin: Array) -> None:
         body = self.bodies[b]
         corners, center = body.corners @ rotation.T + origin, body.center @ rotation.T + origin
         if body.tower is not None:
             self.arrays.axis[:] = body.tower.ends @ rotation.T + origin
         self._set_panels(b, corners, center, body.normal @ rotation.T, body.area)
 
-    def _set_panels(
-        self,
-        b: int,
-        corners: NDArray[np.float64],
-        center: NDArray[np.float64],
-        normal: NDArray[np.float64],
-        area: NDArray[np.float64],
-    ) -> None:
+    def _set_panels(self, b: int, corners: Array, center: Array, normal: Array, area: Array) -> None:
         """Panels of a body: corners (n, 4, 3), centroids, normals (n, 3) and areas (n,)."""
         body, panels, a = self.bodies[b], self._panels()[b], self.arrays
         a.corners[panels], a.center[:, panels], a.normal[panels] = corners, center.T, normal
@@ -451,7 +438,7 @@ class BodySet:
                 raise AerodynamicsError(f"the bodies {name} and {other} intersect")
 
 
-def _inside(corners: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _inside(corners: Array, points: Array) -> NDArray[np.bool_]:
     """Whether points (n, 3) are enclosed by panels (m, 4, 3): the panels' solid angles then sum to -4 pi."""
     arms = points[:, None, None] - corners
     sizes = np.linalg.norm(arms, axis=-1)
@@ -494,10 +481,6 @@ def revolution_body(
     ground : float or None
         If the first station lies on a ground at this height, and the axis is vertical, there is no disc.
 
-    Returns
-    -------
-    BodySurface
-
     Raises
     ------
     AerodynamicsError
@@ -518,7 +501,7 @@ def revolution_body(
     angle = 2.0 * np.pi / n_around * (np.arange(n_around) + 0.5)
     circle = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * np.cross(axis, side)
     scale = np.sqrt(2.0 * np.pi / n_around / np.sin(2.0 * np.pi / n_around))
-    vertices: list[NDArray[np.float64]] = []
+    vertices: list[Array] = []
     rings = []
     for s, r in zip(stations, radii, strict=True):
         rings.append(len(vertices) + (np.arange(n_around) if r > 0.0 else np.zeros(n_around, dtype=int)))
@@ -554,10 +537,6 @@ def ellipsoid_body(
         Center [m].
     name : str
         For messages.
-
-    Returns
-    -------
-    BodySurface
 
     Raises
     ------
@@ -601,10 +580,6 @@ def tower_body(
     name : str
         For messages.
 
-    Returns
-    -------
-    BodySurface
-
     Raises
     ------
     AerodynamicsError
@@ -623,3 +598,136 @@ def tower_body(
     along = np.linspace(0.0, height, n_along + 1)
     body = revolution_body(along, 0.5 * np.interp(along, stations, diameters), n_around, base, axis, name, ground)
     return replace(body, tower=TowerAxis(np.array([base, base + axis]), stations, 0.5 * diameters))
+
+
+def convective_force(flux: Array, flow: Array, velocity: ArrayLike, density: float) -> Array:
+    """−ρ Σ m (v − u) [N].
+
+    Parameters
+    ----------
+    flux : array (..., n)
+        Strengths times areas of panels [m³/s].
+    flow : array (..., n, 3)
+        Velocity of everything outside the body at the panels [m/s].
+    velocity : array (..., 3)
+        Of the body [m/s].
+    density : float
+        [kg/m³].
+
+    Returns
+    -------
+    array (..., 3)
+    """
+    return -density * np.einsum("...n,...ni->...i", flux, flow - np.asarray(velocity)[..., None, :])
+
+
+def impulse(flux: Array, arm: Array, volume: ArrayLike, velocity: Array, density: float) -> Array:
+    """P = −ρ Σ m r + ρ V u [kg m/s].
+
+    Parameters
+    ----------
+    flux : array (..., n)
+        [m³/s].
+    arm : array (..., n, 3)
+        From a point that moves with the body to the panels [m].
+    volume : array (...)
+        [m³].
+    velocity : array (..., 3)
+        Of the body [m/s].
+    density : float
+        [kg/m³].
+
+    Returns
+    -------
+    array (..., 3)
+    """
+    inertia = np.asarray(volume)[..., None] * velocity
+    return density * (inertia - np.einsum("...n,...ni->...i", flux, arm))
+
+
+class TowerFlow:
+    """Velocity that a tower adds to the wind.
+
+    At each height the tower is an infinite cylinder of the local diameter: with a the radius, r the vector from the
+    axis and V the wind across the axis, v = a^2/r^2 (V - 2 (V . r) r / r^2) (doublet in a uniform stream, e.g. Katz &
+    Plotkin, Low-Speed Aerodynamics, section 3.11). It fades over one radius beyond each end. Inside the tower, which
+    no blade reaches before the simulation ends, the value of the surface holds.
+
+    Parameters
+    ----------
+    base : array_like, shape (3,)
+        Lower end of the tower axis [m].
+    stations : array_like, shape (n,)
+        Increasing distances from the base at which diameters are given [m].
+    diameters : array_like, shape (n,)
+        Outer diameters [m].
+
+    Raises
+    ------
+    AerodynamicsError
+        If the diameters are not positive at increasing stations.
+    """
+
+    def __init__(self, base: ArrayLike, stations: ArrayLike, diameters: ArrayLike) -> None:
+        base, stations, diameters = (np.array(x, dtype=np.float64) for x in (base, stations, diameters))
+        if base.shape != (3,) or not np.isfinite(base).all():
+            raise AerodynamicsError(f"the tower base is {base}; must be three finite coordinates [m]")
+        increasing = stations.ndim == 1 and stations.size and bool(np.all(np.diff(stations) > 0.0))
+        if not increasing or stations.shape != diameters.shape or not np.all(diameters > 0.0):
+            raise AerodynamicsError(f"tower diameters {diameters} must be positive, at increasing stations {stations}")
+        self.base, self.stations, self.radii = base, stations, 0.5 * diameters
+
+    def add(self, points: Array, wind: Array, top: Array) -> None:
+        """Add the flow past the tower to the wind, in place.
+
+        Parameters
+        ----------
+        points : ndarray, shape (..., 3)
+            Where the wind is felt [m]; float64, contiguous.
+        wind : ndarray, shape (..., 3)
+            Undisturbed wind there [m/s], changed; float64, contiguous.
+        top : ndarray, shape (3,)
+            Upper end of the tower axis [m].
+
+        Raises
+        ------
+        AerodynamicsError
+            If base and top coincide, or the wind is not contiguous and could not be changed in place.
+        """
+        if not wind.flags.c_contiguous:
+            raise AerodynamicsError(f"the wind, with strides {wind.strides}, must be contiguous")
+        flat = wind.reshape(-1, 3)
+        if not tower_kernels.add_tower_flow(points.reshape(-1, 3), flat, self.base, top, self.stations, self.radii):
+            raise AerodynamicsError(f"the tower top must be above its base, got base {self.base} and top {top}")
+
+
+def tower_perturbation(
+    points: ArrayLike, wind: ArrayLike, base: ArrayLike, top: ArrayLike, stations: ArrayLike, diameters: ArrayLike
+) -> Array:
+    """Velocity that a tower adds to the wind, for a single use: see `TowerFlow`, which checks its tower only once.
+
+    Parameters
+    ----------
+    points, wind : ndarray, shape (..., 3)
+        Where the wind is felt [m] and the undisturbed wind there [m/s].
+    base, top : array_like, shape (3,)
+        Ends of the tower axis [m].
+    stations, diameters : array_like, shape (n,)
+        Outer diameters at increasing distances from the base [m].
+
+    Returns
+    -------
+    velocity : ndarray, shape (..., 3)
+        To be added to the wind [m/s].
+
+    Raises
+    ------
+    AerodynamicsError
+        If base and top coincide or the diameters are not positive at increasing stations.
+    """
+    undisturbed = np.asarray(wind, dtype=np.float64)
+    disturbed = undisturbed.copy()
+    TowerFlow(base, stations, diameters).add(
+        np.ascontiguousarray(points, dtype=np.float64), disturbed, np.asarray(top, dtype=np.float64)
+    )
+    return disturbed - undisturbed

@@ -1,4 +1,4 @@
-"""Work arrays of the tree code, and big induction calls split over threads.
+"""Work arrays of the induction, big calls split over threads, and the tree code.
 
 The compiled functions are in `tree_induction_kernels` and `induction_kernels`; they allocate nothing, so the
 arrays are made here, once.
@@ -7,13 +7,13 @@ arrays are made here, once.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
-from wt_gym.aerodynamics.errors import AerodynamicsError
-from wt_gym.aerodynamics.induction.aligned import aligned_zeros
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.induction.tree_induction_kernels import (
@@ -32,13 +32,49 @@ from wt_gym.aerodynamics.induction.tree_induction_kernels import (
     tile_count,
     walk_blocks,
 )
+from wt_gym.aerodynamics.options import AerodynamicsError
+from wt_gym.base.types import Array
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+LINES = 128
+"""Bytes that the processor fetches together: two cache lines."""
 
-    from numpy.typing import NDArray
 
-__all__ = ["Block", "Tree", "TreeInduction", "make_block", "make_tree", "run_beside", "split_direct", "split_range"]
+def aligned_zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """Zeros of a shape and type, in C order, in cache lines of their own.
+
+    Vectors of 16 float32 numbers then lie in one cache line each, and threads do not wait for each other's writes.
+
+    Parameters
+    ----------
+    shape : int or tuple of int
+    dtype : data type
+
+    Returns
+    -------
+    ndarray
+    """
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    memory = np.zeros(size + 2 * LINES, dtype=np.uint8)
+    first = -memory.ctypes.data % LINES
+    return memory[first : first + size].view(dtype).reshape(shape)
+
+
+PADDED = 16
+"""Points are repeated up to a multiple of this number: what is left over of vectors the compiler takes one by one."""
+
+
+class RingWork(NamedTuple):
+    """Work arrays of `bound_kernels.bound_influence`."""
+
+    points: Array  # (3, n) repeated points [m]
+    distance: Array  # (n_corner, n) of the corners of one blade [m]
+    rings: Array  # (n_ring + 1, 3, n) velocity of each ring, and of none
+
+    @classmethod
+    def empty(cls, n_ring: int, n_corner: int, n_point: int) -> RingWork:
+        """Arrays of the right shapes."""
+        n = -(-n_point // PADDED) * PADDED
+        return cls(aligned_zeros((3, n)), aligned_zeros((n_corner, n)), aligned_zeros((n_ring + 1, 3, n)))
 
 
 class Tree(NamedTuple):
@@ -79,12 +115,7 @@ Arrays = TypeVar("Arrays", Tree, Block)
 
 
 def make_tree(n_row: int, n_sheet: int, n_node: int, n_target: int) -> Tree:
-    """Work arrays for sheets of up to (n_row, n_sheet, n_node, 7) and up to n_target targets.
-
-    Returns
-    -------
-    Tree
-    """
+    """Work arrays for sheets of up to (n_row, n_sheet, n_node, 7) and up to n_target targets."""
     n_tile = tile_count(n_row, n_sheet, n_node)
     n_cluster, level = n_tile, n_tile
     while level > 1:
@@ -112,12 +143,7 @@ def make_tree(n_row: int, n_sheet: int, n_node: int, n_target: int) -> Tree:
 
 
 def make_block() -> Block:
-    """Work arrays of one thread.
-
-    Returns
-    -------
-    Block
-    """
+    """Work arrays of one thread."""
     integers = {"far": LIST, "near": LIST, "group_far": 2 * LIST, "group_near": LIST, "stack": STACK, "acted": 2}
     reals: dict[str, int | tuple[int, ...]] = {
         "targets": (3, TARGETS),
@@ -158,8 +184,6 @@ def split_range(part: Callable[[int, int, int], None], n: int, step: int, n_thre
 
     Parameters
     ----------
-    part : callable
-    n : int
     step : int
         Parts start at multiples of this.
     n_threads : int

@@ -135,7 +135,7 @@ def bound_influence(corners, segments, core2, n_segment, points, work, influence
     corners : (n_image, n_blade, n_corner, 3)
         Ring nodes and the newest wake row, and their mirror images if there is a ground [m].
     segments : (at least n_segment, 4); core2 : (at least n_segment,)
-        The table of :func:`wt_gym.aerodynamics.lattice.edges.bound_segments`.
+        The table of :func:`wt_gym.aerodynamics.lattice.planform.bound_segments`.
     points : (3, n_point)
         [m].
     work : RingWork

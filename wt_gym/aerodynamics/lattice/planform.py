@@ -1,4 +1,18 @@
-"""The geometry of a blade or wing as a vortex lattice on its camber surface."""
+"""The geometry of a blade or wing as a vortex lattice: camber surface, shedding edges, tables of separation.
+
+Static polars split into attached and fully separated flow, the tables of the dynamic stall model.
+
+The flow about a section is a mixture: attached up to the separation point, f chords behind the leading edge (f = 1 at
+the trailing edge), separated behind it. In Kirchhoff's flow past a flat plate the lift is cl = cla (alpha - alpha0)
+((1 + sqrt f) / 2)^2. Solved for f, this gives the static separation point fst(alpha) of any polar, and what remains is
+the lift of fully separated flow: cl_st = fst cla (alpha - alpha0) + (1 - fst) cl_fs (Oeye, 4th IEA Symposium on the
+Aerodynamics of Wind Turbines, 1991; Hansen, Gaunaa & Madsen, Risoe-R-1354, 2004).
+
+Polars that lose their lift within a few degrees fall faster than Kirchhoff's flow: then cl_fs would fall, too, at once.
+A circulation, which cannot follow at once, would belong to several angles of attack, and the lattice, the more so the
+finer its steps, would jump from one to the other. Such a fall is therefore given to the separation point: cl_fs is
+replaced by the largest lift below it that does not fall with the angle, and fst follows from the polar.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +20,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from numbers import Integral
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TypeAlias, cast
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.aerodynamics.errors import AerodynamicsError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-__all__ = [
-    "LatticePlanform",
-    "SectionLattice",
-    "build_planform",
-    "check_areas",
-    "numeric_array",
-    "section_lattice",
-    "span_distribution",
-]
+from wt_gym.aerodynamics.options import AerodynamicsError, AeroOptions
+from wt_gym.base.attached_flow import attached_lift
+from wt_gym.base.types import Array, Integers
 
 MOST_LISTED = 8  # panels that a message names
 SECTION_FIELDS = ("alpha0_lattice", "lift_slope", "moment0_lattice", "slope_angle")
@@ -51,7 +55,7 @@ class SectionLattice:
         Direction from the first to the last ring node against the chord line [rad].
     """
 
-    heights: NDArray[np.float64]
+    heights: Array
     zero_lift_angle: float
     lift_slope: float
     zero_lift_moment: float
@@ -87,15 +91,15 @@ class LatticePlanform:
         and nodes that do not run from root to tip and from the leading to the trailing edge.
     """
 
-    nodes: NDArray[np.float64]
-    chord: NDArray[np.float64]
-    edge_chord: NDArray[np.float64]
-    span_edges: NDArray[np.float64]
-    polars: NDArray[np.float64]
-    alpha0_lattice: NDArray[np.float64]
-    lift_slope: NDArray[np.float64]
-    moment0_lattice: NDArray[np.float64]
-    slope_angle: NDArray[np.float64]
+    nodes: Array
+    chord: Array
+    edge_chord: Array
+    span_edges: Array
+    polars: Array
+    alpha0_lattice: Array
+    lift_slope: Array
+    moment0_lattice: Array
+    slope_angle: Array
     root_radius: float | None = None
 
     def __post_init__(self) -> None:
@@ -133,7 +137,7 @@ class LatticePlanform:
             array.setflags(write=False)
 
     @property
-    def ring_chord(self) -> NDArray[np.float64]:
+    def ring_chord(self) -> Array:
         """Chord of the rings of each strip, which join its two edges, shape (n_span,) [m].
 
         The mean of the edges; not that of the strip where the chord is curved or has a kink, as at the tip of a blade.
@@ -151,7 +155,7 @@ class LatticePlanform:
         return int(self.nodes.shape[1]) - 1
 
 
-def numeric_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
+def numeric_array(name: str, values: ArrayLike) -> Array:
     """Contiguous array of double precision; `AerodynamicsError` with this name for anything else than numbers."""
     try:
         return np.ascontiguousarray(values, dtype=np.float64)
@@ -159,13 +163,13 @@ def numeric_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
         raise AerodynamicsError(f"{name} must be an array of numbers: {error}") from error
 
 
-def _panel_sides(nodes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _panel_sides(nodes: Array) -> tuple[Array, Array]:
     """Mean vectors along chord and span of every panel, shape (..., n_chord, n_span, 3)."""
     along, across = nodes[..., 1:, :, :] - nodes[..., :-1, :, :], nodes[..., 1:, :] - nodes[..., :-1, :]
     return 0.5 * (along[..., 1:, :] + along[..., :-1, :]), 0.5 * (across[..., 1:, :, :] + across[..., :-1, :, :])
 
 
-def check_areas(nodes: NDArray[np.float64]) -> None:
+def check_areas(nodes: Array) -> None:
     """Refuse panels without area.
 
     Parameters
@@ -193,7 +197,7 @@ def _listed(wrong: NDArray[np.bool_]) -> str:
     return f"{places[:MOST_LISTED]}" + (f" and {len(places) - MOST_LISTED} more" if places[MOST_LISTED:] else "")
 
 
-def _check_panels(nodes: NDArray[np.float64]) -> None:
+def _check_panels(nodes: Array) -> None:
     """Refuse non-finite nodes, rings without area, rings turned inside out and blades against their own frame."""
     if not np.all(np.isfinite(nodes)):
         raise AerodynamicsError("nodes of the lattice must be finite")
@@ -220,7 +224,7 @@ def _check_panels(nodes: NDArray[np.float64]) -> None:
 
 
 def section_lattice(
-    slope: Callable[[NDArray[np.float64]], ArrayLike], n_chord: int, height: Callable[[float], ArrayLike] | None = None
+    slope: Callable[[Array], ArrayLike], n_chord: int, height: Callable[[float], ArrayLike] | None = None
 ) -> SectionLattice:
     """Build the lattice of one camber line and solve it in two dimensions.
 
@@ -247,11 +251,11 @@ def section_lattice(
     return _solve_section(start, slopes)
 
 
-def _collocation_slopes(slope: Callable[[NDArray[np.float64]], ArrayLike], n_chord: int) -> NDArray[np.float64]:
+def _collocation_slopes(slope: Callable[[Array], ArrayLike], n_chord: int) -> Array:
     return np.asarray(slope((np.arange(n_chord) + 0.75) / n_chord), dtype=np.float64)
 
 
-def _solve_section(start: float, slopes: NDArray[np.float64]) -> SectionLattice:
+def _solve_section(start: float, slopes: Array) -> SectionLattice:
     """Solve the lattice that begins at height ``start`` and has these panel slopes."""
     panel = 1.0 / slopes.size
     heights = start + np.concatenate(([0.0], np.cumsum(slopes * panel)))
@@ -280,7 +284,7 @@ def span_distribution(
     refinement: float = 0.3,
     inset: tuple[float, float] = (0.0, 0.25),
     towards: str = "ends",
-) -> NDArray[np.float64]:
+) -> Array:
     """Span edges of a lattice between root and tip.
 
     Parameters
@@ -316,8 +320,7 @@ def span_distribution(
     uneven = 0.5 * (1.0 - np.cos(np.pi * even)) if towards == "ends" else np.sin(0.5 * np.pi * even)
     edges = (1.0 - refinement) * even + refinement * uneven
     before, behind = inset[0] * (edges[1] - edges[0]), inset[1] * (edges[-1] - edges[-2])
-    out: NDArray[np.float64] = root + (tip - root) * (edges + before) / (1.0 + before + behind)
-    return out
+    return root + (tip - root) * (edges + before) / (1.0 + before + behind)
 
 
 def build_planform(
@@ -405,3 +408,151 @@ def _edge_section(camber: Camber | None, z: float, n_chord: int) -> SectionLatti
 def _mean_section(a: SectionLattice, b: SectionLattice, n_chord: int) -> SectionLattice:
     heights = 0.5 * (a.heights + b.heights)
     return _solve_section(float(heights[0]), np.diff(heights) * n_chord)
+
+
+@dataclass(frozen=True)
+class SheddingEdge:
+    """The line along which one blade sheds its wake: trailing edge from root to tip, then the tip to the leading edge.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (n_edge + 1,)
+        Ring nodes on the line, as row * (n_span + 1) + column.
+    rings : ndarray, shape (n_edge,)
+        Ring, as row * n_span + strip, whose circulation each part of the line sheds.
+    chord : ndarray, shape (n_edge + 1,)
+        Local chord at the nodes [m].
+    """
+
+    nodes: Integers
+    rings: Integers
+    chord: Array
+
+    @classmethod
+    def of(cls, n_chord: int, n_span: int, edge_chord: ArrayLike, options: AeroOptions) -> SheddingEdge:
+        """Edges that the options let shed."""
+        n_node = n_span + 1
+        corner = n_chord * n_node + n_span
+        nodes, rings = [corner], []
+        if options.trailing_edge_wake:
+            nodes = [n_chord * n_node + j for j in range(n_node)]
+            rings = [(n_chord - 1) * n_span + j for j in range(n_span)]
+        if options.tip_wake:
+            nodes += [i * n_node + n_span for i in range(n_chord - 1, -1, -1)]
+            rings += [i * n_span + n_span - 1 for i in range(n_chord - 1, -1, -1)]
+        line = np.array(nodes)
+        return cls(line, np.array(rings), np.asarray(edge_chord, dtype=np.float64)[line % n_node])
+
+
+def bound_segments(
+    n_chord: int, n_span: int, edge_chord: Array, edge: SheddingEdge, options: AeroOptions, has_wake: bool
+) -> tuple[Integers, Array]:
+    """Distinct segments of the rings of one blade, with the newest wake rings if there is a wake.
+
+    A newest wake ring lies between the shedding edge and the newest wake row and has the circulation of the ring it
+    continues (Kutta condition). Where the sides of rings with equal circulation coincide nothing remains.
+
+    Returns
+    -------
+    segments : ndarray, shape (n_segment, 4)
+        Start, end, ring to which the segment counts positive and ring to which it counts negative (-1: none). Corners
+        are the ring nodes followed by the nodes of the newest wake row.
+    core : ndarray, shape (n_segment,)
+        Core radius [m].
+    """
+    n_node = n_span + 1
+    n_bound = (n_chord + 1) * n_node
+    loops = []
+    for i in range(n_chord):
+        for j in range(n_span):
+            fore, aft = i * n_node + j, (i + 1) * n_node + j
+            loops.append((i * n_span + j, (fore, fore + 1, aft + 1, aft)))
+    if has_wake:
+        for e, ring in enumerate(edge.rings):
+            loops.append((ring, (edge.nodes[e], edge.nodes[e + 1], n_bound + e + 1, n_bound + e)))
+    sides: dict[tuple[int, int], dict[int, int]] = {}
+    for ring, corners in loops:
+        for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
+            key, sign = ((start, end), 1) if start < end else ((end, start), -1)
+            rings = sides.setdefault(key, {})
+            rings[ring] = rings.get(ring, 0) + sign
+    chord = np.concatenate([np.tile(edge_chord, n_chord + 1), edge.chord])
+    segments, cores = [], []
+    for (start, end), rings in sides.items():
+        plus = [ring for ring, sign in rings.items() if sign > 0]
+        minus = [ring for ring, sign in rings.items() if sign < 0]
+        if not plus and not minus:
+            continue
+        segments.append((start, end, *(plus or [-1]), *(minus or [-1])))
+        share = options.wake_core if end >= n_bound else options.bound_core / n_chord
+        cores.append(share * 0.5 * (chord[start] + chord[end]))
+    return np.array(segments, dtype=np.int64), np.array(cores)
+
+
+FADE = np.radians([40.0, 50.0])
+"""Distances from the angle of zero lift between which attached flow goes over into the static polar [rad]. Beyond, no
+boundary layer can hold on; as in AeroDyn, whose unsteady model ends at 45 degrees."""
+
+
+def separation_tables(polars: ArrayLike, monotone: bool = True) -> Array:
+    """Tables of the dynamic stall model on the angles of the polars.
+
+    Parameters
+    ----------
+    polars : array_like, shape (n_span, n_alpha, 3)
+        cl, cd, cm at angles of attack evenly spaced from -pi (included) to pi (excluded).
+    monotone : bool
+        The lift of fully separated flow does not fall with the angle of attack; False: as published.
+
+    Returns
+    -------
+    ndarray, shape (n_span, n_alpha, 4)
+        Lift coefficient of attached flow, of fully separated flow, static separation point [chords], and drag
+        coefficient above that at zero lift. The mixture of the two lifts at the static separation point is the polar.
+    """
+    polars = np.asarray(polars, dtype=np.float64)
+    n_alpha = polars.shape[1]
+    if n_alpha == 0:
+        return np.zeros((len(polars), 0, 4))
+    alpha = -np.pi + 2.0 * np.pi / n_alpha * np.arange(n_alpha)
+    return np.array([_table(alpha, polar[:, 0], polar[:, 1], monotone) for polar in polars])
+
+
+def _table(alpha: Array, cl: Array, cd: Array, monotone: bool) -> Array:
+    """Columns (n_alpha, 4) of one section."""
+    line = attached_lift(alpha, cl)
+    if line is None:
+        return np.column_stack([cl, cl, np.zeros_like(cl), np.zeros_like(cl)])
+    alpha0, slope = line
+    arm = alpha - alpha0
+    potential = slope * arm
+    share = np.clip((FADE[1] - np.abs(arm)) / (FADE[1] - FADE[0]), 0.0, 1.0)
+    ratio = np.divide(cl, potential, out=np.ones_like(cl), where=np.abs(arm) > 1e-9)
+    root = np.clip(2.0 * np.sqrt(np.maximum(ratio, 0.0)) - 1.0, 0.0, 1.0)
+    root[~_connected(root > 0.0, int(np.searchsorted(alpha, alpha0)))] = 0.0
+    root[share == 0.0] = 0.0
+    # No steeper than the polar, which is attached where it lies above the line: on the side of negative lift it may.
+    attached = np.where(root == 1.0, cl, potential)
+    separated = np.where(root == 0.0, cl, attached * (1.0 + 3.0 * root) / (4.0 * (1.0 + root)))
+    point = root**2
+    if monotone:
+        limit = _without_fall(separated, arm)
+        point = np.where(limit == separated, point, (cl - limit) / np.where(attached == limit, 1.0, attached - limit))
+        separated = limit
+    attached, separated = (share * lift + (1.0 - share) * cl for lift in (attached, separated))
+    return np.column_stack([attached, separated, point, share * (cd - np.interp(alpha0, alpha, cd))])
+
+
+def _connected(within: NDArray[np.bool_], center: int) -> NDArray[np.bool_]:
+    """Entries of ``within`` (n,) that hold from index ``center`` outwards without a gap."""
+    below, above = within[:center][::-1], within[center:]
+    return np.concatenate([np.logical_and.accumulate(below)[::-1], np.logical_and.accumulate(above)])
+
+
+def _without_fall(lift: Array, arm: Array) -> Array:
+    """Largest lift not above ``lift`` (n,) that grows with the distance ``arm`` from zero lift; both sides alike."""
+    limit = lift.copy()
+    for side in (1.0, -1.0):
+        within = np.flatnonzero((side * arm >= 0.0) & (side * arm <= FADE[0]))[:: int(side)]  # outwards
+        limit[within] = side * np.minimum.accumulate(side * lift[within][::-1])[::-1]
+    return limit

@@ -27,7 +27,7 @@ from wt_gym.bridges.openfast.measurement import (
 )
 from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.run_folder import BentTurbine, DriverRun, ServedController, prepare_run
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.simulation.channels import channel_table
 from wt_gym.turbines import Turbine
 from wt_gym.turbines import model as turbine_model

@@ -22,7 +22,7 @@ from wt_gym.bridges.openfast.model import POWERS, blade_sections, tower_sections
 from wt_gym.bridges.openfast.wind import write_wind
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.openfast_text import InputFile
-from wt_gym.wind.protocol import start_speed
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -20,14 +20,14 @@ from wt_gym.bridges.openfast.run_folder import BentTurbine, ServedController, pr
 from wt_gym.bridges.openfast.wind import repeats
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
+from wt_gym.simulation.fidelity import choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.tip_twist import choose_fidelity
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import clockwise_image, with_generator
 from wt_gym.wind import MirroredInflow
-from wt_gym.wind.described import is_described, wind_from
-from wt_gym.wind.protocol import require_cover
+from wt_gym.wind.files import is_described, wind_from
+from wt_gym.wind.inflow import require_cover
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -19,7 +19,8 @@ import numpy as np
 from wt_gym.base.errors import InflowError
 from wt_gym.bridges.openfast.model import write_inflow
 from wt_gym.control.sensors import Lidar
-from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulentInflow, bts
+from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulentInflow
+from wt_gym.wind.files import BtsContent
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -86,7 +87,7 @@ def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float, 
         profile = {"HWindSpeed": steady.speed, "RefHt": steady.hub_height, "PLExp": steady.shear_exponent}
         write_inflow(path, {"WindType": 1, **profile, **read_at})
         return path
-    bts.write(folder / "wind.bts", sampled(inflow, turbine, duration))
+    sampled(inflow, turbine, duration).write(folder / "wind.bts")
     write_inflow(path, {"WindType": 3, "FileName_BTS": "wind.bts", **read_at})
     return path
 
@@ -96,7 +97,7 @@ def repeats(inflow: Inflow) -> bool:
     return _is_steady(inflow) or _period(inflow) is not None
 
 
-def sampled(inflow: Inflow, turbine: Turbine, duration: float) -> bts.BtsContent:
+def sampled(inflow: Inflow, turbine: Turbine, duration: float) -> BtsContent:
     """Velocities of an inflow on a grid across the rotor, as `write_wind` describes."""
     speed = float(inflow.mean_speed)
     if not speed > 0.0:
@@ -117,7 +118,7 @@ def sampled(inflow: Inflow, turbine: Turbine, duration: float) -> bts.BtsContent
     for k, time in enumerate(times):
         velocity[k] = inflow.velocity(points, float(time))
     grid = velocity[:, : z.size * y.size].reshape(count, z.size, y.size, 3)
-    return bts.BtsContent(
+    return BtsContent(
         grid=grid, tower=velocity[:, z.size * y.size :], time_step=step, spacing_y=spacing_y, spacing_z=spacing_z,
         z_bottom=float(z[0]), mean_speed=speed, hub_height=float(inflow.hub_height), periodic=True,
         description=f"wt_gym: {inflow.description}"[:190].encode("ascii", "replace").decode(),

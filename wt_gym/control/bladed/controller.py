@@ -1,22 +1,40 @@
-"""A library with the Bladed interface as a controller."""
+"""A library with the Bladed interface as a controller.
+
+Such libraries keep their state in global variables. So each instance loads a private copy of the file, whose variables
+are its own, and unloads it when it is closed. What the original depends on is found because the original is loaded,
+too, but never called. An isolated library runs in a process of its own (`wt_gym.base.child_process`), so that a crash
+is an error of the controller and not the end of the training.
+"""
 
 from __future__ import annotations
 
+import _ctypes
+import contextlib
+import ctypes
 import logging
 import math
+import os
+import shutil
+import sys
+import tempfile
+import weakref
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.child_process import ChildEndedError, ChildProcess
 from wt_gym.base.errors import ControllerError, SimulationError
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
-from wt_gym.control.bladed.library import DEFAULT_FUNCTION, Library, check_library
+from wt_gym.control.bladed import worker
 from wt_gym.control.bladed.records import (
     AZIMUTH,
     FIRST_CALL,
     LAST_CALL,
     MAX_BLADES,
+    MESSAGE_LENGTH,
     MOST_LIDAR_POINTS,
     RECORDS,
     STEP,
@@ -29,30 +47,187 @@ from wt_gym.control.bladed.records import (
     write_readings,
     write_turbine,
 )
-from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.sensors import Lidar
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "BladedController"]
+__all__ = ["DEFAULT_FUNCTION", "BladedController", "BladedOptions", "Library", "check_library"]
 
 _log = logging.getLogger(__name__)
 
-PARAMETERS = (
-    Parameter("library", "-", "path of the library", word=PATH, otherwise="must be given"),
-    Parameter("input_file", "-", "path of its parameter file", word=PATH, otherwise="none"),
-    Parameter("function", "-", "name of its function", word="a name"),
-    Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
-    Parameter("individual_pitch", "-", "whether each blade has its own demand", switch=True, only_object=True),
-    Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
-    Parameter(
-        "lidar", "-", "lidar that it reads; True: three gates by the rotor's size", switch=True, kind="Lidar",
-        only_object=True,
-    ),
-)  # fmt: skip
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+DEFAULT_FUNCTION = "DISCON"
+"""Name of the function of the interface."""
+
+
+def check_library(path: Path, function: str) -> None:
+    """Refuse what cannot be loaded.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is not a library of this machine, or has no such function.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no controller library {path}")
+    try:
+        library = _anchor(path)
+    except OSError as error:
+        raise ValueError(f"{path} must be a shared library of this machine: {error}") from error
+    if not hasattr(library, function):
+        raise ValueError(
+            f"{path} has no function {function!r}; the Bladed interface calls it {DEFAULT_FUNCTION}, and "
+            "function=NAME chooses another"
+        )
+
+
+@cache
+def _anchor(path: Path) -> ctypes.CDLL:
+    """The library itself, never called: it keeps what it depends on loaded."""
+    return ctypes.CDLL(str(path))
+
+
+class Library:
+    """One instance of a controller library, isolated: in a process of its own.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        See `check_library`.
+    """
+
+    def __init__(self, path: Path, function: str = DEFAULT_FUNCTION, isolated: bool = False):
+        check_library(path, function)
+        self.path = path
+        # where Windows holds a file of it a moment longer, the folder stays
+        self._folder = tempfile.TemporaryDirectory(prefix="wt_gym_bladed_", ignore_cleanup_errors=True)
+        self.output_name = str(Path(self._folder.name) / "controller")
+        """Where the library may write files: in a folder that goes with it."""
+        self._prints = Path(self._folder.name) / "prints.txt"
+        self._called = False
+        self._child: ChildProcess | None = None
+        if isolated:
+            self._child = ChildProcess(Path(worker.__file__), (str(path), function), self._prints)
+        else:
+            copy = Path(self._folder.name) / path.name
+            shutil.copy(path, copy)
+            library = ctypes.CDLL(str(copy))
+            self._library, self._function = library, getattr(library, function)
+            self._function.restype = None
+            self._flag, self._message = ctypes.c_int32(0), ctypes.create_string_buffer(MESSAGE_LENGTH)
+            self._fixed = ctypes.c_char_p(self.output_name.encode()), self._message
+            self._unload = weakref.finalize(self, _unload, library)
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can be called: not after its process has ended."""
+        return self._child is None or self._child.alive
+
+    def call(self, swap: np.ndarray, input_file: str) -> tuple[int, str]:
+        """Call the library once; it changes the records ``avrSWAP``.
+
+        Returns
+        -------
+        flag : int
+            0: all is well, above 0: the message is a warning, below 0: the simulation is to end.
+        message : str
+
+        Raises
+        ------
+        wt_gym.base.errors.SimulationError
+            If the process of an isolated library ended.
+        """
+        if self._child is not None:
+            return self._call_child(self._child, swap, input_file)
+        self._flag.value, self._message.value = 0, b""
+        arguments = ctypes.c_void_p(swap.ctypes.data), ctypes.byref(self._flag), input_file.encode(), *self._fixed
+        if self._called:
+            self._function(*arguments)
+        else:
+            with self._printed():
+                self._function(*arguments)
+            self._called = True
+        return self._flag.value, self._message.value.decode(errors="replace").strip()
+
+    @contextlib.contextmanager
+    def _printed(self) -> Iterator[None]:
+        """Have what the library prints logged, at level debug, instead of in the middle of a progress line."""
+        sys.stdout.flush()
+        with self._prints.open("w+b") as prints:
+            kept = os.dup(1)
+            os.dup2(prints.fileno(), 1)
+            try:
+                yield
+            finally:
+                self._flush()
+                os.dup2(kept, 1)
+                os.close(kept)
+                prints.seek(0)
+                _log.debug("%s printed: %s", self.path.name, prints.read().decode(errors="replace"))
+
+    def _flush(self) -> None:
+        """Have what was printed written, by Fortran's library if the controller uses it and by that of C."""
+        if hasattr(self._library, "_gfortran_flush_i4"):
+            self._library._gfortran_flush_i4(None)
+        if sys.platform != "win32":
+            ctypes.CDLL(None).fflush(None)
+
+    def _call_child(self, child: ChildProcess, swap: np.ndarray, input_file: str) -> tuple[int, str]:
+        try:
+            flag, message, records = child.ask("call", input_file.encode(), self.output_name.encode(), swap.tobytes())
+        except ChildEndedError as error:
+            last = error.printed.rpartition("\n")[2]
+            raise SimulationError(
+                f"the controller library {self.path.name} ended its process {error.how}" + (f": {last}" if last else "")
+            ) from error
+        swap[:] = np.frombuffer(records, dtype=np.float32)
+        return flag, message.decode(errors="replace").strip()
+
+    def close(self) -> None:
+        """Unload the library; it is not told, see `BladedController.close`."""
+        if self._child is not None:
+            self._child.close()
+        else:
+            self._unload()
+        self._folder.cleanup()
+
+
+def _unload(library: ctypes.CDLL) -> None:
+    """Unload a library; ctypes itself never does."""
+    if sys.platform == "win32":
+        _ctypes.FreeLibrary(library._handle)
+    else:
+        _ctypes.dlclose(library._handle)
+
+
+@option_record
+class BladedOptions(Options):
+    """Parameters of a `BladedController`."""
+
+    title = "bladed"
+
+    library: Path | None = option("path of the library", default=None, unit="-", otherwise="must be given")
+    input_file: Path | None = option("path of its parameter file", default=None, unit="-", otherwise="none")
+    function: str = option("name of its function", default=DEFAULT_FUNCTION, unit="-")
+    interval: float | None = option(
+        "longest time between calls; within a longer step of the controller the readings go linearly from the last to "
+        "the present ones", default=None, unit="s", low=0.0, above=True, otherwise="the controller's step",
+    )  # fmt: skip
+    individual_pitch: bool = option(
+        "whether each blade has its own demand: records 42 to 44 or record 45", default=True, unit="-"
+    )
+    isolated: bool = option(
+        "whether it runs in a process of its own, so that a crash of it ends the episode and not this process",
+        default=False, unit="-",
+    )  # fmt: skip
+    lidar: bool | Lidar = option(
+        "lidar that it reads; True: three gates by the rotor's size", default=False, unit="-", kinds=(Lidar,)
+    )
 
 
 def _indices(given_by: str) -> np.ndarray:
@@ -78,58 +253,42 @@ class BladedController:
 
     Parameters
     ----------
-    turbine : Turbine
-    library : str or path
     input_file : str or path, optional
         Handed to the library by its absolute path.
-    function : str
-    interval : float, optional
-        Longest time between calls [s]. Within a longer step of the controller the readings go linearly from the last to
-        the present ones. By default the step.
-    individual_pitch : bool
-        Whether records 42 to 44 or record 45 are read.
-    isolated : bool
-        Whether the library runs in a process of its own, so that a crash of it ends the episode and not this process.
-    lidar : Lidar or bool
-        What the records of a lidar hold (`wt_gym.control.bladed.records`); True: `Lidar.for_rotor`. By default there is
-        none, and they are zero.
+    **parameters
+        Of `BladedOptions`.
 
     Raises
     ------
     FileNotFoundError
         If a file does not exist.
     ValueError
-        If the library cannot be loaded.
+        If there is no library, or it cannot be loaded.
     wt_gym.base.errors.ControllerError
         For a turbine with more than three blades.
     """
 
     def __init__(
-        self,
-        turbine: Turbine,
-        library: str | Path,
-        input_file: str | Path = "",
-        *,
-        function: str = DEFAULT_FUNCTION,
-        interval: float | None = None,
-        individual_pitch: bool = True,
-        isolated: bool = False,
-        lidar: Lidar | bool = False,
-    ):
+        self, turbine: Turbine, library: str | Path | None = None, input_file: str | Path | None = None,
+        **parameters: Any,
+    ) -> None:  # fmt: skip
+        o = BladedOptions(library=library, input_file=input_file, **parameters)  # type: ignore[arg-type]  # checked
+        if o.library is None:
+            raise ValueError("the controller 'bladed' must be given a library: bladed:path/of/the/library.so")
         if turbine.n_blades > MAX_BLADES:
             raise ControllerError(
                 f"the Bladed interface has records for at most {MAX_BLADES} blades, the turbine has {turbine.n_blades}"
             )
         self.turbine = turbine
-        self.library = Path(library).expanduser().resolve()
-        self.input_file = str(Path(input_file).expanduser().resolve()) if str(input_file) else ""
+        self.library = Path(o.library).expanduser().resolve()
+        self.input_file = "" if o.input_file is None else str(Path(o.input_file).expanduser().resolve())
         if self.input_file and not Path(self.input_file).is_file():
             raise FileNotFoundError(f"there is no input file {self.input_file} of the controller library")
-        self.function, self.interval = function, interval
-        self.individual_pitch, self.isolated = individual_pitch, isolated
-        check_library(self.library, function)
-        self.lidar = _lidar(lidar, turbine)
-        """What `wt_gym.control.controllers.lidar_of` finds."""
+        self.function, self.interval = o.function, o.interval
+        self.individual_pitch, self.isolated = o.individual_pitch, o.isolated
+        check_library(self.library, o.function)
+        self.lidar = _lidar(o.lidar, turbine)
+        """Lidar that `wt_gym.control.controllers.lidar_of` returns."""
         self.channels = channels_read(turbine.n_blades, self.lidar)
         self._read = np.concatenate([_READ, lidar_indices(self.lidar)])
         self._kept = np.concatenate([self._read, _DEMANDS])  # what is noted of a call
@@ -139,11 +298,6 @@ class BladedController:
         self._begin = self._now = math.nan
         self._readings = self._swap[self._read]
         self._warned: set[str] = set()
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, library: str | Path, **parameters: Any) -> BladedController:
-        """Make one by name; parameters as of the class."""
-        return cls(turbine, library, **parameters)
 
     # ---- the contract ----------------------------------------------------------------------------------------------
 

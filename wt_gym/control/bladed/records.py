@@ -57,22 +57,13 @@ MESSAGE_LENGTH = 1025
 
 @dataclass(frozen=True)
 class Record:
-    """One record.
+    """One record."""
 
-    Attributes
-    ----------
-    numbers : tuple of int
-        From 1; one per blade where the record is given per blade.
-    unit : str
-    given_by : {"simulation", "controller", "turbine", "lidar"}
-        Who writes it: the simulation in each call, the controller, the simulation once from the turbine's data, or in
-        each call where the controller has a lidar.
-    meaning : str
-    """
-
-    numbers: tuple[int, ...]
+    numbers: tuple[int, ...]  #: from 1; one per blade where the record is given per blade
     unit: str
     given_by: str
+    """One of "simulation", "controller", "turbine", "lidar". Who writes it: the simulation in each call, the
+    controller, the simulation once from the turbine's data, or in each call where the controller has a lidar."""
     meaning: str
 
 
@@ -157,16 +148,7 @@ def new_swap() -> np.ndarray:
 
 
 def write_turbine(swap: np.ndarray, turbine: Turbine, individual_pitch: bool, strings: Sequence[str]) -> None:
-    """Write what does not change.
-
-    Parameters
-    ----------
-    swap : numpy.ndarray, shape (`SIZE`,), float32
-    turbine : Turbine
-    individual_pitch : bool
-    strings : sequence of str
-        Input file name and output name that the calls get.
-    """
+    """Write what does not change, with the input file name and the output name that the calls get."""
     drive, pitch, own = turbine.drivetrain, turbine.pitch, turbine.control
     gear = drive.gear_ratio
     rated = drive.rated_rotor_speed * gear
@@ -186,15 +168,7 @@ def write_turbine(swap: np.ndarray, turbine: Turbine, individual_pitch: bool, st
 
 
 def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:
-    """Write the readings of an instant, without status, time and interval.
-
-    Parameters
-    ----------
-    swap : numpy.ndarray, shape (`SIZE`,), float32
-    signals : Readings
-        With the channels of `channels_read`.
-    n_blades : int
-    """
+    """Write the readings of an instant (channels of `channels_read`), without status, time and interval."""
     for number, name in _SINGLE:
         swap[number - 1] = signals[name]
     demanded = demanded_power_of(signals)
@@ -215,18 +189,9 @@ def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:
 def write_lidar(
     swap: np.ndarray, signals: Readings, lidar: Lidar, hub_height: float, rotation: str = "clockwise"
 ) -> None:
-    """Write what a lidar sees: one beam along the axis with a gate at each range, or each beam apart.
+    """Write the readings of a lidar: one beam along the axis with a gate at each range, or each beam apart.
 
-    Parameters
-    ----------
-    swap : numpy.ndarray, shape (`SIZE`,), float32
-    signals : Readings
-        With ``yaw`` and the names of the lidar's readings.
-    lidar : Lidar
-    hub_height : float
-        [m].
-    rotation : {"clockwise", "counter-clockwise"}
-        Of the rotor, by which beams apart are counted.
+    The hub height is in m; beams apart are counted by the rotation of the rotor, "clockwise" or "counter-clockwise".
     """
     n, yaw, first = lidar.n_readings, signals["yaw"], LIDAR_SPEEDS - 1
     beams = lidar.n_beams if lidar.apart else 1

@@ -2,7 +2,13 @@
 
 N. J. Abbas, D. S. Zalkind, L. Pao and A. Wright, A reference open-source controller for fixed and floating offshore
 wind turbines, Wind Energ. Sci. 7 (2022) 53. The package brings the library, and input files that were tuned for some
-turbines; any other turbine gets an input file by `wt_gym.control.bladed.rosco_input`.
+turbines; any other turbine gets an input file that `write_rosco_input` makes from its data.
+
+The gains of such a file are those of the turbine's own controller where its data publish them, else those of the rules
+of `wt_gym.control.controllers`; ROSCO's signs are the other way round (its errors are reference minus measurement). The
+performance table comes from blade elements (`wt_gym.control.rotor`). The extended Kalman filter that estimates the wind
+wants the pole of the rotor speed at each wind, ``A(v) = (∂Q/∂Ω)/J`` at the operating point (Abbas et al. 2022,
+section 3.5); here it is a central difference of the same coefficients.
 """
 
 from __future__ import annotations
@@ -14,25 +20,198 @@ import sys
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from wt_gym.base.errors import ControllerError
+from wt_gym.base.files import write_text_whole
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.bladed.controller import BladedController
-from wt_gym.control.bladed.rosco_input import start_stop_values, value_text, write_rosco_input
 from wt_gym.control.controllers.controller import demanded_power_of
-from wt_gym.control.controllers.parameters import PATH, Parameter
-from wt_gym.control.controllers.rotor_rules import same_rotor
+from wt_gym.control.controllers.discon import BaselineParameters
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters
+from wt_gym.control.design import same_rotor, slower_than_reference
+from wt_gym.control.operating_point import (
+    operating_point,
+    rotor_inertia,
+    torque_curve,
+    tracks_tip_speed_ratio,
+)
+from wt_gym.control.rotor import RotorTable, rotor_of
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.openfast_text import TextFile
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "RoscoController", "rosco_library", "tuned_input"]
+__all__ = [
+    "RoscoController", "RoscoOptions", "performance_table", "rosco_library", "start_stop_values", "tuned_input",
+    "value_text", "write_rosco_input",
+]  # fmt: skip
+
+PERFORMANCE_FILE = "Cp_Ct_Cq.txt"
+_PITCH = np.radians(np.arange(-5.0, 41.0, 1.0))
+_RATIOS = np.concatenate([np.arange(1.0, 6.0, 0.5), np.arange(6.0, 11.0, 0.25), np.arange(11.0, 17.1, 0.5)])
+_GAIN_POINTS = 30
+_WIND, _SMOOTHING = 0.20944, 0.62830
+"""Corner frequencies of a rotor of 12.1 rpm, of ROSCO's input for the NREL 5-MW [rad/s]."""
+_WAIT, _FREE_WHEELING, _LOADS, _RAMPS, _HOLDS = 120.0, 200.0, (0.2, 1.0), (100.0, 100.0), (200.0, 100.0)
+"""Start-up by default (``toolbox_schema.yaml`` of ROSCO): durations [s] and shares of the load."""
+_CORNER = 0.41888
+"""Corner frequency of the filters of start-up and shut-down there [rad/s]."""
+_FILTER = 300.0
+"""Time constant of the filter of the pitch that stops the turbine [s]: `Supervisor` has the same for the wind."""
+_LEFT = 4.0
+"""Time constants after which a filter has forgotten where it began: 2 % are left."""
+_SMALL = 1e-3
+"""Step of the central difference over the rotor speed."""
+
+
+def write_rosco_input(turbine: Turbine, path: Path) -> None:
+    """Write an input file, and beside it the performance table (`PERFORMANCE_FILE`).
+
+    Tip-speed-ratio tracking with a Kalman filter, constant power above rated if the turbine's own controller holds it,
+    set-point smoothing, a least pitch over the wind; individual pitch, dampers and yaw are off.
+    """
+    table = _coefficients(turbine)
+    write_text_whole(path.with_name(PERFORMANCE_FILE), performance_table(table))
+    rows = [f"{value_text(value)}  ! {key}" for key, value in _parameters(turbine, table).items()]
+    write_text_whole(path, "\n".join([f"! ROSCO input file for {turbine.name}", *rows]) + "\n")
+
+
+def start_stop_values(turbine: Turbine, time_scale: float = 1.0) -> dict[str, object]:
+    """Values of ROSCO's start-up and shut-down (inputs SU_* and SD_*), by the rules of its tuning tools.
+
+    The start-up of a parked turbine: a wait with the blades where they are, free-wheeling of the unloaded rotor at its
+    least speed, a fifth of the load, all of it. The shut-down is triggered by the pitch behind a low-pass filter, above
+    the steady one in the cut-out wind, or by a generator speed of 1.2 times rated; then pitch and torque go at constant
+    rates, and nothing ends it. It watches only after the pitch of the parked blades has left the filter.
+
+    Parameters
+    ----------
+    time_scale : float
+        Factor on the durations of the start-up, which are ROSCO's own, and on the time constant of the filter of the
+        pitch, half of the ten minutes of a mean wind: winds that are compressed in time need less than 1 [-].
+    """
+    drive, rated = turbine.drivetrain, BaselineParameters.from_turbine(turbine).reference_speed
+    time_constant = _FILTER * time_scale
+    wait, feather = _WAIT * time_scale, min(turbine.pitch.max_pitch, 0.5 * math.pi)
+    least = max(torque_curve(turbine).cut_in_speed / drive.gear_ratio, drive.min_rotor_speed)
+    return {
+        "SU_StartTime": wait, "SU_FW_MinDuration": _FREE_WHEELING * time_scale, "SU_RotorSpeedThresh": least,
+        "SU_RotorSpeedCornerFreq": _CORNER, "SU_LoadStages_N": len(_LOADS), "SU_LoadStages": _LOADS,
+        "SU_LoadRampDuration": tuple(time_scale * time for time in _RAMPS),
+        "SU_LoadHoldDuration": tuple(time_scale * time for time in _HOLDS),
+        "SD_TimeActivate": wait + feather / turbine.pitch.max_rate + _LEFT * time_constant,
+        "SD_EnablePitch": 1, "SD_EnableYawError": 0, "SD_EnableGenSpeed": 1, "SD_EnableTime": 0,
+        "SD_MaxPit": operating_point(turbine, turbine.cut_out).pitch, "SD_PitchCornerFreq": 1.0 / time_constant,
+        "SD_MaxYawError": 30.0, "SD_YawErrorCornerFreq": _CORNER, "SD_MaxGenSpd": 1.2 * rated,
+        "SD_GenSpdCornerFreq": _CORNER, "SD_Time": 9999.0, "SD_Method": 1, "SD_Stage_N": 1, "SD_StageTime": 1000.0,
+        "SD_StagePitch": feather, "SD_MaxTorqueRate": 0.05 * drive.max_torque_rate,
+        "SD_MaxPitchRate": 0.125 * turbine.pitch.max_rate,
+    }  # fmt: skip
+
+
+def _coefficients(turbine: Turbine) -> RotorTable:
+    rotor = rotor_of(turbine)
+    power, thrust = rotor.coefficients(_RATIOS, _PITCH)
+    return RotorTable(
+        turbine.name, rotor.radius, turbine.air_density, _RATIOS, _PITCH, power, thrust, made_by="blade elements"
+    )
+
+
+def performance_table(table: RotorTable) -> str:
+    """Text of a performance table: coefficients of power, thrust and torque over pitch and tip-speed ratio."""
+    torque = table.power / table.tip_speed_ratio[:, np.newaxis]
+    text = [
+        f"# Rotor performance tables for {table.turbine}", "# by blade elements", "",
+        f"# Pitch angle vector, {table.pitch.size} entries - x axis (matrix columns) (deg)",
+        _row(np.degrees(table.pitch), 3),
+        f"# TSR vector, {table.tip_speed_ratio.size} entries - y axis (matrix rows) (-)",
+        _row(table.tip_speed_ratio, 3),
+        "# Wind speed vector - z axis (m/s)", _row([10.0], 3), "",
+    ]  # fmt: skip
+    for title, values in (("Power", table.power), ("Thrust", table.thrust), ("Torque", torque)):
+        text += [f"# {title} coefficient", "", *(_row(row, 6) for row in values), "", ""]
+    return "\n".join(text)
+
+
+def _parameters(turbine: Turbine, table: RotorTable) -> dict[str, object]:
+    """Values of the input file by their names."""
+    base = BaselineParameters.from_turbine(turbine)
+    made = TsrTrackingParameters
+    tracking = (
+        made.published(turbine, base) if tracks_tip_speed_ratio(turbine) else made.from_turbine(turbine, baseline=base)
+    )
+    drive, gear = turbine.drivetrain, turbine.drivetrain.gear_ratio
+    law, least = base.pitch_law, float(np.min(tracking.schedule_pitch))
+    angles = (
+        law.table.pitch if law.table is not None else np.linspace(base.min_pitch, base.min_pitch + 0.45, _GAIN_POINTS)
+    )
+    gains = np.array([law.gains(float(angle)) for angle in angles])
+    wind = tracking.schedule_wind
+    notch, slower = base.notch_frequency, slower_than_reference(turbine)
+    return {
+        "LoggingLevel": 0, "Echo": 0, "DT_Out": 0, "Ext_Interface": 1,
+        "F_LPFType": 2 if base.filter_damping > 0.0 else 1, "IPC_ControlMode": 0, "VS_ControlMode": 2,
+        "VS_ConstPower": int(base.constant_power), "VS_FBP": 0, "PC_ControlMode": 1, "Y_ControlMode": 0, "SS_Mode": 1,
+        "PRC_Mode": 0, "WE_Mode": 2, "PS_Mode": 1, "SU_Mode": 0, "SD_Mode": 0, "FL_Mode": 0, "TD_Mode": 0,
+        "TRA_Mode": 0, "Flp_Mode": 0, "OL_Mode": 0, "PA_Mode": 0, "PF_Mode": 0, "AWC_Mode": 0, "Ext_Mode": 0,
+        "ZMQ_Mode": 0, "CC_Mode": 0, "StC_Mode": 0,
+        "F_LPFCornerFreq": base.corner_frequency, "F_LPFDamping": base.filter_damping,
+        "F_NumNotchFilts": int(notch > 0.0), "F_NotchFreqs": notch, "F_NotchBetaNum": 0.0, "F_NotchBetaDen": 0.25,
+        "F_GenSpdNotch_N": int(notch > 0.0), "F_GenSpdNotch_Ind": int(notch > 0.0), "F_TwrTopNotch_N": 0,
+        "F_TwrTopNotch_Ind": 0,
+        "F_SSCornerFreq": _SMOOTHING / slower, "F_WECornerFreq": _WIND / slower, "F_YawErr": 0.18,
+        "F_FlCornerFreq": (0.0, 1.0), "F_FlHighPassFreq": 0.01, "F_FlpCornerFreq": (0.0, 1.0),
+        "F_VSRefSpdCornerFreq": _WIND / slower,
+        "PC_GS_n": len(gains), "PC_GS_angles": angles, "PC_GS_KP": -gains[:, 0], "PC_GS_KI": -gains[:, 1],
+        "PC_GS_KD": np.zeros(len(gains)), "PC_GS_TF": np.zeros(len(gains)),
+        "PC_MaxPit": base.max_pitch, "PC_MinPit": least, "PC_MaxRat": base.max_pitch_rate,
+        "PC_MinRat": -base.max_pitch_rate, "PC_RefSpd": base.reference_speed, "PC_FinePit": least,
+        "PC_Switch": math.radians(1.0),
+        "VS_GenEff": 100.0 * drive.generator_efficiency, "VS_MaxRat": base.max_torque_rate,
+        "VS_MaxTq": base.max_torque, "VS_MinTq": 0.0, "VS_ArSatTq": tracking.rated_torque,
+        "VS_MinOMSpd": tracking.min_speed, "VS_Rgn2K": base.torque.region_2_gain, "VS_RtPwr": drive.rated_power,
+        "VS_RtTq": tracking.rated_torque, "VS_RefSpd": base.reference_speed, "VS_n": 1,
+        "VS_KP": -tracking.torque_gain, "VS_KI": -tracking.torque_integral_gain,
+        "VS_TSRopt": tracking.speed_per_wind * table.radius / gear,
+        "SS_VSGain": 1.0, "SS_PCGain": 0.001,
+        "WE_BladeRadius": table.radius, "WE_Gamma": 0.0, "WE_GearboxRatio": gear, "WE_Jtot": rotor_inertia(turbine),
+        "WE_RhoAir": turbine.air_density, "PerfFileName": f'"{PERFORMANCE_FILE}"',
+        "PerfTableSize": (table.pitch.size, table.tip_speed_ratio.size),
+        "WE_FOPoles_N": wind.size, "WE_FOPoles_v": wind, "WE_FOPoles": _poles(turbine, table, wind),
+        "PS_BldPitchMin_N": wind.size, "PS_WindSpeeds": wind, "PS_BldPitchMin": tracking.schedule_pitch,
+        "Ind_Breakpoint": 0, "Ind_BldPitch": (0, 0, 0), "Ind_GenTq": 0, "Ind_YawRate": 0,
+    }  # fmt: skip
+
+
+def _poles(turbine: Turbine, table: RotorTable, winds: np.ndarray) -> np.ndarray:
+    """Poles of the rotor speed at constant pitch and torque, shape (n,) [1/s]."""
+    inertia, poles = rotor_inertia(turbine), []
+    for wind in winds.tolist():
+        point = operating_point(turbine, wind)
+        step = _SMALL * point.rotor_speed
+        above, below = (table.torque(wind, point.rotor_speed + change, point.pitch) for change in (step, -step))
+        poles.append((above - below) / (2.0 * step) / inertia)
+    return np.array(poles)
+
+
+def _row(values: Iterable[float], digits: int) -> str:
+    return "   ".join(f"{value:.{digits}f}" for value in values)
+
+
+def value_text(value: object) -> str:
+    """A value as ROSCO reads it."""
+    if isinstance(value, np.ndarray | tuple):
+        return " ".join(map(value_text, np.asarray(value).tolist()))
+    return f"{value:.8g}" if isinstance(value, float) else str(value)
+
 
 _FACTORS = {
     "speed": ("Ind_R_Speed", "Ind_R_Torque"),
@@ -48,27 +227,35 @@ _COURSE, _STEP, _LONGEST = "demanded_power.dat", 0.01, 1e5
 LONGEST_INTERVAL = 0.0125
 """Longest time between calls [s], the step with which ROSCO is used in OpenFAST."""
 
-PARAMETERS = (
-    Parameter(
-        "input_file", "-", "path of a DISCON.IN", word=PATH,
+
+@option_record
+class RoscoOptions(Options):
+    """Parameters of a `RoscoController`."""
+
+    title = "rosco"
+
+    input_file: Path | None = option(
+        "path of a DISCON.IN", default=None, unit="-",
         otherwise="the one that the package brings for the turbine, else one made from its data",
-    ),
-    Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
-    Parameter(
-        "derate", "-", "what a demanded power lowers: ROSCO's factor on rated torque, and beside it that on rated "
-        "speed or on the power at fine pitch", word="speed, torque or pitch", otherwise="nothing",
-    ),
-    Parameter(
-        "start_stop", "-", "whether it starts a parked turbine and stops it for good where the pitch or the speed is "
-        "high (SU_Mode, SD_Mode)", switch=True, only_object=True,
-    ),
-    Parameter(
-        "time_scale", "-", "factor on ROSCO's durations of a start-up, and on the 600 s over which the pitch is "
-        "averaged that stops the turbine", 0.0, above=True,
-    ),
-    Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
-)  # fmt: skip
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+    )  # fmt: skip
+    interval: float | None = option(
+        "longest time between calls", default=LONGEST_INTERVAL, unit="s", low=0.0, above=True,
+        otherwise="the controller's step",
+    )  # fmt: skip
+    derate: str | None = option(
+        "what a demanded power lowers: ROSCO's factor on rated torque, and beside it that on rated speed or on the "
+        "power at fine pitch", default=None, unit="-", choices=tuple(_FACTORS), otherwise="nothing",
+    )  # fmt: skip
+    start_stop: bool = option(
+        "whether it starts a parked turbine and stops it for good where the pitch or the speed is high (SU_Mode, "
+        "SD_Mode)", default=False, unit="-",
+    )  # fmt: skip
+    time_scale: float = option(
+        "factor on ROSCO's durations of a start-up, and on the 600 s over which the pitch is averaged that stops the "
+        "turbine", default=1.0, unit="-", low=0.0, above=True,
+    )  # fmt: skip
+    isolated: bool = option("whether it runs in a process of its own", default=False, unit="-")
+
 
 _TUNED = {
     "nrel_5mw": "NREL-5MW/DISCON.IN",
@@ -126,26 +313,16 @@ _known = cache(load_turbine)
 class RoscoController(BladedController):
     """ROSCO's library behind the contract of controllers.
 
-    The library gets a copy of the input file with logging switched off and paths made absolute.
+    The library gets a copy of the input file with logging switched off and paths made absolute. A demanded power that
+    is to be followed goes into an open-loop file of ROSCO's power reference control (PRC_Mode 2, PRC_Comm 1), its whole
+    course, as it is known at a start. With ``start_stop`` the start-up is on only where the controller starts on a
+    turbine that stands with feathered blades: on one that runs it would take the torque away. Its numbers are those of
+    `start_stop_values`; in an ``input_file`` that is given its own hold.
 
     Parameters
     ----------
-    turbine : Turbine
-    input_file : str or path, optional
-        By default the one that the package brings for the turbine, else one that is made from its data.
-    interval : float, optional
-        Longest time between calls [s].
-    isolated : bool
-        See `BladedController`.
-    derate : {"speed", "torque", "pitch"}, optional
-        By what a demanded power is followed: its whole course, as it is known at a start, goes into an open-loop file
-        of ROSCO's power reference control (PRC_Mode 2, PRC_Comm 1).
-    start_stop : bool
-        Switches ROSCO's shut-down on (SD_Mode), and its start-up (SU_Mode) where the controller starts on a turbine
-        that stands with feathered blades: on one that runs a start-up would take the torque away. Their numbers are
-        those of `wt_gym.control.bladed.rosco_input.start_stop_values`, in an ``input_file`` that is given its own.
-    time_scale : float
-        As of `start_stop_values` [-].
+    **parameters
+        Of `RoscoOptions`.
 
     Raises
     ------
@@ -153,40 +330,27 @@ class RoscoController(BladedController):
         If the package ``rosco`` is not installed.
     FileNotFoundError
         If there is no such input file.
-    ValueError
-        If the way is unknown.
     """
 
-    def __init__(
-        self,
-        turbine: Turbine,
-        input_file: str | Path | None = None,
-        *,
-        interval: float | None = LONGEST_INTERVAL,
-        isolated: bool = False,
-        derate: str | None = None,
-        start_stop: bool = False,
-        time_scale: float = 1.0,
-    ):
-        if derate is not None and derate not in _FACTORS:
-            raise ValueError(f"derate of the controller 'rosco' must be among {', '.join(_FACTORS)}, got {derate!r}")
+    def __init__(self, turbine: Turbine, **parameters: Any) -> None:
+        o = RoscoOptions(**parameters)
         library = rosco_library()
         folder = tempfile.TemporaryDirectory(prefix="wt_gym_rosco_")
         target = Path(folder.name) / "DISCON.IN"
-        source = tuned_input(turbine) if input_file is None else Path(input_file).expanduser()
+        source = tuned_input(turbine) if o.input_file is None else Path(o.input_file).expanduser()
         if source is None:
             write_rosco_input(turbine, target)
         elif source.is_file():
             target.write_text(quiet_input(source), encoding="utf-8")
         else:
             raise FileNotFoundError(f"there is no input file {source} of ROSCO")
-        super().__init__(turbine, library, target, interval=interval, isolated=isolated)
+        super().__init__(turbine, library, target, interval=o.interval, isolated=o.isolated)
         self.input_folder = folder
         """Holds the input file as long as this controller or a copy of it lives."""
-        self._derate, self._plain_input = derate, target.read_text(encoding="utf-8")
+        self._derate, self._plain_input = o.derate, target.read_text(encoding="utf-8")
         self._start_stop: dict[str, object] | None = None
-        if start_stop:
-            self._start_stop = start_stop_values(turbine, time_scale) if input_file is None else {}
+        if o.start_stop:
+            self._start_stop = start_stop_values(turbine, o.time_scale) if o.input_file is None else {}
 
     @property
     def holds_set_point(self) -> bool:
@@ -249,23 +413,6 @@ class RoscoController(BladedController):
         values = {"PRC_Mode": 2, "PRC_Comm": 1, "OL_Mode": 1, "OL_Filename": f'"{folder / _COURSE}"'}
         columns = {name: column for column, name in enumerate(factors, start=2)}  # each wants one of its own
         return values | {"Ind_Breakpoint": 1} | columns
-
-    @classmethod
-    def of_turbine(  # type: ignore[override]  # its library is known
-        cls,
-        turbine: Turbine,
-        input_file: str | Path | None = None,
-        interval: float | None = LONGEST_INTERVAL,
-        isolated: bool = False,
-        derate: str | None = None,
-        start_stop: bool = False,
-        time_scale: float = 1.0,
-    ) -> RoscoController:
-        """Make one by name; parameters as of the class."""
-        return cls(
-            turbine, input_file, interval=interval, isolated=isolated, derate=derate, start_stop=start_stop,
-            time_scale=time_scale,
-        )  # fmt: skip
 
 
 def _course(signals: Readings, rated_power: float, columns: int = 1) -> str:

@@ -6,7 +6,16 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.coleman import from_harmonic, to_harmonic
+from wt_gym.control.controllers.additions import (
+    AboveRated,
+    FadeParameters,
+    ForeAftDamper,
+    HarmonicPitch,
+    HarmonicPitchParameters,
+    IndividualPitch,
+    SideSideDamper,
+    YawByDeadBand,
+)
 from wt_gym.control.controllers.controller import (
     Addition,
     Combined,
@@ -17,6 +26,7 @@ from wt_gym.control.controllers.controller import (
     WithLidar,
     checked_demand,
     lidar_of,
+    part_of,
     parts_of,
     readings_of,
     starting_part,
@@ -28,108 +38,52 @@ from wt_gym.control.controllers.discon import (
     DisconController,
     nrel_5mw_parameters,
 )
-from wt_gym.control.controllers.fading import AboveRated, FadeParameters
-from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
-from wt_gym.control.controllers.parameters import Parameter
-from wt_gym.control.controllers.retuned import retuned_parameters
+from wt_gym.control.controllers.own import retuned_parameters
 from wt_gym.control.controllers.supervisor import STATES, Supervisor, SupervisorParameters, supervisor_of
-from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
-from wt_gym.control.controllers.wind_estimator import WindEstimator
-from wt_gym.control.controllers.yaw import YawByDeadBand
-from wt_gym.control.rotor_table import RotorTable, rotor_table
-from wt_gym.deprecated import renamed_names
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
+from wt_gym.control.rotor import RotorTable, rotor_table
+from wt_gym.control.sensors import from_harmonic, to_harmonic
 
 if TYPE_CHECKING:
-    from wt_gym.control.controllers.catalogue import (
+    from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, fault_supervisor_of
+    from wt_gym.control.controllers.names import (
         ADDITIONS,
         BASES,
         COMPILED,
         CONTROLLERS,
         GUARDS,
         WRAPPERS,
+        Name,
         controller_parameters,
         controller_summary,
         declared_parameters,
+        make_controller,
+        name_and_parameters,
+        parse_name,
     )
-    from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, fault_supervisor_of
-    from wt_gym.control.controllers.names import Name, make_controller, name_and_parameters, parse_name
 
 __all__ = [
-    "ADDITIONS",
-    "BASES",
-    "COMPILED",
-    "CONTROLLERS",
-    "GUARDS",
-    "STATES",
-    "WRAPPERS",
-    "AboveRated",
-    "Addition",
-    "BaselineController",
-    "BaselineParameters",
-    "BaselineState",
-    "Combined",
-    "Controller",
-    "DisconController",
-    "FadeParameters",
-    "FaultSupervisor",
-    "ForeAftDamper",
-    "HarmonicPitch",
-    "HarmonicPitchParameters",
-    "IndividualPitch",
-    "LidarFeedforward",
-    "Name",
-    "Parameter",
-    "Readings",
-    "RepairedReadings",
-    "RotorTable",
-    "SideSideDamper",
-    "Supervisor",
-    "SupervisorParameters",
-    "TsrTrackingController",
-    "TsrTrackingParameters",
-    "WindEstimator",
-    "WithDemandedPower",
-    "WithLidar",
-    "YawByDeadBand",
-    "checked_demand",
-    "controller_parameters",
-    "controller_summary",
-    "declared_parameters",
-    "fault_supervisor_of",
-    "from_harmonic",
-    "lidar_of",
-    "make_controller",
-    "name_and_parameters",
-    "nrel_5mw_parameters",
-    "parse_name",
-    "parts_of",
-    "readings_of",
-    "retuned_parameters",
-    "rotor_table",
-    "starting_part",
-    "supervisor_of",
-    "to_harmonic",
-]
+    "ADDITIONS", "BASES", "COMPILED", "CONTROLLERS", "GUARDS", "STATES", "WRAPPERS", "AboveRated", "Addition",
+    "BaselineController", "BaselineParameters", "BaselineState", "Combined", "Controller", "DisconController",
+    "FadeParameters", "FaultSupervisor", "ForeAftDamper", "HarmonicPitch", "HarmonicPitchParameters",
+    "IndividualPitch", "LidarFeedforward", "Name", "Readings", "RepairedReadings", "RotorTable", "SideSideDamper",
+    "Supervisor", "SupervisorParameters", "TsrTrackingController", "TsrTrackingParameters", "WindEstimator",
+    "WithDemandedPower", "WithLidar", "YawByDeadBand", "checked_demand", "controller_parameters",
+    "controller_summary", "declared_parameters", "fault_supervisor_of", "from_harmonic", "lidar_of",
+    "make_controller", "name_and_parameters", "nrel_5mw_parameters", "parse_name", "part_of", "parts_of",
+    "readings_of", "retuned_parameters", "rotor_table", "starting_part", "supervisor_of", "to_harmonic",
+]  # fmt: skip
 
 _ON_DEMAND = {
-    "catalogue": (
-        "ADDITIONS",
-        "BASES",
-        "COMPILED",
-        "CONTROLLERS",
-        "GUARDS",
-        "WRAPPERS",
-        "controller_parameters",
-        "controller_summary",
-        "declared_parameters",
-    ),
     "fault_supervisor": ("FaultSupervisor", "fault_supervisor_of"),
-    "names": ("Name", "make_controller", "name_and_parameters", "parse_name"),
-}
-"""Modules that need others above this package, `wt_gym.control.bladed` and `wt_gym.control.optimal`, with what is taken
-of them: they are imported when it is asked for, so that those can be imported first, which need modules of this one."""
+    "names": (
+        "ADDITIONS", "BASES", "COMPILED", "CONTROLLERS", "GUARDS", "WRAPPERS", "Name", "controller_parameters",
+        "controller_summary", "declared_parameters", "make_controller", "name_and_parameters", "parse_name",
+    ),
+}  # fmt: skip
+"""Modules that stand above `wt_gym.control.bladed`, which needs modules of this package, with their public names: they
+are imported on the first use of one."""
 _HOME = {name: module for module, names in _ON_DEMAND.items() for name in names}
 
 
@@ -138,11 +92,10 @@ def __dir__() -> list[str]:
 
 
 if not TYPE_CHECKING:  # which would take every name for one of this module
-    _renamed = renamed_names(__name__)
 
     def __getattr__(name: str) -> Any:
-        """Names of `_ON_DEMAND`, and former ones."""
+        """Names of `_ON_DEMAND`."""
         if name not in _HOME:
-            return _renamed(name)
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
         return found

@@ -1,29 +1,35 @@
-"""The contract of every controller, and how controllers are put together.
+"""The contract of every controller, how controllers are put together, and their memory as numbers.
 
 A controller reads *signals*, anything that gives a channel of `wt_gym.simulation.channels` by name
 (``signals["generator_speed"]``), and answers with a `wt_gym.control.Demand`. It is stepped at any interval: at the
 simulator's own step (0.1 s in "training") or at the control step of an environment. All that it remembers lies in plain
-attributes, so that ``copy.deepcopy`` of a controller is a snapshot which continues identically.
+attributes, so that ``copy.deepcopy`` of a controller is a snapshot which continues identically. A part that works on
+another controller has it as its attribute ``base``, by which `part_of` looks for parts.
+
+The numbers among the attributes, and among the attributes of the parts, have a fixed order (`memory_of`): attributes,
+entries of dictionaries and sequences as they stand, arrays element by element. Whole numbers and flags stay what they
+are when they are put back into another controller of the same kind (`remember`).
 """
 
 from __future__ import annotations
 
 import inspect
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
-from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
+from functools import cache, cached_property, partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeGuard, TypeVar, runtime_checkable
 
 import numpy as np
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.control.actions import Demand
 from wt_gym.control.sensors import Lidar
+from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from typing import Any
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -31,28 +37,20 @@ if TYPE_CHECKING:
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "Addition",
-    "AtSetPoint",
-    "Combined",
-    "Controller",
-    "Readings",
-    "RepairedReadings",
-    "StartsTurbine",
-    "WithDemandedPower",
-    "WithLidar",
-    "checked_demand",
-    "demanded_power_of",
-    "is_addition",
-    "is_controller",
-    "lidar_of",
-    "parts_of",
-    "readings_of",
+    "Addition", "AtSetPoint", "Combined", "Controller", "Memory", "Readings", "RepairedReadings", "StartsTurbine",
+    "WithDemandedPower", "WithLidar", "changing_parts", "checked_demand", "demanded_power_of", "is_addition",
+    "is_controller", "lidar_of", "memory_of", "part_of", "parts_of", "readings_of", "remember",
     "starting_part",
-]
+]  # fmt: skip
+
+
+T = TypeVar("T")
+
+# ---- the contract ----
 
 
 class Readings(Protocol):
-    """What controllers read: `wt_gym.simulation.Signals`, a dict, or the channels of an observation."""
+    """Readings of a controller: `wt_gym.simulation.Signals`, a dict, or the channels of an observation."""
 
     def __getitem__(self, name: str) -> float:
         """Value of a channel in SI units; KeyError if there is none."""
@@ -61,61 +59,37 @@ class Readings(Protocol):
 
 @runtime_checkable
 class Controller(Protocol):
-    """What decides on all demands of a turbine.
-
-    Attributes
-    ----------
-    channels : tuple of str
-        Names of the signals that are read.
-    """
+    """A part that decides on all demands of a turbine."""
 
     if TYPE_CHECKING:  # read only: a property or an attribute of the class will do
 
         @property
-        def channels(self) -> tuple[str, ...]: ...
+        def channels(self) -> tuple[str, ...]:
+            """Names of the signals that are read."""
+            ...
 
     else:
         channels: tuple[str, ...]
 
     def start(self, signals: Readings, demand: Demand) -> None:
-        """Start bumplessly: forget everything and continue from the present demand.
-
-        Parameters
-        ----------
-        signals : Readings
-            Of the present instant.
-        demand : Demand
-            What the actuators are asked for now.
-        """
+        """Start bumplessly: forget everything and continue from the present demand on the actuators."""
         ...
 
     def step(self, signals: Readings, dt: float) -> Demand:
-        """Give the demand that is held over the next ``dt`` [s].
-
-        Parameters
-        ----------
-        signals : Readings
-            Measured now.
-        dt : float
-            Time since the last step, and until the next one [s].
-        """
+        """Give the demand that is held over the next ``dt`` [s], which is the time since the last step too."""
         ...
 
 
 @runtime_checkable
 class Addition(Protocol):
-    """What changes the demand of a controller: individual pitch, a damper, a yaw drive.
+    """A part that changes the demand of a controller: individual pitch, a damper, a yaw drive."""
 
-    Attributes
-    ----------
-    channels : tuple of str
-        Names of the signals that are read.
-    """
-
-    if TYPE_CHECKING:  # read only: a property or an attribute of the class will do
+    if TYPE_CHECKING:
 
         @property
-        def channels(self) -> tuple[str, ...]: ...
+        def channels(self) -> tuple[str, ...]:
+            """Names of the signals that are read."""
+            ...
 
     else:
         channels: tuple[str, ...]
@@ -129,18 +103,52 @@ class Addition(Protocol):
         ...
 
 
+@runtime_checkable
+class StartsTurbine(Protocol):
+    """A controller that starts a parked turbine."""
+
+    def runs_in(self, wind: float) -> bool:
+        """Whether a turbine runs in a mean wind [m/s] at a start; else it stands with feathered blades."""
+        ...
+
+
+# ---- readings ----
+
+
+class RepairedReadings:
+    """Readings some of which are replaced by others, or that have further ones.
+
+    Attributes
+    ----------
+    measured : Readings
+    """
+
+    __slots__ = ("_values", "measured")
+
+    def __init__(self, signals: Readings, values: Mapping[str, float]) -> None:
+        self.measured, self._values = signals, values
+
+    def __getitem__(self, name: str) -> float:
+        value = self._values.get(name)
+        return self.measured[name] if value is None else value
+
+    @property
+    def reference(self) -> object:
+        """Demanded power at any time, see `WithDemandedPower`; None where it is not known."""
+        return getattr(self.measured, "reference", None)
+
+
 @cache
 def _gates(count: int) -> tuple[str, ...]:
     """Names of what the gates of a lidar see."""
     return tuple(f"lidar_{k + 1}" for k in range(count))
 
 
-class WithLidar:
-    """Signals, and what a lidar sees as ``lidar_1`` … by gate [m/s].
+class WithLidar(RepairedReadings):
+    """Signals, and the readings of a lidar as ``lidar_1`` … by gate [m/s].
 
     Parameters
     ----------
-    signals : Readings
     seen : sequence of float
         Readings of the lidar, gate by gate [m/s].
     lidar : Lidar, optional
@@ -148,40 +156,40 @@ class WithLidar:
         the beams of a gate.
     """
 
-    __slots__ = ("_seen", "_signals")
+    __slots__ = ()
 
     def __init__(
         self, signals: Readings, seen: Sequence[float] | NDArray[np.float64], lidar: Lidar | None = None
     ) -> None:
-        self._signals = signals
-        if lidar is None or not lidar.apart:
-            self._seen = dict(zip(_gates(len(seen)), map(float, seen), strict=True))
-        else:
-            means = lidar.gate_means(seen).tolist()
-            self._seen = dict(zip(_gates(len(means)), means, strict=True))
-            self._seen.update(zip(lidar.names, map(float, seen), strict=True))
-
-    def __getitem__(self, name: str) -> float:
-        seen = self._seen.get(name)
-        return self._signals[name] if seen is None else seen
+        apart = lidar is not None and lidar.apart
+        means = lidar.gate_means(seen).tolist() if lidar is not None and apart else list(map(float, seen))
+        values = dict(zip(_gates(len(means)), means, strict=True))
+        if lidar is not None and apart:
+            values.update(zip(lidar.names, map(float, seen), strict=True))
+        super().__init__(signals, values)
 
 
-class WithDemandedPower:
+class WithDemandedPower(RepairedReadings):
     """Readings, and the power that a grid operator asks for as ``demanded_power`` [W].
 
-    Attributes
+    Parameters
     ----------
-    reference : object
-        What gives the power at any time, for what can take it as a whole; None where only the present one is known.
+    demanded : float
+        Present power [W].
+    reference : object, optional
+        Power at any time, for controllers that take it as a whole.
     """
 
-    __slots__ = ("_demanded", "_signals", "reference")
+    __slots__ = ("_reference",)
 
     def __init__(self, signals: Readings, demanded: float, reference: object = None) -> None:
-        self._signals, self._demanded, self.reference = signals, demanded, reference
+        super().__init__(signals, {"demanded_power": demanded})
+        self._reference = reference
 
-    def __getitem__(self, name: str) -> float:
-        return self._demanded if name == "demanded_power" else self._signals[name]
+    @property
+    def reference(self) -> object:
+        """Demanded power at any time; None where only the present one is known."""
+        return self._reference
 
 
 class AtSetPoint:
@@ -194,13 +202,10 @@ class AtSetPoint:
     share : float
         Set point of the rotor speed over rated [-].
     power_share : float
-        By what a power that the controller makes of these readings is multiplied in the end [-]; what is demanded is
-        over it, so that the demanded power comes out.
+        Factor on the power that the controller makes of these readings [-]; the demanded power is divided by it.
 
     Attributes
     ----------
-    measured : Readings
-    share : float
     demanded : float or None
         Power that the controller is to make of these readings [W], None where nothing is asked for.
     """
@@ -219,60 +224,59 @@ class AtSetPoint:
         return value / self.share if name in ("generator_speed", "rotor_speed") else value
 
 
-class RepairedReadings:
-    """Readings some of which are replaced by others.
-
-    Attributes
-    ----------
-    measured : Readings
-    """
-
-    __slots__ = ("_repaired", "measured")
-
-    def __init__(self, signals: Readings, repaired: Mapping[str, float]) -> None:
-        self.measured, self._repaired = signals, repaired
-
-    def __getitem__(self, name: str) -> float:
-        value = self._repaired.get(name)
-        return self.measured[name] if value is None else value
-
-    @property
-    def reference(self) -> object:
-        """See `WithDemandedPower`."""
-        return getattr(self.measured, "reference", None)
-
-
 def demanded_power_of(signals: Readings) -> float | None:
     """Power that a grid operator asks for [W]; None where nothing is asked for."""
-    if isinstance(signals, AtSetPoint):
-        return signals.demanded
-    if isinstance(signals, RepairedReadings):
-        return demanded_power_of(signals.measured)
-    if isinstance(signals, WithDemandedPower):
-        return signals["demanded_power"]
-    if isinstance(signals, Mapping) and "demanded_power" in signals:
-        return float(signals["demanded_power"])
+    while not isinstance(signals, AtSetPoint | WithDemandedPower):
+        if not isinstance(signals, RepairedReadings):
+            known = isinstance(signals, Mapping) and "demanded_power" in signals
+            return float(signals["demanded_power"]) if known else None
+        signals = signals.measured
+    return signals.demanded if isinstance(signals, AtSetPoint) else signals["demanded_power"]
+
+
+# ---- parts ----
+
+
+def parts_of(controller: Controller | Addition) -> tuple[Controller | Addition, ...]:
+    """A controller alone, or the base and the additions that it is combined of."""
+    return (controller.base, *controller.additions) if isinstance(controller, Combined) else (controller,)
+
+
+def part_of(controller: Controller | None, kind: type[T]) -> T | None:
+    """Part of a class among the parts of a controller and what these stand on, the outermost; None without any."""
+    for part in (controller, *(controller.additions if isinstance(controller, Combined) else ())):
+        inner: Any = part
+        while inner is not None:
+            if isinstance(inner, kind):
+                return inner
+            inner = getattr(inner, "base", None)
     return None
 
 
-def lidar_of(controller: Controller) -> Lidar | None:
-    """Lidar that a controller reads: its attribute ``lidar``, if that is a `wt_gym.control.Lidar`, else None."""
-    lidar = getattr(controller, "lidar", None)
-    return lidar if isinstance(lidar, Lidar) else None
+def starting_part(controller: Controller | None) -> StartsTurbine | None:
+    """The outermost part of a controller that starts a parked turbine, None without any."""
+    return part_of(controller, StartsTurbine)  # type: ignore[type-abstract]  # a protocol that can be asked for
+
+
+def lidar_of(controller: Controller | None) -> Lidar | None:
+    """Lidar that a controller or its base reads: the attribute ``lidar``, if that is a `Lidar`; None without any."""
+    inner: Any = controller
+    while inner is not None:
+        if isinstance(lidar := getattr(inner, "lidar", None), Lidar):
+            return lidar
+        inner = getattr(inner, "base", None)
+    return None
 
 
 def readings_of(
     controller: Controller, signals: Signals, inflow: Inflow, hub_height: float, rotation: str = "clockwise"
 ) -> Readings:
-    """What a controller gets to read: the signals, with those of its lidar if it has one.
+    """Signals of the present instant for a controller, with the readings of its lidar if it has one.
 
     Parameters
     ----------
-    controller : Controller
-        With a lidar or without, see `lidar_of`.
     signals : Signals
-        Of the present instant, as the sensors give them.
-    inflow : Inflow
+        As the sensors give them.
     hub_height : float
         [m]
     rotation : {"clockwise", "counter-clockwise"}
@@ -334,31 +338,6 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
     return demand if demand.pitch is pitch else replace(demand, pitch=pitch)
 
 
-def parts_of(controller: Controller | Addition) -> tuple[Controller | Addition, ...]:
-    """A controller alone, or what it is combined of."""
-    return (controller.base, *controller.additions) if isinstance(controller, Combined) else (controller,)
-
-
-@runtime_checkable
-class StartsTurbine(Protocol):
-    """A controller that starts a parked turbine."""
-
-    def runs_in(self, wind: float) -> bool:
-        """Whether a turbine runs in a mean wind [m/s] at a start; else it stands with feathered blades."""
-        ...
-
-
-def starting_part(controller: Controller | None) -> StartsTurbine | None:
-    """The outermost part of a controller that starts a parked turbine, None without any."""
-    for part in () if controller is None else parts_of(controller):
-        inner: Any = part
-        while inner is not None:
-            if isinstance(inner, StartsTurbine):
-                return inner
-            inner = getattr(inner, "base", None)
-    return None
-
-
 def _name(controller: Controller | Addition) -> str:
     """Class of a controller, with its parts."""
     parts = parts_of(controller)
@@ -366,13 +345,7 @@ def _name(controller: Controller | Addition) -> str:
 
 
 class Combined:
-    """A controller with additions, each of which changes the demand of what stands before it.
-
-    Parameters
-    ----------
-    base : Controller
-    *additions : Addition
-        In the order in which they act.
+    """A controller with additions, each of which changes the demand of what stands before it, in their order.
 
     Examples
     --------
@@ -401,11 +374,6 @@ class Combined:
         parts: tuple[Controller | Addition, ...] = (self.base, *self.additions)
         return tuple(dict.fromkeys(name for part in parts for name in part.channels))
 
-    @property
-    def lidar(self) -> Lidar | None:
-        """Lidar of the base, None if it has none."""
-        return lidar_of(self.base)
-
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start the base from the present demand, the additions from nothing."""
         self.base.start(signals, demand)
@@ -418,3 +386,124 @@ class Combined:
         for addition in self.additions:
             demand = addition.step(signals, dt, demand)
         return demand
+
+
+# ---- memory ----
+
+_CONSTANT = (str, bytes, Turbine, Lidar, type(None), np.random.Generator)
+_LISTS = (list, deque)
+_NUMBER = (bool, int, float, np.number)
+
+
+class Memory(NamedTuple):
+    """Numbers of a controller."""
+
+    values: NDArray[np.float64]  #: shape (n,)
+    sizes: NDArray[np.int_]
+    """Of the parts: numbers, arrays, and lists of numbers, which may grow and shrink, shape (n_parts,)."""
+
+
+def memory_of(controller: Controller) -> Memory:
+    """All numbers in a controller."""
+    parts = [np.ravel(value).astype(np.float64) for value, _ in _numbers(controller)]
+    return Memory(np.concatenate([np.zeros(0), *parts]), np.array([part.size for part in parts], dtype=int))
+
+
+def changing_parts(memories: Sequence[Memory]) -> NDArray[np.bool_]:
+    """Which parts differ between memories of one controller, shape (n_parts,), bool: the others are its parameters."""
+    first = _split(memories[0])
+    changing = np.zeros(len(first), dtype=bool)
+    for memory in memories[1:]:
+        for k, (part, other) in enumerate(zip(first, _split(memory), strict=True)):
+            changing[k] = changing[k] or not np.array_equal(part, other, equal_nan=True)
+    return changing
+
+
+def _split(memory: Memory) -> list[NDArray[np.float64]]:
+    return np.split(memory.values[: memory.sizes.sum()], np.cumsum(memory.sizes)[:-1])
+
+
+def remember(controller: Controller, memory: Memory, changing: NDArray[np.bool_]) -> None:
+    """Put numbers of a controller of the same kind into one with its own copies of everything that changes.
+
+    ``changing`` (n_parts,) says which parts to put; the others, its parameters, stay.
+
+    Raises
+    ------
+    ValueError
+        If the controller has other parts.
+    """
+    numbers = list(_numbers(controller))
+    fixed = [not isinstance(value, _LISTS) for value, _ in numbers]
+    if len(numbers) != len(memory.sizes) or any(
+        is_fixed and np.size(value) != size
+        for is_fixed, (value, _), size in zip(fixed, numbers, memory.sizes, strict=True)
+    ):
+        raise ValueError(f"the controller {type(controller).__name__} has other parts than those that are remembered")
+    for (value, put), part, changes in zip(numbers, _split(memory), changing, strict=True):
+        if changes and not np.array_equal(np.ravel(value), part, equal_nan=True):
+            put(_like(value, part))
+
+
+def _like(value: Any, numbers: NDArray[np.float64]) -> Any:
+    """Numbers in the form of a value."""
+    if isinstance(value, np.ndarray):
+        return numbers.reshape(value.shape).astype(value.dtype)
+    if isinstance(value, _LISTS):
+        width = len(value[0]) if len(value) and isinstance(value[0], tuple) else 0
+        entries = [tuple(row) for row in numbers.reshape(-1, width).tolist()] if width else numbers.tolist()
+        return deque(entries, value.maxlen) if isinstance(value, deque) else entries
+    number = float(numbers[0])
+    return number if isinstance(value, float) or not math.isfinite(number) else type(value)(number)
+
+
+def _numbers(thing: Any) -> Iterator[tuple[Any, Callable[[Any], None]]]:
+    """Numbers, arrays and lists of numbers in a thing, each with a function that replaces it."""
+    for value, put in _parts(thing):
+        yield from _numbers_at(value, put)
+
+
+def _numbers_at(value: Any, put: Callable[[Any], None]) -> Iterator[tuple[Any, Callable[[Any], None]]]:
+    """Those of a value that something holds."""
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind in "biuf":
+            yield value, put
+    elif isinstance(value, _NUMBER) or _is_series(value):
+        yield value, put
+    elif isinstance(value, tuple):
+        entries = list(value)
+        for k, entry in enumerate(value):
+            yield from _numbers_at(entry, partial(_put_into_tuple, entries, type(value), put, k))
+    elif not (isinstance(value, _CONSTANT) or callable(value) or getattr(value, "is_constant", False)):
+        yield from _numbers(value)
+
+
+def _is_series(value: Any) -> bool:
+    """Whether it is a list of numbers, or of tuples of as many numbers each."""
+    if not isinstance(value, _LISTS):
+        return False
+    if all(isinstance(entry, tuple) for entry in value):
+        return len({len(entry) for entry in value}) < 2 and all(isinstance(v, _NUMBER) for e in value for v in e)
+    return all(isinstance(entry, _NUMBER) for entry in value)
+
+
+def _put_into_tuple(entries: list[Any], kind: type, put: Callable[[Any], None], k: int, entry: Any) -> None:
+    """Replace a tuple by one with another entry, and with those that were replaced before."""
+    entries[k] = entry
+    put(kind(*entries) if hasattr(kind, "_fields") else kind(entries))
+
+
+def _parts(thing: Any) -> Iterator[tuple[Any, Callable[[Any], None]]]:
+    """What an object, a dictionary or a list holds, each with a function that replaces it."""
+    if isinstance(thing, dict):
+        for key in thing:
+            yield thing[key], partial(thing.__setitem__, key)
+    elif isinstance(thing, _LISTS):
+        for k in range(len(thing)):
+            yield thing[k], partial(thing.__setitem__, k)
+    else:
+        slots = [name for kind in type(thing).__mro__ for name in getattr(kind, "__slots__", ())]
+        for name in (*getattr(thing, "__dict__", {}), *slots):
+            derived = isinstance(getattr(type(thing), name, None), cached_property)  # there once it was asked for
+            if hasattr(thing, name) and not derived:
+                yield getattr(thing, name), partial(object.__setattr__, thing, name)

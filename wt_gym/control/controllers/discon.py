@@ -3,6 +3,12 @@
 Variable-speed torque control and gain-scheduled collective pitch control as published by Jonkman et al. (Definition of
 a 5-MW Reference Wind Turbine, NREL/TP-500-38060, 2009, section 7). `BaselineController` works on generator speeds in SI
 units; `DisconController` puts it behind the contract of `wt_gym.control.controllers.controller`.
+
+Gains of the collective pitch (`PitchLaw`) come in one of two forms. As published for the NREL 5-MW (NREL/TP-500-38060,
+section 7.3), a factor
+``GK = 1/(1 + theta/theta_K)`` before both gains and the integral of the speed error. Or as a table over the pitch, as
+in ROSCO's input files (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.2): then the integral gain stands inside
+the integral, so that a gain that changes with the pitch does not move the demand.
 """
 
 from __future__ import annotations
@@ -16,10 +22,7 @@ import numpy as np
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.drive_mode import drive_mode
-from wt_gym.control.controllers.filters import LowPass, SecondOrderLowPass
-from wt_gym.control.controllers.pitch_law import GainTable, PitchLaw
-from wt_gym.control.design import FILTER_OVER_ROTOR_SPEED
+from wt_gym.control.design import FILTER_OVER_ROTOR_SPEED, drive_mode
 from wt_gym.control.operating_point import (
     DesignPoint,
     TorqueCurve,
@@ -28,7 +31,7 @@ from wt_gym.control.operating_point import (
     rotor_inertia,
     torque_curve,
 )
-from wt_gym.control.sensors import Notch
+from wt_gym.control.sensors import LowPass, Notch, SecondOrderLowPass
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
@@ -37,7 +40,98 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["BaselineController", "BaselineParameters", "BaselineState", "DisconController", "nrel_5mw_parameters"]
+__all__ = [
+    "BaselineController", "BaselineParameters", "BaselineState", "DisconController", "GainTable", "PitchLaw",
+    "nrel_5mw_parameters",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class GainTable:
+    """Gains over the pitch, linear between the points and held beyond the ends."""
+
+    pitch: tuple[float, ...]  #: ascending [rad]
+    proportional: tuple[float, ...]  #: from generator speed error [rad/s] to pitch [s]
+    integral: tuple[float, ...]  #: [-]
+
+    def __post_init__(self) -> None:
+        if not len(self.pitch) == len(self.proportional) == len(self.integral) > 0:
+            raise ControllerError(
+                f"a gain table needs as many gains as pitch angles, at least one, got {len(self.pitch)} angles, "
+                f"{len(self.proportional)} and {len(self.integral)} gains"
+            )
+        if not all(gain > 0.0 for gain in self.integral):
+            raise ControllerError(f"integral gains of a table must be positive, got {self.integral}")
+
+    def at(self, pitch: float) -> tuple[float, float]:
+        """Proportional and integral gain at a pitch [rad]."""
+        return (
+            float(np.interp(pitch, self.pitch, self.proportional)),
+            float(np.interp(pitch, self.pitch, self.integral)),
+        )
+
+
+@dataclass(frozen=True)
+class PitchLaw:
+    """The law; its memory, the integral, is given and returned."""
+
+    proportional_gain: float  #: at zero pitch [s]
+    integral_gain: float  #: at zero pitch [-]
+    gain_doubling_pitch: float  #: pitch at which the gains are halved [rad]
+    table: GainTable | None = None  #: takes the place of the three
+
+    def factor(self, pitch: float) -> float:
+        """Gain reduction GK for the stronger response of the rotor at larger pitch [-]."""
+        return 1.0 / (1.0 + pitch / self.gain_doubling_pitch)
+
+    def gains(self, pitch: float) -> tuple[float, float]:
+        """Proportional and integral gain at a pitch [rad]."""
+        if self.table is not None:
+            return self.table.at(pitch)
+        factor = self.factor(pitch)
+        return factor * self.proportional_gain, factor * self.integral_gain
+
+    def holding(self, pitch: float, error: float | None = None) -> float:
+        """Integral with which the law demands the present pitch [rad] at a speed error [rad/s].
+
+        Without an error the integral alone holds the pitch.
+        """
+        if self.table is not None:
+            return pitch - (0.0 if error is None else self.table.at(pitch)[0] * error)
+        if error is None:
+            return pitch / (self.factor(pitch) * self.integral_gain)
+        return (pitch / self.factor(pitch) - self.proportional_gain * error) / self.integral_gain
+
+    def step(
+        self, pitch: float, integral: float, error: float, dt: float, low: float, high: float
+    ) -> tuple[float, float]:
+        """Pitch demand within the limits ``low`` and ``high`` [rad], and the integral, held there too (anti-windup).
+
+        Gains are those of the previous demand ``pitch`` [rad]; the integral is that of the speed error [rad], or with a
+        table that of the pitch [rad]; the error is one of the speed [rad/s], over ``dt`` [s].
+        """
+        if self.table is not None:
+            proportional, gain = self.table.at(pitch)
+            integral = min(max(integral + gain * error * dt, low), high)
+            return min(max(proportional * error + integral, low), high), integral
+        factor = self.factor(pitch)
+        to_integral = 1.0 / (factor * self.integral_gain)
+        integral = integral + error * dt
+        integral = min(max(integral, low * to_integral), high * to_integral)
+        demand = factor * (self.proportional_gain * error + self.integral_gain * integral)
+        return min(max(demand, low), high), integral
+
+    def moved(self, before: float, change: float, integral: float) -> float:
+        """Integral with which the next demand is moved by ``change`` [rad] from the present one ``before`` [rad].
+
+        The gain factor stands before the integral too: a shift of the integral alone would shrink with the factor that
+        belongs to the new pitch.
+        """
+        if self.table is not None:
+            return integral + change
+        integral = self.factor(before) * integral + change / self.integral_gain
+        return integral / self.factor(before + change)
+
 
 PITCH_OF_REGION_3 = math.radians(1.0)
 """Pitch above fine pitch from which on the torque controller holds constant power where nothing is published [rad]."""
@@ -48,54 +142,25 @@ _LARGEST_LOOP_GAIN = 0.5
 
 @dataclass(frozen=True)
 class BaselineParameters:
-    """Constants of the controller; the published names are given in brackets.
+    """Constants of the controller; the published names are given in brackets."""
 
-    Attributes
-    ----------
-    corner_frequency : float
-        Of the low-pass filter on the generator speed [rad/s] (CornerFreq).
-    proportional_gain, integral_gain : float
-        At fine pitch, from generator speed error [rad/s] to pitch [rad] (PC_KP [s], PC_KI [-]).
-    gain_doubling_pitch : float
-        Pitch at which the rotor's response has doubled and the gains are halved [rad] (PC_KK).
-    reference_speed : float
-        Generator speed held above rated wind [rad/s] (PC_RefSpd).
-    min_pitch, max_pitch, max_pitch_rate : float
-        [rad], [rad], [rad/s] (PC_MinPit, PC_MaxPit, PC_MaxRat).
-    torque : TorqueCurve
-        Regions 1 to 3 of the torque controller.
-    max_torque, max_torque_rate : float
-        [N m], [N m/s] (VS_MaxTq, VS_MaxRat).
-    region_3_min_pitch : float
-        Pitch from which on the torque controller holds constant power [rad] (VS_Rgn3MP).
-    n_blades : int
-    notch_frequency : float
-        Of a notch before the filter on the generator speed [rad/s]; 0 for none, as in the published controller.
-    gain_table : GainTable or None
-        Pitch gains over the pitch, in place of ``proportional_gain``, ``integral_gain`` and ``gain_doubling_pitch``.
-    filter_damping : float
-        Damping ratio of a second-order filter on the generator speed [-]; 0 for one of first order.
-    constant_power : bool
-        Whether region 3 holds power or torque.
-    """
-
-    corner_frequency: float
-    proportional_gain: float
-    integral_gain: float
-    gain_doubling_pitch: float
-    reference_speed: float
-    min_pitch: float
-    max_pitch: float
-    max_pitch_rate: float
-    torque: TorqueCurve
-    max_torque: float
-    max_torque_rate: float
-    region_3_min_pitch: float
+    corner_frequency: float  #: of the low-pass filter on the generator speed [rad/s] (CornerFreq)
+    proportional_gain: float  #: at fine pitch, from generator speed error [rad/s] to pitch [rad] [s] (PC_KP)
+    integral_gain: float  #: at fine pitch [-] (PC_KI)
+    gain_doubling_pitch: float  #: at which the rotor's response has doubled and the gains are halved [rad] (PC_KK)
+    reference_speed: float  #: generator speed held above rated wind [rad/s] (PC_RefSpd)
+    min_pitch: float  #: [rad] (PC_MinPit)
+    max_pitch: float  #: [rad] (PC_MaxPit)
+    max_pitch_rate: float  #: [rad/s] (PC_MaxRat)
+    torque: TorqueCurve  #: regions 1 to 3 of the torque controller
+    max_torque: float  #: [N m] (VS_MaxTq)
+    max_torque_rate: float  #: [N m/s] (VS_MaxRat)
+    region_3_min_pitch: float  #: pitch from which on the torque controller holds constant power [rad] (VS_Rgn3MP)
     n_blades: int = 3
-    notch_frequency: float = 0.0
-    gain_table: GainTable | None = None
-    filter_damping: float = 0.0
-    constant_power: bool = True
+    notch_frequency: float = 0.0  #: of a notch before the filter on the speed [rad/s]; 0: none, as published
+    gain_table: GainTable | None = None  #: gains over the pitch, in place of the three above
+    filter_damping: float = 0.0  #: damping ratio of a second-order filter on the speed [-]; 0: first order
+    constant_power: bool = True  #: whether region 3 holds power or torque
 
     @cached_property
     def pitch_law(self) -> PitchLaw:
@@ -156,16 +221,6 @@ class BaselineParameters:
         A notch takes the collective edgewise mode out of the measured speed where the pitch loop, by the amplification
         of a rotor that only its material damps, has a gain of more than one half there (a margin of less than two):
         the light hub of ``gebhardt_45m``, whose blades have no material damping.
-
-        Parameters
-        ----------
-        turbine : Turbine
-        design : DesignPoint, optional
-            By default `design_point`.
-
-        Returns
-        -------
-        BaselineParameters
         """
         design, drivetrain, pitch = design or design_point(turbine), turbine.drivetrain, turbine.pitch
         curve = torque_curve(turbine)
@@ -206,33 +261,16 @@ def nrel_5mw_parameters() -> BaselineParameters:
 
 @dataclass(frozen=True)
 class BaselineState:
-    """What the controller remembers from one call to the next.
+    """Memory of the controller from one call to the next."""
 
-    Attributes
-    ----------
-    filtered_speed : float
-        Generator speed behind the low-pass filter [rad/s].
-    speed_integral : float
-        Integral of the speed error [rad], or with a table of gains of the pitch [rad], see `PitchLaw`.
-    pitch : numpy.ndarray, shape (n_blades,)
-        Pitch commands [rad].
-    torque : float
-        Torque command [N m]; NaN before the first one of a controller started without a torque.
-    """
-
-    filtered_speed: float
-    speed_integral: float
-    pitch: NDArray[np.float64]
-    torque: float
+    filtered_speed: float  #: generator speed behind the low-pass filter [rad/s]
+    speed_integral: float  #: of the speed error [rad], or with a table of gains of the pitch [rad], see `PitchLaw`
+    pitch: NDArray[np.float64]  #: commands [rad], shape (n_blades,)
+    torque: float  #: command [N m]; NaN before the first one of a controller started without a torque
 
 
 class BaselineController:
-    """Torque and pitch controller stepping on generator speeds.
-
-    Parameters
-    ----------
-    parameters : BaselineParameters, optional
-        By default those of the NREL 5-MW.
+    """Torque and pitch controller stepping on generator speeds, by default that of the NREL 5-MW.
 
     Attributes
     ----------
@@ -256,14 +294,8 @@ class BaselineController:
     def start(self, generator_speed: float, pitch: ArrayLike, torque: float = math.nan) -> None:
         """Start bumplessly: the first command continues from the present pitch.
 
-        Parameters
-        ----------
-        generator_speed : float
-            [rad/s]
-        pitch : float or array_like, shape (n_blades,)
-            Present pitch commands [rad].
-        torque : float, optional
-            Present torque command [N m]; without it the first torque is not limited in rate.
+        The pitch is that of all blades or each (n_blades,) [rad]. Without a present torque command [N m] the first
+        torque is not limited in rate.
 
         Raises
         ------
@@ -283,21 +315,7 @@ class BaselineController:
         self.state = BaselineState(float(generator_speed), float(integral), pitch, float(torque))
 
     def step(self, generator_speed: float, dt: float) -> tuple[NDArray[np.float64], float]:
-        """Advance by one call.
-
-        Parameters
-        ----------
-        generator_speed : float
-            Measured speed of the high-speed shaft [rad/s].
-        dt : float
-            Time since the last call [s].
-
-        Returns
-        -------
-        pitch : numpy.ndarray, shape (n_blades,)
-            Pitch commands [rad].
-        torque : float
-            Generator torque command [N m].
+        """Pitch (n_blades,) [rad] and torque [N m] at a generator speed [rad/s], ``dt`` [s] after the last call.
 
         Raises
         ------
@@ -351,13 +369,7 @@ class BaselineController:
 
 
 class DisconController:
-    """`BaselineController` behind the contract: reads the generator speed, demands pitch and torque; yaw rests.
-
-    Parameters
-    ----------
-    parameters : BaselineParameters, optional
-        By default those of the NREL 5-MW; `BaselineParameters.from_turbine` gives those of any turbine.
-    """
+    """`BaselineController` behind the contract: reads the generator speed, demands pitch and torque; yaw rests."""
 
     channels = ("generator_speed",)
 

@@ -28,40 +28,61 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.controller import Addition, Combined, Controller, RepairedReadings
+from wt_gym.control.controllers.controller import Addition, Combined, Controller, RepairedReadings, part_of
 from wt_gym.control.controllers.linear_optimal import linear_part
-from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.supervisor import supervisor_of
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "FaultSupervisor", "FaultSupervisorParameters", "fault_supervisor_of"]
+__all__ = ["FaultSupervisor", "FaultSupervisorOptions", "FaultSupervisorParameters", "fault_supervisor_of"]
 
-PARAMETERS = (
-    Parameter("speed_tolerance", "-", "difference of a speed from the middle of three from which on it is replaced, "
-              "over rated", 0.0, 1.0, above=True),
-    Parameter("moment_jump", "-", "change of a flapwise moment in one step that is a fault of its gauge, over the "
-              "reference moment", 0.0, above=True),
-    Parameter("frozen_time", "s", "time for which a moment or the wind vane reads the same before it is dead", 0.0,
-              above=True),
-    Parameter("vane_jump", "rad", "change of the wind vane in one step that is a fault", 0.0, math.pi, above=True),
-    Parameter("pitch_tolerance", "rad", "difference of a pitch from the model of its drive that is a fault", 0.0,
-              math.pi, above=True),
-    Parameter("pitch_time", "s", "time for which it must last", 0.0),
-    Parameter("stop_deviation", "rad", "difference at which a supervisor among the parts stops the turbine", 0.0,
-              math.pi, above=True),
-    Parameter("fade_time", "s", "time in which individual pitch fades out", 0.0, above=True),
-)  # fmt: skip
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+
+@option_record
+class FaultSupervisorOptions(Options):
+    """Parameters of a `FaultSupervisor` by rule."""
+
+    title = "fault_supervisor"
+
+    speed_tolerance: float = option(
+        "difference of a speed from the middle of three from which on it is replaced, over rated", default=0.015,
+        unit="-", low=0.0, high=1.0, above=True,
+    )  # fmt: skip
+    moment_jump: float = option(
+        "change of a flapwise moment in one step that is a fault of its gauge, over the reference moment",
+        default=0.15, unit="-", low=0.0, above=True,
+    )  # fmt: skip
+    frozen_time: float = option(
+        "time for which a moment or the wind vane reads the same before it is dead", default=0.5, unit="s", low=0.0,
+        above=True,
+    )  # fmt: skip
+    vane_jump: float = option(
+        "change of the wind vane in one step that is a fault", default=0.2, unit="rad", low=0.0, high=math.pi,
+        above=True,
+    )  # fmt: skip
+    pitch_tolerance: float = option(
+        "difference of a pitch from the model of its drive that is a fault", default=0.02, unit="rad", low=0.0,
+        high=math.pi, above=True,
+    )  # fmt: skip
+    pitch_time: float = option("time for which it must last", default=1.0, unit="s", low=0.0)
+    stop_deviation: float = option(
+        "difference at which a supervisor among the parts stops the turbine", default=0.07, unit="rad", low=0.0,
+        high=math.pi, above=True,
+    )  # fmt: skip
+    fade_time: float = option(
+        "time in which individual pitch fades out", default=2.0, unit="s", low=0.0, above=True
+    )  # fmt: skip
+
+
 _LEAST_TORQUE = 0.1
 """Torque over rated from which on power over torque is a measurement of the speed [-]."""
 _FASTER = 1.5
@@ -75,45 +96,23 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class FaultSupervisorParameters:
-    """Numbers of a `FaultSupervisor`.
+    """Numbers of a `FaultSupervisor`."""
 
-    Attributes
-    ----------
-    speed_tolerance : float
-        [rad/s], rotor.
-    moment_jump : float
-        [N m].
-    frozen_time, pitch_time, fade_time : float
-        [s].
-    vane_jump, pitch_tolerance, stop_deviation : float
-        [rad].
-    gear_ratio : float
-    efficiency : float
-        Of the generator [-].
-    least_torque : float
-        [N m], high-speed shaft.
-    min_pitch, max_pitch, max_pitch_rate : float
-        Of the drives [rad], [rad/s].
-    pitch_lag : float
-        Of the drives behind a moving command [s].
-    n_blades : int
-    """
-
-    speed_tolerance: float
-    moment_jump: float
-    frozen_time: float
-    vane_jump: float
-    pitch_tolerance: float
-    pitch_time: float
-    stop_deviation: float
-    fade_time: float
+    speed_tolerance: float  #: of the rotor [rad/s]
+    moment_jump: float  #: [N m]
+    frozen_time: float  #: [s]
+    vane_jump: float  #: [rad]
+    pitch_tolerance: float  #: [rad]
+    pitch_time: float  #: [s]
+    stop_deviation: float  #: [rad]
+    fade_time: float  #: [s]
     gear_ratio: float
-    efficiency: float
-    least_torque: float
-    min_pitch: float
-    max_pitch: float
-    max_pitch_rate: float
-    pitch_lag: float
+    efficiency: float  #: of the generator [-]
+    least_torque: float  #: [N m], high-speed shaft
+    min_pitch: float  #: of the drives [rad]
+    max_pitch: float  #: of the drives [rad]
+    max_pitch_rate: float  #: of the drives [rad/s]
+    pitch_lag: float  #: of the drives behind a moving command [s]
     n_blades: int
 
 
@@ -122,13 +121,10 @@ class FaultSupervisor(Combined):
 
     Parameters
     ----------
-    parameters : FaultSupervisorParameters
-    base : Controller
     *additions : Addition
 
     Attributes
     ----------
-    parameters : FaultSupervisorParameters
     share : float
         Of the individual part of the pitch that acts [-].
     """
@@ -144,27 +140,15 @@ class FaultSupervisor(Combined):
         self._forget([0.0] * parameters.n_blades, [0.0] * parameters.n_blades, 0.0)
 
     @classmethod
-    def of_turbine(
-        cls,
-        turbine: Turbine,
-        base: Controller,
-        *additions: Addition,
-        speed_tolerance: float = 0.015,
-        moment_jump: float = 0.15,
-        frozen_time: float = 0.5,
-        vane_jump: float = 0.2,
-        pitch_tolerance: float = 0.02,
-        pitch_time: float = 1.0,
-        stop_deviation: float = 0.07,
-        fade_time: float = 2.0,
-    ) -> FaultSupervisor:
-        """Numbers from a turbine.
+    def of_turbine(cls, turbine: Turbine, base: Controller, *additions: Addition, **parameters: Any) -> FaultSupervisor:
+        """Numbers from a turbine and `FaultSupervisorOptions`.
 
         Raises
         ------
         ValueError
             If the turbine has less than three blades, or a damper as generator.
         """
+        o = FaultSupervisorOptions(**parameters)
         drivetrain, drive = turbine.drivetrain, turbine.pitch
         if turbine.n_blades < 3:
             raise ValueError(f"a fault_supervisor needs at least 3 blades, which it compares, got {turbine.n_blades}")
@@ -174,14 +158,14 @@ class FaultSupervisor(Combined):
             drivetrain.generator_efficiency * drivetrain.rated_rotor_speed * drivetrain.gear_ratio
         )
         made = FaultSupervisorParameters(
-            speed_tolerance=speed_tolerance * drivetrain.rated_rotor_speed,
-            moment_jump=moment_jump * reference_flap_moment(turbine),
-            frozen_time=frozen_time,
-            vane_jump=vane_jump,
-            pitch_tolerance=pitch_tolerance,
-            pitch_time=pitch_time,
-            stop_deviation=stop_deviation,
-            fade_time=fade_time,
+            speed_tolerance=o.speed_tolerance * drivetrain.rated_rotor_speed,
+            moment_jump=o.moment_jump * reference_flap_moment(turbine),
+            frozen_time=o.frozen_time,
+            vane_jump=o.vane_jump,
+            pitch_tolerance=o.pitch_tolerance,
+            pitch_time=o.pitch_time,
+            stop_deviation=o.stop_deviation,
+            fade_time=o.fade_time,
             gear_ratio=drivetrain.gear_ratio,
             efficiency=drivetrain.generator_efficiency,
             least_torque=_LEAST_TORQUE * rated_torque,
@@ -259,10 +243,6 @@ class FaultSupervisor(Combined):
 
         What begins to fail at this instant is found by the next step, and a failing encoder reads what the model of its
         drive had a step before.
-
-        Parameters
-        ----------
-        signals : Readings
         """
         return self._repaired(signals, self._speed_repairs(signals), 0.0)
 
@@ -378,4 +358,4 @@ class FaultSupervisor(Combined):
 
 def fault_supervisor_of(controller: Controller | None) -> FaultSupervisor | None:
     """The supervisor of faults around a controller, None without one."""
-    return controller if isinstance(controller, FaultSupervisor) else None
+    return part_of(controller, FaultSupervisor)

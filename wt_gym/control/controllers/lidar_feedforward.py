@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from wt_gym.base.options import Options, option, option_record
+from wt_gym.control.controllers.additions import AboveRated, FadeParameters, fade_option
 from wt_gym.control.controllers.controller import Controller
-from wt_gym.control.controllers.fading import FADE, AboveRated, FadeParameters
-from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.sensors import Lidar, LowPass
 
@@ -23,27 +23,33 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "SPACING", "LidarFeedforward", "ShiftablePitch"]
-
-PARAMETERS = (
-    Parameter("filter_length", "-", "lag of the filter on the wind in rotor diameters", 0.0, above=True),
-    Parameter("delay", "s", "delay of the pitch against the filtered wind at the tower", 0.0),
-    Parameter("gain", "-", "share of the slope of the steady pitch over the wind", 0.0),
-    Parameter(
-        "lidar", "-", "the instrument", otherwise="three gates by the rotor's size", kind="Lidar", only_object=True
-    ),
-    FADE,
-)
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+__all__ = ["SPACING", "LidarFeedforward", "LidarOptions", "ShiftablePitch"]
 
 _WINDS = np.linspace(1.0, 40.0, 157)
 SPACING = 0.01
 """Of readings that are kept, in lags of the filter: a slow wind does not fill the memory."""
 
 
+@option_record
+class LidarOptions(Options):
+    """Parameters of a `LidarFeedforward` by rule."""
+
+    title = "lidar"
+
+    filter_length: float = option(
+        "lag of the filter on the wind in rotor diameters", default=0.42, unit="-", low=0.0, above=True
+    )
+    delay: float = option("delay of the pitch against the filtered wind at the tower", default=0.5, unit="s", low=0.0)
+    gain: float = option("share of the slope of the steady pitch over the wind", default=0.6, unit="-", low=0.0)
+    lidar: Lidar | None = option(
+        "the instrument", default=None, unit="-", kinds=(Lidar,), otherwise="three gates by the rotor's size"
+    )
+    fade: bool | float | FadeParameters = fade_option()
+
+
 @runtime_checkable
 class ShiftablePitch(Controller, Protocol):
-    """A controller whose collective pitch can be moved from outside without its integral fighting back."""
+    """Controller whose collective pitch can be moved from outside without its integral fighting back."""
 
     def shift_pitch(self, change: float) -> None:
         """Move the pitch of the next demand by so much [rad]."""
@@ -67,7 +73,6 @@ class LidarFeedforward:
 
     Parameters
     ----------
-    base : ShiftablePitch
     winds, pitch : array_like
         Steady collective pitch [rad] over the wind [m/s].
     lidar : Lidar
@@ -98,19 +103,13 @@ class LidarFeedforward:
         fade: AboveRated | None = None,
         gain: float = 1.0,
     ) -> None:
-        if not isinstance(lidar, Lidar):
-            raise ValueError(f"lidar must be a wt_gym.control.Lidar, got {lidar!r}")
         if not isinstance(base, ShiftablePitch):
             raise TypeError(f"a feed-forward needs a controller whose pitch can be shifted (shift_pitch), got {base!r}")
-        if not 0.0 < wavenumber < math.inf:
-            raise ValueError(f"the wavenumber must be positive and finite, got {wavenumber!r} rad/m")
         if min(lidar.ranges) < 1.0 / wavenumber:
             raise ValueError(
                 f"the nearest gate of the lidar, {min(lidar.ranges):g} m, must not lie nearer than the lag of the "
                 f"filter, {1.0 / wavenumber:g} m: a range or a wavenumber is too small"
             )
-        if not (0.0 <= delay < math.inf and 0.0 <= gain < math.inf):
-            raise ValueError(f"delay and gain must be finite and not negative, got {delay!r} s and {gain!r}")
         self.base, self.lidar, self.wavenumber, self.delay, self.fade = base, lidar, wavenumber, delay, fade
         self._winds, self._steady = np.asarray(winds, dtype=np.float64), gain * np.asarray(pitch, dtype=np.float64)
         self._readings = tuple(f"lidar_{k + 1}" for k in range(len(lidar.ranges)))
@@ -120,30 +119,8 @@ class LidarFeedforward:
         self._forget()
 
     @classmethod
-    def of_turbine(
-        cls,
-        turbine: Turbine,
-        base: ShiftablePitch,
-        filter_length: float = 0.42,
-        delay: float = 0.5,
-        gain: float = 0.6,
-        lidar: Lidar | None = None,
-        fade: FadeParameters | bool | float = True,
-    ) -> LidarFeedforward:
-        """By rule for a turbine.
-
-        Parameters
-        ----------
-        turbine : Turbine
-        base : ShiftablePitch
-        filter_length : float
-            Lag 1/k of the filter in rotor diameters [-].
-        delay, gain : float
-            See the class.
-        lidar : Lidar, optional
-            By default `Lidar.for_rotor`, that of the observations.
-        fade : FadeParameters, bool or float
-            As of `AboveRated.of_turbine`; False: always in full.
+    def of_turbine(cls, turbine: Turbine, base: ShiftablePitch, **parameters: Any) -> LidarFeedforward:
+        """By rule for a turbine, with parameters of `LidarOptions`.
 
         Raises
         ------
@@ -154,22 +131,13 @@ class LidarFeedforward:
             raise ValueError(
                 f"{turbine.name} has a damper as generator: its steady pitch must be a function of the wind speed"
             )
-        if not 0.0 < filter_length < math.inf:
-            raise ValueError(f"filter_length must be positive and finite, got {filter_length!r}")
-        fading = AboveRated.of_turbine(turbine, fade)
-        return cls(
-            base,
-            _WINDS,
-            [operating_point(turbine, wind).pitch for wind in _WINDS.tolist()],
-            Lidar.for_rotor(turbine.rotor_diameter) if lidar is None else lidar,
-            1.0 / (filter_length * turbine.rotor_diameter),
-            delay,
-            fading,
-            gain,
-        )
+        o, diameter = LidarOptions(**parameters), turbine.rotor_diameter
+        pitch = [operating_point(turbine, wind).pitch for wind in _WINDS.tolist()]
+        lidar, fade = o.lidar or Lidar.for_rotor(diameter), AboveRated.of_turbine(turbine, o.fade)
+        return cls(base, _WINDS, pitch, lidar, 1.0 / (o.filter_length * diameter), o.delay, fade, o.gain)
 
     def start(self, signals: Readings, demand: Demand) -> None:
-        """Start the base from the present demand; of the wind nothing is known yet but what the lidar sees now."""
+        """Start the base from the present demand; of the wind only the present reading of the lidar is known."""
         self.base.start(signals, demand)
         self._forget()
         if self.fade is not None:

@@ -5,43 +5,452 @@ What it does not explain is the disturbance, which no offset changes: feedback f
 long as the model holds, and its coefficients follow from least squares (Youla, Jabr and Bongiorno, IEEE Trans. Autom.
 Control 21 (1976) 319; system-level synthesis: Anderson et al., Annu. Rev. Control 47 (2019) 364). The designs come from
 ``wt-gym design linear_optimal``.
+
+*Readings* are six quantities in the fixed frame that any turbine's bus can carry (`OUTPUTS`). *Designs* are files of
+plain arrays with the record of their making, no pickled objects (`LinearDesign`).
+
+*Fit of the model* (`ModelFit`): a model explains y(t) of what is measured, and the disturbance d is the rest. If the
+turbine answers 1 + g times as strongly and tau later, the part of the controller's own effect that is left is
+
+    d = (1 + g) y(t - tau) - y(t) + d0 = g y - (1 + g) tau dy/dt + ...
+
+to first order in tau, so the regressions of the changes of d on those of y and of dy/dt give a gain g and a lag
+(1 + g) tau (least squares with an exponential window: Ljung, System Identification, 1999, section 11.2). Feedback makes
+y an answer to earlier d0, so both are biased: a model that fits has values of its own, which late readings, slow
+drives, weak or strong blades and dead gauges move. Changes, not values, are compared: the slow part of d0 is the
+largest. Values need decisions in neighboring intervals; a controller that is asked less often than its design has
+intervals shows zeros.
 """
 
 from __future__ import annotations
 
+import itertools
+import json
+import math
+import zipfile
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from scipy.signal import lfilter
 
-from wt_gym.control.controllers.controller import parts_of
-from wt_gym.control.controllers.parameters import PATH, Parameter
-from wt_gym.control.controllers.rotor_rules import same_rotor
-from wt_gym.control.optimal.design_file import LinearDesign, load_design
-from wt_gym.control.optimal.measured import OUTPUTS, channels_read, measured_outputs, side_sign
-from wt_gym.control.optimal.model_fit import ModelFit
-from wt_gym.control.optimal.offsets import PitchOffsets
-from wt_gym.control.optimal.past import delay_bins
-from wt_gym.control.sensors import LowPass
+from wt_gym.base.errors import ControllerError
+from wt_gym.base.files import whole_file
+from wt_gym.base.options import Options, option, option_record
+from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.additions import AboveRated, FadeParameters
+from wt_gym.control.controllers.controller import part_of
+from wt_gym.control.design import same_rotor
+from wt_gym.control.sensors import LowPass, to_blades, to_harmonic, within
+from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from numpy.typing import NDArray
 
-    from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Controller, Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "SHIPPED", "LinearOptimalPitch", "linear_part", "seen_bins"]
+__all__ = [
+    "FIT_TIME", "FORMAT", "LEAST_CHANGE", "OUTPUTS", "SHIPPED", "LinearDesign", "LinearOptimalPitch",
+    "LinearOptions", "ModelFit", "PitchOffsets", "bin_means", "channels_read", "default_limits", "delay_bins",
+    "linear_part", "load_design", "measured_outputs", "offset_fade", "recorded_outputs", "save_design", "seen_bins",
+    "side_sign", "spread_over_bins", "without_lasting",
+]  # fmt: skip
 
-PARAMETERS = (
-    Parameter(
-        "file", "-", "design for the turbine and the base controller", word=PATH, otherwise="the one shipped for the "
-        "turbine",
-    ),
-    Parameter("gain", "-", "factor on all offsets", 0.0, 2.0),
-)  # fmt: skip
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+OUTPUTS = ("flap_mean", "flap_tilt", "flap_yaw", "acceleration_fore_aft", "acceleration_side_side", "rotor_speed")
+"""Flapwise root moments [N m], accelerations of the nacelle [m/s^2] and rotor speed [rad/s]."""
+
+_SINGLE = ("azimuth", "nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side", "rotor_speed")
+
+
+def channels_read(n_blades: int) -> tuple[str, ...]:
+    """Names of the signals from which `OUTPUTS` follow."""
+    return (*_SINGLE, *(f"root_flap_moment_{b + 1}" for b in range(n_blades)))
+
+
+def side_sign(turbine: Turbine) -> float:
+    """Sign of what points to the side, so that the mirror image of a turbine has the same outputs."""
+    return 1.0 if turbine.rotation == "clockwise" else -1.0
+
+
+def measured_outputs(signals: Readings, n_blades: int, sign: float, out: NDArray[np.float64]) -> None:
+    """Put `OUTPUTS` of one instant into an array (6,); the sign is that of `side_sign`."""
+    moments = [signals[f"root_flap_moment_{b + 1}"] for b in range(n_blades)]
+    tilt, yaw = to_harmonic(moments, signals["azimuth"])
+    out[0] = sum(moments) / n_blades
+    out[1], out[2] = tilt, yaw
+    out[3] = signals["nacelle_acceleration_fore_aft"]
+    out[4] = sign * signals["nacelle_acceleration_side_side"]
+    out[5] = signals["rotor_speed"]
+
+
+def recorded_outputs(channels: Mapping[str, NDArray[np.float64]], n_blades: int, sign: float) -> NDArray[np.float64]:
+    """`OUTPUTS` of a record (6, n), from channels (n,) by name."""
+    angles = channels["azimuth"][None] + 2.0 * math.pi / n_blades * np.arange(n_blades)[:, None]
+    moments = np.stack([channels[f"root_flap_moment_{b + 1}"] for b in range(n_blades)])
+    return np.stack([
+        moments.mean(0),
+        2.0 / n_blades * (moments * np.cos(angles)).sum(0),
+        2.0 / n_blades * (moments * np.sin(angles)).sum(0),
+        channels["nacelle_acceleration_fore_aft"],
+        sign * channels["nacelle_acceleration_side_side"],
+        channels["rotor_speed"],
+    ])  # fmt: skip
+
+
+def delay_bins(longest: float, dt: float, fine: int = 6, growth: float = 1.3) -> tuple[tuple[int, int], ...]:
+    """Bins [first, last) of delays in steps up to the longest [s]: single steps, then wider and wider ones.
+
+    A step is ``dt`` [s]; ``fine`` is the number of bins of one step, ``growth`` the ratio of the widths of two bins.
+    """
+    end = max(round(longest / dt), fine)
+    edges = list(range(fine + 1))
+    width = 1.0
+    while edges[-1] < end:
+        width *= growth
+        edges.append(min(edges[-1] + max(round(width), 1), end))
+    return tuple(itertools.pairwise(edges))
+
+
+def without_lasting(series: NDArray[np.float64], time_constant: float, dt: float) -> NDArray[np.float64]:
+    """Series (..., n) minus its first-order low-pass, which starts in steady state; 0: as it is."""
+    if time_constant == 0.0:
+        return series
+    kept = math.exp(-dt / time_constant)
+    lasting, _ = lfilter([1.0 - kept], [1.0, -kept], series, axis=-1, zi=kept * series[..., :1])
+    out: NDArray[np.float64] = series - lasting
+    return out
+
+
+def bin_means(series: NDArray[np.float64], bins: Sequence[tuple[int, int]]) -> NDArray[np.float64]:
+    """Means over bins of delays (n_bins, n) of a series (n,) that stood at its first value before."""
+    longest = max(last for _, last in bins)
+    sums = np.concatenate([[0.0], np.cumsum(np.concatenate([np.full(longest, series[0]), series]))])
+    now = np.arange(series.size) + longest + 1
+    return np.stack([(sums[now - first] - sums[now - last]) / (last - first) for first, last in bins])
+
+
+def spread_over_bins(coefficients: NDArray[np.float64], bins: Sequence[tuple[int, int]]) -> NDArray[np.float64]:
+    """Coefficient of each delay (..., n_delays) of coefficients of bin means (..., n_bins)."""
+    widths = np.array([last - first for first, last in bins])
+    return np.repeat(coefficients / widths, widths, axis=-1)
+
+
+FORMAT = 2
+"""Version of the files; version 1 has no ``fine_speed``."""
+
+_ARRAYS = ("pitch", "responses", "gains", "scale", "washout")
+_NUMBERS = ("interval", "limit", "rate_limit", "fade")
+
+
+def offset_fade(fade: float, fine_speed: tuple[float, float] | None) -> FadeParameters:
+    """Fade of offsets: in full from a collective pitch above fine pitch on [rad], and at fine pitch by rotor speed."""
+    return FadeParameters(pitch=(fade / 6.0, fade), fine_speed=fine_speed)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearDesign:
+    """Models and feedbacks at several wind speeds, between which the pitch of the blades chooses.
+
+    With the outputs y over their scale (`OUTPUTS`) and the offsets u that reached the drives (mean, tilt,
+    yaw), sampled at the interval,
+
+        d_k = y_k - sum_l responses[l] u_(k-1-l),    u_k = sum_l gains[l] f_(k-l),
+
+    f being d without what lasts longer than the washout.
+
+    Raises
+    ------
+    wt_gym.base.errors.ControllerError
+        If shapes do not fit, or a number is out of range.
+    """
+
+    is_constant: ClassVar[bool] = True
+    """Nothing in it is memory of a controller."""
+    pitch: NDArray[np.float64]  #: mean pitch of the blades at which each design holds, rising [rad], shape (n,)
+    responses: NDArray[np.float64]  #: of outputs over their scale to offsets [1/rad], shape (n, 6, 3, n_taps)
+    gains: NDArray[np.float64]  #: from disturbances to offsets [rad], shape (n, 3, 6, n_delays)
+    scale: NDArray[np.float64]  #: of the outputs, shape (6,)
+    washout: NDArray[np.float64]  #: time constant of what lasts in each output [s]; 0: everything counts, shape (6,)
+    interval: float  #: between two decisions [s]
+    limit: float  #: of the offsets [rad]
+    rate_limit: float  #: of the offsets [rad/s]
+    fade: float  #: collective pitch above fine pitch from which on all acts in full [rad], see `AboveRated.of_turbine`
+    record: dict[str, Any] = field(default_factory=dict)
+    """How it was made: turbine, base controller, winds, options, what the models explain; JSON values."""
+    fine_speed: tuple[float, float] | None = None
+    """Rotor speed over the rated one at which offsets begin and act in full at fine pitch [-]; by default they do
+    not act there."""
+
+    def __post_init__(self) -> None:
+        for name in _ARRAYS:
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if not np.isfinite(array).all():
+                raise ControllerError(f"{name} of a linear design must be finite")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        n, m = self.pitch.size, len(OUTPUTS)
+        wanted = {"pitch": (n,), "responses": (n, m, 3, -1), "gains": (n, 3, m, -1), "scale": (m,), "washout": (m,)}
+        for name, shape in wanted.items():
+            given = getattr(self, name).shape
+            fits = len(given) == len(shape) and all(w in (g, -1) and g > 0 for g, w in zip(given, shape, strict=True))
+            if not fits:
+                shown = ", ".join("any" if w == -1 else str(w) for w in shape)
+                raise ControllerError(f"{name} of a linear design must have shape ({shown}), got {given}")
+        if not (np.diff(self.pitch) > 0.0).all():
+            raise ControllerError(f"pitch of a linear design must rise, got {self.pitch.tolist()}")
+        if not ((self.scale > 0.0).all() and (self.washout >= 0.0).all()):
+            raise ControllerError("scales of a linear design must be positive, washouts not negative")
+        for name in _NUMBERS:
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ControllerError(
+                    f"{name} of a linear design must be finite and positive, got {getattr(self, name)!r}"
+                )
+
+        if self.fine_speed is not None:
+            low, high = self.fine_speed
+            if not 0.0 < low < high < math.inf:
+                raise ControllerError(
+                    f"fine_speed of a linear design must be two rising positive numbers, got {self.fine_speed!r}"
+                )
+
+    @property
+    def fading(self) -> FadeParameters:
+        """How far offsets act."""
+        return offset_fade(self.fade, self.fine_speed)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> LinearDesign:
+        return self  # nothing in it changes
+
+    @property
+    def turbine(self) -> str:
+        """Name of the turbine that it was made for, "" where the record has none."""
+        return str(self.record.get("turbine", ""))
+
+
+def save_design(design: LinearDesign, path: str | Path) -> None:
+    """Write a design, in single precision.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    head = {"format": FORMAT, **{name: getattr(design, name) for name in _NUMBERS}, "record": design.record}
+    head["fine_speed"] = None if design.fine_speed is None else list(design.fine_speed)
+    arrays = {name: getattr(design, name).astype(np.float32) for name in _ARRAYS}
+    with whole_file(Path(path)) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, head=np.array(json.dumps(head, allow_nan=False)), **arrays)
+
+
+def load_design(path: str | Path) -> LinearDesign:
+    """Read a design.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    wt_gym.base.errors.ControllerError
+        If it is none, or of a version that is not known.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no design at {file}; wt-gym design linear_optimal makes one")
+    status = file.stat()
+    return _load(file.resolve(), status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=8)
+def _load(file: Path, changed: int, size: int) -> LinearDesign:
+    try:
+        with np.load(file, allow_pickle=False) as found:
+            head = json.loads(str(found["head"][()]))
+            parts: dict[str, Any] = {name: found[name] for name in _ARRAYS}
+        if head["format"] != FORMAT:
+            raise ControllerError(f"{file} must have format {FORMAT}, got {head['format']!r}")
+        parts |= {name: float(head[name]) for name in _NUMBERS}
+        fine_speed = head["fine_speed"]
+        parts["fine_speed"] = None if fine_speed is None else (float(fine_speed[0]), float(fine_speed[1]))
+        return LinearDesign(**parts, record=head["record"])
+    except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        if isinstance(error, ControllerError):
+            raise
+        raise ControllerError(f"{file} must be a design of wt-gym design linear_optimal: {error}") from error
+
+
+FIT_TIME = 30.0
+"""Time constant of the window [s]."""
+LEAST_CHANGE = 1e-4
+"""Added to the mean square of the changes of y, over their scale: without an effect of its own there is no fit."""
+
+
+class ModelFit:
+    """Gain and lag of n outputs, one value at every interval [s].
+
+    Attributes
+    ----------
+    values : numpy.ndarray, shape (2 n,)
+        Gains [-] and lags [s].
+    """
+
+    def __init__(self, n: int, interval: float) -> None:
+        self._interval, self._kept = interval, math.exp(-interval / FIT_TIME)
+        self._past = np.zeros((2, 2, n))  # d and y, of the last time and of that before
+        self._sums = np.zeros((4, n))
+        self._count = 0.0
+        self.values = np.zeros(2 * n)
+
+    def start(self) -> None:
+        """Forget everything."""
+        self._past[:] = self._sums[:] = self.values[:] = 0.0
+        self._count = 0.0
+
+    def update(self, disturbance: NDArray[np.float64], explained: NDArray[np.float64], passed: int = 1) -> None:
+        """Take a disturbance and its explained counterpart (n,), over their scale, ``passed`` intervals after the last.
+
+        Where that is not one interval, no change is taken from them.
+        """
+        if passed != 1:
+            self._count = 0.0
+        if self._count > 1.5:
+            change = 0.5 * (disturbance - self._past[0, 1])
+            along = 0.5 * (explained - self._past[1, 1])
+            rate = (explained - 2.0 * self._past[1, 0] + self._past[1, 1]) / self._interval
+            new = np.stack([change * along, along**2, change * rate, rate**2])
+            self._sums += (1.0 - self._kept) * (new - self._sums)
+            n = len(change)
+            self.values[:n] = self._sums[0] / (self._sums[1] + LEAST_CHANGE)
+            self.values[n:] = -self._sums[2] / (self._sums[3] + LEAST_CHANGE)
+        self._past[:, 1] = self._past[:, 0]
+        self._past[0, 0], self._past[1, 0] = disturbance, explained
+        self._count += 1.0
+
+
+_MOST, _MOST_RATE = math.radians(4.0), math.radians(3.0)
+_TURNING, _CHANGING = 0.625, 0.375
+"""Shares of the rate of the pitch drive: for cyclic pitch that lasts, and for its change [-]."""
+
+
+def default_limits(turbine: Turbine) -> tuple[float, float]:
+    """Largest offset [rad] and largest rate of offsets [rad/s] that the pitch drives of a turbine can follow.
+
+    Tilt and yaw offsets of amplitude A, which change at the rate r in the fixed frame, move a blade of a rotor at the
+    speed Ω at up to A Ω + r. At rated speed that is the rate of the drive; both are at most 4° and 3°/s.
+    """
+    most = turbine.pitch.max_rate
+    limit = _TURNING * most / turbine.drivetrain.rated_rotor_speed
+    return min(limit, _MOST), min(_CHANGING * most, _MOST_RATE)
+
+
+class PitchOffsets:
+    """Adds offsets in the fixed frame to a demand and says what of them reaches the drives.
+
+    The mean is limited in size and rate, tilt and yaw in the 2-norm of both. Below rated all fade out, because pitch
+    costs power there. No blade is pitched beyond the range of its drive: what is left of the offsets is given back, so
+    that a model of the turbine gets the inputs that the turbine gets.
+
+    Parameters
+    ----------
+    limit, rate_limit : float
+        [rad], [rad/s].
+    fade : FadeParameters, bool or float
+        As of `AboveRated.of_turbine`; False: always in full.
+
+    Attributes
+    ----------
+    share : float
+        Of the fade [-].
+    acting : tuple of float
+        Mean, tilt and yaw that reached the drives in the last step [rad].
+
+    Raises
+    ------
+    ValueError
+        For a turbine of less than three blades, or limits out of range.
+    """
+
+    def __init__(
+        self, turbine: Turbine, limit: float, rate_limit: float, fade: FadeParameters | bool | float = True
+    ) -> None:
+        if turbine.n_blades < 3:
+            raise ValueError(f"offsets in the fixed frame need at least 3 blades, got {turbine.n_blades}")
+        if not (0.0 <= limit < math.inf and 0.0 < rate_limit < math.inf):
+            raise ValueError(
+                f"limit must be finite and not negative, rate_limit finite and positive; got {limit!r}, {rate_limit!r}"
+            )
+        self.limit, self.rate_limit = limit, rate_limit
+        self.drive, self.n_blades = turbine.pitch, turbine.n_blades
+        self.fade = AboveRated.of_turbine(turbine, fade)
+        self.start()
+
+    def start(self) -> None:
+        """Forget everything: there are no offsets."""
+        self.share, self._fresh = 1.0, True
+        self._asked = (0.0, 0.0, 0.0)
+        self.acting = (0.0, 0.0, 0.0)
+
+    def update_share(self, demand: Demand, rotor_speed: float, dt: float) -> float:
+        """Share in which offsets act on a demand, before `added` is called for the same step."""
+        if self.fade is not None:
+            before = list(map(float, demand.pitch))
+            if self._fresh:
+                self.fade.start(sum(before) / len(before))
+            self.share = self.fade.update(before, rotor_speed, dt)
+        self._fresh = False
+        return self.share
+
+    def added(self, wanted: Sequence[float], demand: Demand, azimuth: float, rotor_speed: float, dt: float) -> Demand:
+        """Demand with offsets ``wanted``, mean, tilt and yaw [rad], as far as limits and rates let them through.
+
+        At the azimuth of blade 1 [rad] and a rotor speed [rad/s]; ``dt`` is the step [s].
+        """
+        mean, tilt, yaw = wanted
+        mean = min(max(mean, -self.limit), self.limit)
+        tilt, yaw = within((tilt, yaw), self.limit)
+        last, reach = self._asked, self.rate_limit * dt
+        mean = last[0] + min(max(mean - last[0], -reach), reach)
+        move = within((tilt - last[1], yaw - last[2]), reach)
+        self._asked = (mean, last[1] + move[0], last[2] + move[1])
+        ahead = azimuth + rotor_speed * pitch_delay(self.drive, dt)
+        low, high = self.drive.min_pitch, self.drive.max_pitch
+        pitch, reached = [], []
+        for before, offset in zip(map(float, demand.pitch), to_blades(self._asked, ahead, self.n_blades), strict=True):
+            angle = min(max(before + offset, min(before, low)), max(before, high))
+            pitch.append(angle)
+            reached.append(angle - before)
+        self.acting = self._in_fixed_frame(reached, ahead)
+        return Demand(np.array(pitch), demand.yaw_rate, demand.generator_torque)
+
+    def between(
+        self, before: Demand, after: Demand, azimuth: float, rotor_speed: float, dt: float
+    ) -> tuple[float, float, float]:
+        """Mean, tilt and yaw [rad] by which one demand differs from another, at the azimuth at which it acts."""
+        ahead = azimuth + rotor_speed * pitch_delay(self.drive, dt)
+        pairs = zip(after.pitch.tolist(), before.pitch.tolist(), strict=True)
+        return self._in_fixed_frame([own - base for own, base in pairs], ahead)
+
+    def _in_fixed_frame(self, values: list[float], azimuth: float) -> tuple[float, float, float]:
+        """Mean, tilt and yaw."""
+        return sum(values) / self.n_blades, *to_harmonic(values, azimuth)
+
+
+@option_record
+class LinearOptions(Options):
+    """Parameters of a `LinearOptimalPitch`."""
+
+    title = "linear_pitch"
+
+    file: Path | None = option(
+        "design for the turbine and the base controller", default=None, unit="-",
+        otherwise="the one shipped for the turbine",
+    )  # fmt: skip
+    gain: float = option("factor on all offsets", default=1.0, unit="-", low=0.0, high=2.0)
+
 
 SHIPPED = ("iea_15mw", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile")
 """Turbines with a design in ``data``."""
@@ -58,18 +467,11 @@ def seen_bins(design: LinearDesign) -> tuple[tuple[int, int], ...]:
 class LinearOptimalPitch:
     """Addition that answers disturbances of loads and rotor speed by mean, tilt and yaw pitch.
 
-    Parameters
-    ----------
-    turbine : Turbine
-    design : LinearDesign
-    gain : float
-        Factor on all offsets [-].
-
     Attributes
     ----------
     offsets : PitchOffsets
     disturbance : numpy.ndarray, shape (6,)
-        Found in the last step, in the units of `OUTPUTS`.
+        Of the last step, in the units of `OUTPUTS`.
     fit : ModelFit
         Of the model, over what is measured.
     """
@@ -93,16 +495,8 @@ class LinearOptimalPitch:
         self._forget()
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, file: str | None = None, gain: float = 1.0) -> LinearOptimalPitch:
-        """Controller of a design.
-
-        Parameters
-        ----------
-        turbine : Turbine
-        file : str, optional
-            Path of a design; by default that shipped for the turbine.
-        gain : float
-            Factor on all offsets [-].
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LinearOptimalPitch:
+        """Controller of a design, with parameters of `LinearOptions`.
 
         Raises
         ------
@@ -113,7 +507,8 @@ class LinearOptimalPitch:
         wt_gym.base.errors.ControllerError
             If the file is not a design.
         """
-        return cls(turbine, load_design(_shipped(turbine) if file is None else file), gain)
+        o = LinearOptions(**parameters)
+        return cls(turbine, load_design(_shipped(turbine) if o.file is None else o.file), o.gain)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -136,10 +531,6 @@ class LinearOptimalPitch:
 
     def known(self, signals: Readings) -> NDArray[np.float64]:
         """What is known of the disturbances at an instant, before the controller acts on it.
-
-        Parameters
-        ----------
-        signals : Readings
 
         Returns
         -------
@@ -270,5 +661,4 @@ def _shipped(turbine: Turbine) -> Path:
 
 def linear_part(controller: Controller | None) -> LinearOptimalPitch | None:
     """The linear optimal pitch among the parts of a controller, None where it has none."""
-    parts = () if controller is None else parts_of(controller)
-    return next((part for part in parts if isinstance(part, LinearOptimalPitch)), None)
+    return part_of(controller, LinearOptimalPitch)

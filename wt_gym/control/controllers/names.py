@@ -6,39 +6,343 @@
 ``path/file.py:Class:key=value,...``    your own class, or a function, in a file
 ``module:Class:key=value,...``          the same in a module
 ``FOLDER``, ``FILE.zip:key=value,...``  a trained model
-another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.experiment.names`
+another word, ``WORD:key=value,...``    further agents of a command, see `wt_gym.experiment.names`
 ======================================  ===========================================================================
+
+The catalogue is one table (`CATALOGUE`): a part's name, its place in a controller, the function that makes it for a
+turbine, and the record that declares its parameters (`wt_gym.base.options`).
 """
 
 from __future__ import annotations
 
 import ast
+import hashlib
+import importlib
+import importlib.util
 import inspect
+import math
+import numbers
+import os
 import re
+import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.control.controllers.catalogue import CONTROLLERS, catalogue_controller, declared_parameters
+from wt_gym.base.options import Option, Options, options_of
+from wt_gym.control.bladed.controller import BladedController, BladedOptions
+from wt_gym.control.bladed.rosco import RoscoController, RoscoOptions, rosco_library
+from wt_gym.control.controllers.additions import (
+    ForeAftDamper,
+    ForeAftOptions,
+    IndividualPitch,
+    IndividualPitchOptions,
+    SideSideDamper,
+    SideSideOptions,
+    YawByDeadBand,
+    YawOptions,
+)
 from wt_gym.control.controllers.controller import Combined, Controller, is_addition, is_controller
-from wt_gym.control.controllers.own_class import call_maker, classes_in, load_class
+from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, FaultSupervisorOptions
+from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward, LidarOptions
+from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, LinearOptions
+from wt_gym.control.controllers.own import (
+    TUNED,
+    OwnOptions,
+    RetunedOptions,
+    own_controller,
+    record_of,
+    retuned_controller,
+    tuned_parameters,
+)
+from wt_gym.control.controllers.power_tracking import DerateOptions, KineticOptions, PowerTracking
+from wt_gym.control.controllers.supervisor import Supervisor, SupervisorOptions
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingOptions
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "ALIASES",
-    "BASELINE",
-    "PREFIX",
-    "Name",
-    "is_agent_class",
-    "make_controller",
-    "name_and_parameters",
-    "parse_name",
-]
+    "ADDITIONS", "ALIASES", "BASELINE", "BASES", "COMPILED", "CONTROLLERS", "GUARDS", "PREFIX", "SHORT_FOR", "WRAPPERS",
+    "Name", "call_maker", "compiled_files", "controller_parameters", "controller_summary", "declared_parameters",
+    "default_text", "is_agent_class", "load_class", "make_controller", "name_and_parameters", "parse_name",
+    "source_digest",
+]  # fmt: skip
+
+# ---- the catalogue ----
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A part of controllers."""
+
+    kind: str
+    """One of "base", "wrapper", "addition", "guard". Decides on pitch and torque; works on a base before all
+    additions; changes the demand of a controller; stands around a base with all its additions."""
+    summary: str  #: one sentence
+    make: Callable[..., Any]
+    """From the turbine, what the part stands on (the base of a wrapper; base and additions of a guard) and its
+    parameters."""
+    options: type[Options]  #: declaration of the parameters
+    defaults: Mapping[str, Any] = field(default_factory=dict)  #: defaults other than those of the declaration
+
+
+CATALOGUE = {
+    "discon": Entry(
+        "base", "The turbine's own controller, with published constants where its data have them.", own_controller,
+        OwnOptions,
+    ),
+    "retuned": Entry(
+        "base", "The turbine's own controller, below rated at the best tip-speed ratio of the turbine as simulated.",
+        retuned_controller, RetunedOptions,
+    ),
+    "tsr_tracking": Entry(
+        "base", "Tip-speed-ratio tracking with a wind estimate, set-point smoothing, peak shaving.",
+        TsrTrackingController.of_turbine, TsrTrackingOptions,
+    ),
+    "rosco": Entry(
+        "base", "NREL's reference open-source controller itself, from the package rosco.", RoscoController,
+        RoscoOptions,
+    ),
+    "bladed": Entry("base", "A compiled controller with the Bladed interface.", BladedController, BladedOptions),
+    "derate_speed": Entry(
+        "wrapper", "No more power than is demanded, by a lower rotor speed.",
+        partial(PowerTracking.of_turbine, way="speed"), DerateOptions,
+    ),
+    "derate_torque": Entry(
+        "wrapper", "No more power than is demanded, by a lower torque at rated speed.",
+        partial(PowerTracking.of_turbine, way="torque"), DerateOptions,
+    ),
+    "derate_pitch": Entry(
+        "wrapper", "No more power than is demanded, by a higher least pitch that keeps a reserve.",
+        partial(PowerTracking.of_turbine, way="pitch"), DerateOptions,
+    ),
+    "derate_kinetic": Entry(
+        "wrapper", "The demanded power, by torque, with the rotor as a store where the wind is too weak.",
+        partial(PowerTracking.of_turbine, way="kinetic"), KineticOptions,
+    ),
+    "lidar": Entry(
+        "wrapper", "Collective pitch ahead of the wind that a lidar sees.", LidarFeedforward.of_turbine, LidarOptions
+    ),
+    "supervisor": Entry(
+        "wrapper", "Start-up, shut-down, soft or hard cut-out and restart around a base.", Supervisor.of_turbine,
+        SupervisorOptions,
+    ),
+    "ipc": Entry(
+        "addition", "Individual pitch against the load once per revolution.", IndividualPitch.of_turbine,
+        IndividualPitchOptions,
+    ),
+    "ipc_2p": Entry(
+        "addition", "Individual pitch against the loads once and twice per revolution.", IndividualPitch.of_turbine,
+        IndividualPitchOptions, {"second_harmonic": 0.5},
+    ),
+    "constrained_ipc": Entry(
+        "addition", "Individual pitch that acts only where the moment in the fixed frame leaves a band of this level.",
+        IndividualPitch.of_turbine, IndividualPitchOptions, {"level": 0.1},
+    ),
+    "linear_pitch": Entry(
+        "addition", "Mean, tilt and yaw pitch that a least-squares design made, beside a side-side damper.",
+        LinearOptimalPitch.of_turbine, LinearOptions,
+    ),
+    "fore_aft_damper": Entry(
+        "addition", "Damper of the tower's fore-aft motion by collective pitch.", ForeAftDamper.of_turbine,
+        ForeAftOptions,
+    ),
+    "side_side_damper": Entry(
+        "addition", "Damper of the tower's side-side motion by generator torque.", SideSideDamper.of_turbine,
+        SideSideOptions,
+    ),
+    "yaw": Entry("addition", "Yaw by dead-band.", YawByDeadBand.of_turbine, YawOptions),
+    "fault_supervisor": Entry(
+        "guard", "Watches drives and sensors, repairs readings, falls back to collective pitch.",
+        FaultSupervisor.of_turbine, FaultSupervisorOptions,
+    ),
+}  # fmt: skip
+"""Parts by name; wrappers in the order in which they stand around a base, the first within the others."""
+
+
+def _makers(kind: str) -> dict[str, Callable[..., Any]]:
+    return {name: entry.make for name, entry in CATALOGUE.items() if entry.kind == kind}
+
+
+BASES = _makers("base")
+"""Controllers that decide on pitch and torque."""
+WRAPPERS = _makers("wrapper")
+"""Parts that work on a base before all additions, the first within the others."""
+ADDITIONS = _makers("addition")
+"""Parts that change the demand of a controller."""
+GUARDS = _makers("guard")
+"""Parts that stand around a base with all its additions."""
+SHORT_FOR = {
+    "tower_dampers": ("fore_aft_damper", "side_side_damper"),
+    "linear_optimal": ("side_side_damper", "linear_pitch"),
+    **TUNED,
+}
+"""Names that stand for several parts; those of `TUNED` bring parameters with them."""
+CONTROLLERS = (*CATALOGUE, *SHORT_FOR)
+"""Every name; additions stand on "discon" where there is no base."""
+COMPILED = ("rosco", "bladed")
+"""Names of controllers that are libraries of others."""
+
+
+@cache
+def declared_parameters(name: str) -> tuple[Option, ...]:
+    """Parameters of one name of the catalogue with unit, allowed values, default and meaning.
+
+    Those of a name that stands for several parts are called ``part__parameter``; the defaults of tuned ones are the
+    results of the search.
+
+    Parameters
+    ----------
+    name : str
+        Of `CONTROLLERS`.
+
+    Raises
+    ------
+    ValueError
+        For another name.
+
+    Examples
+    --------
+    >>> [parameter.name for parameter in declared_parameters("yaw")]
+    ['dead_band', 'stop', 'slow', 'fast']
+    """
+    if name in CATALOGUE:
+        entry = CATALOGUE[name]
+        return tuple(
+            replace(one, flat=f"{one.name} of controller {name!r}", default=entry.defaults.get(one.name, one.default))
+            for one in options_of(entry.options)
+        )
+    if name not in SHORT_FOR:
+        raise ValueError(_unknown(name, [name]))
+    tuned = record_of(name)["best"]["parameters"] if name in TUNED else {}
+    options = [(f"{part}__{one.name}", one) for part in SHORT_FOR[name] for one in declared_parameters(part)]
+    return tuple(replace(one, name=key, default=tuned.get(key, one.default)) for key, one in options)
+
+
+def controller_parameters(name: str) -> dict[str, Any]:
+    """Parameters of one name of the catalogue with their defaults, see `declared_parameters`.
+
+    Examples
+    --------
+    >>> controller_parameters("retuned")
+    {'gain_factor': None}
+    """
+    return {parameter.name: parameter.default for parameter in declared_parameters(name)}
+
+
+def controller_summary(name: str) -> str:
+    """Say in one sentence what a name of `CONTROLLERS` stands for."""
+    if name in CATALOGUE:
+        return CATALOGUE[name].summary
+    parts = "+".join(SHORT_FOR[name])
+    return f"Stands for {parts}" + (", with the parameters that a search found." if name in TUNED else ".")
+
+
+def default_text(parameter: Option, turbine: Turbine | None = None) -> str:
+    """Default of a parameter in words, of a turbine where it follows from it; degrees behind radians."""
+    value = parameter.default_of(turbine)
+    if value is None:
+        return parameter.otherwise or "None"
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return str(value)
+    degrees = f" ({math.degrees(value):.4g}°)" if parameter.unit == "rad" and value else ""
+    return f"{value:.4g}{degrees}"
+
+
+def _unknown(choice: str, unknown: list[str]) -> str:
+    """Message for names that are none."""
+    return (
+        f"a controller must be among {', '.join(CONTROLLERS)}; got {', '.join(map(repr, unknown))} in {choice!r}; "
+        f"several are joined with '+', for example 'retuned+ipc+yaw'{did_you_mean(unknown[0], CONTROLLERS)}"
+    )
+
+
+def _parts(choice: str) -> tuple[str, ...]:
+    """Base, wrappers from the inside out, additions and guards of a name, checked."""
+    parts = [part for name in choice.split("+") for part in SHORT_FOR.get(name, (name,))]
+    if unknown := [part for part in parts if part not in CATALOGUE]:
+        raise ValueError(_unknown(choice, unknown))
+    if parts[0] not in BASES:
+        parts.insert(0, BASELINE)
+    if any(part in BASES for part in parts[1:]) or len(set(parts)) < len(parts):
+        raise ValueError(
+            f"controller {choice!r} must be one of {', '.join(BASES)} first, then additions "
+            f"({', '.join((*WRAPPERS, *ADDITIONS, *GUARDS))}), each once"
+        )
+    place = {name: 1 + k for k, name in enumerate(WRAPPERS)} | dict.fromkeys(BASES, 0)
+    return tuple(sorted(parts, key=lambda part: place.get(part, 1 + len(WRAPPERS))))
+
+
+def _distribute(parts: tuple[str, ...], parameters: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Parameters of each part, checked."""
+    allowed = {part: {parameter.name: parameter for parameter in declared_parameters(part)} for part in parts}
+    values: dict[str, dict[str, Any]] = {part: {} for part in parts}
+    for key, value in parameters.items():
+        part, _, name = key.rpartition("__")
+        owners = [p for p in parts if name in allowed[p] and part in ("", p)]
+        if not owners:
+            known = "; ".join(f"{p}: {', '.join(names) or 'none'}" for p, names in allowed.items())
+            near = did_you_mean(name, [n for p in parts for n in allowed[p] if part in ("", p)])
+            raise ValueError(f"no parameter {key!r} in controller {'+'.join(parts)!r}; there are {known}{near}")
+        if len(owners) > 1:
+            raise ValueError(f"parameter {key!r} belongs to {' and '.join(owners)}; write {owners[0]}__{name}")
+        values[owners[0]][name] = allowed[owners[0]][name].checked(value)
+    return values
+
+
+def _of_catalogue(choice: str, turbine: Turbine, parameters: Mapping[str, Any]) -> Controller:
+    """Controller of names of the catalogue joined with "+"."""
+    parts = _parts(choice)
+    tuned = {k: v for name in choice.split("+") if name in TUNED for k, v in tuned_parameters(name, turbine).items()}
+    values = _distribute(parts, tuned | dict(parameters))
+
+    def made(kind: str, *inside: Any) -> list[Any]:
+        entries = [(part, CATALOGUE[part]) for part in parts if CATALOGUE[part].kind == kind]
+        return [entry.make(turbine, *inside, **{**entry.defaults, **values[part]}) for part, entry in entries]
+
+    (controller,) = made("base")
+    for part in parts:
+        if part in WRAPPERS:
+            controller = WRAPPERS[part](turbine, controller, **values[part])
+    additions = made("addition")
+    if guards := made("guard", controller, *additions):
+        controller = guards[0]
+    elif additions:
+        controller = Combined(controller, *additions)
+    return controller
+
+
+def compiled_files(choice: str, parameters: Mapping[str, Any]) -> tuple[Path, ...]:
+    """Files of others that decide on what a controller does: libraries and their input files.
+
+    Parameters
+    ----------
+    choice : str
+        Names of `CONTROLLERS` joined with "+".
+
+    Raises
+    ------
+    ValueError
+        See `make_controller`.
+    wt_gym.base.errors.ControllerError
+        If the package ``rosco`` is needed and not installed.
+    """
+    parts = _parts(choice)
+    values = _distribute(parts, parameters)
+    paths = [
+        Path(value)
+        for part in parts
+        for parameter in declared_parameters(part)
+        if "Path" in parameter.annotation and (value := values[part].get(parameter.name))
+    ]
+    return (*paths, rosco_library()) if "rosco" in parts else tuple(paths)
+
+
+# ---- names ----
 
 BASELINE = "discon"
 """The one name of the baseline: the turbine's own controller."""
@@ -53,8 +357,6 @@ _IDENTIFIER = r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*"
 _FILE_CLASS = re.compile(rf"(?P<target>.+\.py:{_IDENTIFIER})(?::(?P<rest>.*))?", re.DOTALL)
 _MODULE_CLASS = re.compile(rf"(?P<target>{_IDENTIFIER}:{_IDENTIFIER})(?::(?P<rest>.*))?")
 _MODEL = re.compile(r"(?P<target>.+\.zip)(?::(?P<rest>.*))?", re.DOTALL)
-
-
 _NAME_BEHIND_PARAMETERS = re.compile(
     rf"\+(?P<name>{'|'.join(sorted(CONTROLLERS, key=len, reverse=True))})\b(?P<rest>.*)"
 )
@@ -62,20 +364,13 @@ _NAME_BEHIND_PARAMETERS = re.compile(
 
 @dataclass(frozen=True)
 class Name:
-    """What a name means.
+    """Meaning of a name."""
 
-    Attributes
-    ----------
-    kind : {"word", "controller", "class", "trained"}
-    target : str
-        Word, names of the catalogue joined with "+", ``file.py:Class`` or ``module:Class``, or path; aliases resolved.
-    parameters : dict
-        By key.
-    """
-
-    kind: str
+    kind: str  #: one of "word", "controller", "class", "trained"
     target: str
-    parameters: dict[str, Any] = field(default_factory=dict)
+    """Word, names of the catalogue joined with "+", ``file.py:Class`` or ``module:Class``, or path; aliases
+    resolved."""
+    parameters: dict[str, Any] = field(default_factory=dict)  #: by key
 
     @property
     def text(self) -> str:
@@ -94,9 +389,8 @@ def parse_name(
 
     Parameters
     ----------
-    text : str
     words : collection of str
-        That mean something here besides.
+        Further words that have a meaning here.
     aliases : mapping, optional
         Of those words.
     near : iterable of str
@@ -120,24 +414,21 @@ def parse_name(
     word = (aliases or {}).get(head, head)
     if word in words:
         return Name("word", word, _parameters(rest, text))
-    if text.startswith(PREFIX):
+    if text.startswith(PREFIX) or _all_known(_canonical(head)):
         return Name("controller", *name_and_parameters(text.removeprefix(PREFIX)))
-    if _all_known(_canonical(head)):
-        return Name("controller", *name_and_parameters(text))
-    if found := _FILE_CLASS.fullmatch(text):
-        return Name("class", found["target"], _parameters(found["rest"], text, strings=True))
+    if match := _FILE_CLASS.fullmatch(text):
+        return Name("class", match["target"], _parameters(match["rest"], text, strings=True))
     if text.endswith(".py"):
-        inside = classes_in(Path(text))
-        raise ValueError(f"{text!r} must name a class behind a colon, as {text}:{inside[0] if inside else 'Class'}")
+        _refuse_file(text)
     if text and Path(text).exists():
         return Name("trained", text)
-    if (found := _MODEL.fullmatch(text)) and Path(found["target"]).exists():
-        return Name("trained", found["target"], _parameters(found["rest"], text, strings=True))
+    if (match := _MODEL.fullmatch(text)) and Path(match["target"]).exists():
+        return Name("trained", match["target"], _parameters(match["rest"], text, strings=True))
     folder, _, rest = text.rpartition(":")
     if "=" in rest and folder and Path(folder).exists():
         return Name("trained", folder, _parameters(rest, text, strings=True))
-    if (found := _MODULE_CLASS.fullmatch(text)) and "=" not in found["target"]:
-        return Name("class", found["target"], _parameters(found["rest"], text, strings=True))
+    if (match := _MODULE_CLASS.fullmatch(text)) and "=" not in match["target"]:
+        return Name("class", match["target"], _parameters(match["rest"], text, strings=True))
     if text.endswith(".zip") or "/" in text or "\\" in text:
         raise FileNotFoundError(
             f"an agent must be a controller or an existing path, got {text!r}: there is no trained model at {text}"
@@ -159,18 +450,28 @@ def _canonical(names: str) -> str:
     return "+".join(ALIASES.get(name, name) for name in names.split("+"))
 
 
+def _refuse_file(text: str) -> None:
+    """Say that a file must be followed by one of its classes; the file is read but not executed."""
+    try:
+        tree = ast.parse(Path(text).read_bytes())
+        first = next(node.name for node in tree.body if isinstance(node, ast.ClassDef))
+    except (SyntaxError, ValueError, OSError, StopIteration):
+        first = "Class"
+    raise ValueError(f"{text!r} must name a class behind a colon, as {text}:{first}")
+
+
 def _parameters(rest: str | None, text: str, strings: bool | Collection[str] = False) -> dict[str, Any]:
     """Parameters of ``key=value,key=value``: numbers, True, False, None, and words, for all keys or for some."""
     if not rest:
         if text.endswith(":"):
             raise ValueError(f"the colon of {text!r} must be followed by key=value, or left out")
         return {}
-    if found := _NAME_BEHIND_PARAMETERS.search(rest):
+    if match := _NAME_BEHIND_PARAMETERS.search(rest):
         head = text[: len(text) - len(rest)].rstrip(":")
-        pairs = [rest[: found.start()], *filter(None, [(found["rest"] or "").lstrip(":")])]
+        pairs = [rest[: match.start()], *filter(None, [(match["rest"] or "").lstrip(":")])]
         raise ValueError(
             f"the names of {text!r} must all stand before the colon, the parameters of all parts behind it: "
-            f"{head}+{found['name']}:{','.join(pairs)}"
+            f"{head}+{match['name']}:{','.join(pairs)}"
         )
     parameters: dict[str, Any] = {}
     for pair in rest.split(","):
@@ -179,19 +480,22 @@ def _parameters(rest: str | None, text: str, strings: bool | Collection[str] = F
             raise ValueError(f"a parameter of a controller must be key=value, got {pair!r} in {text!r}")
         if key in parameters:
             raise ValueError(f"every parameter must be given once, got {key} twice in {text!r}")
-        try:
-            parameters[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            parameters[key] = value
+        parameters[key] = value if strings is not True and strings and key in strings else _literal(value)
         worded = strings if isinstance(strings, bool) else key in strings
-        if worded and not isinstance(strings, bool):
-            parameters[key] = value
         if not isinstance(parameters[key], int | float | None) and not (worded and isinstance(parameters[key], str)):
             words = ", a word" if worded else ""
             raise ValueError(
                 f"the value of {key!r} in {text!r} must be a number{words}, True, False or None, got {value!r}"
             )
     return parameters
+
+
+def _literal(value: str) -> Any:
+    """Value of a Python literal; the text itself where it is none."""
+    try:
+        return ast.literal_eval(value)
+    except (ValueError, SyntaxError):
+        return value
 
 
 def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
@@ -217,33 +521,133 @@ def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
     >>> name_and_parameters("bladed:lib/mine.so:interval=0.0125,input_file=mine.in")
     ('bladed', {'library': 'lib/mine.so', 'interval': 0.0125, 'input_file': 'mine.in'})
     """
-    if found := _FILE_CLASS.fullmatch(choice) or _MODULE_CLASS.fullmatch(choice):
-        head = choice.partition(":")[0]
-        if not _all_known(_canonical(head)):
-            return found["target"], _parameters(found["rest"], choice, strings=True)
-    name, _, rest = choice.partition(":")
-    name = _canonical(name)
+    head, _, rest = choice.partition(":")
+    name = _canonical(head)
+    if not _all_known(name) and (match := _FILE_CLASS.fullmatch(choice) or _MODULE_CLASS.fullmatch(choice)):
+        return match["target"], _parameters(match["rest"], choice, strings=True)
     declared = [
-        (key, parameter)
+        (key, one)
         for part in name.split("+")
         if part in CONTROLLERS
-        for parameter in declared_parameters(part)  # those of a name that stands for several are part__parameter
-        for key in (parameter.name, f"{part}__{parameter.name}", parameter.name.rpartition("__")[2])
+        for one in declared_parameters(part)  # those of a name that stands for several are part__parameter
+        for key in (one.name, f"{part}__{one.name}", one.name.rpartition("__")[2])
     ]
-    words = {key for key, parameter in declared if parameter.word}
-    library, rest = _library(rest, {key for key, _ in declared}) if _LIBRARY in name.split("+") else ("", rest)
-    return name, ({"library": library} if library else {}) | _parameters(rest, choice, words)
+    library: dict[str, Any] = {}
+    if _LIBRARY in name.split("+"):  # its path, which may have colons and equality signs, stands first
+        keys, (path, separator, pairs) = {key for key, _ in declared}, rest.rpartition(":")
+        if separator and pairs.partition("=")[0] in keys:
+            library, rest = {"library": path}, pairs
+        elif rest and rest.partition("=")[0] not in keys:
+            library, rest = {"library": rest}, ""
+    words = {key for key, one in declared if {"str", "Path"} & set(one.annotation.split("|"))}
+    return name, library | _parameters(rest, choice, words)
 
 
-def _library(rest: str, keys: Collection[str]) -> tuple[str, str]:
-    """Path of a library, "" where a parameter names it, and the text of the parameters behind it.
+# ---- classes of the user ----
 
-    The path may have colons and equality signs of its own.
+
+def load_class(target: str) -> Any:
+    """Load a class, or a function that makes something, from ``path/file.py:Class`` or ``module:Class``.
+
+    The file or module is executed, with all that its author wrote into it. A file is executed once in a process and
+    stays the same module, so that objects of its classes can be pickled and copied. Modules are looked for in the
+    present folder too.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If there is no such module, or it has no such name.
     """
-    path, separator, pairs = rest.rpartition(":")
-    if separator and pairs.partition("=")[0] in keys:
-        return path, pairs
-    return ("", rest) if rest.partition("=")[0] in keys else (rest, "")
+    place, _, name = target.rpartition(":")
+    module = _module_of_file(Path(place)) if place.endswith(".py") else _module(place, target)
+    value: Any = module
+    for part in name.split("."):
+        if not hasattr(value, part):
+            known = [key for key, entry in vars(value).items() if callable(entry) and not key.startswith("_")]
+            there = ", ".join(known) or "no class or function"
+            raise ValueError(f"{place} has no {name!r}; it has {there}{did_you_mean(name, known)}")
+        value = getattr(value, part)
+    if not callable(value):
+        raise ValueError(f"{target} must be a class, or a function that makes a controller or an agent, got {value!r}")
+    return value
+
+
+def call_maker(target: str, maker: Callable[..., Any], arguments: dict[str, Any]) -> Any:
+    """Call a class or function of a file, named ``target`` in the message, with keyword arguments.
+
+    Raises
+    ------
+    ValueError
+        If it takes other arguments.
+    """
+    try:
+        signature = inspect.signature(maker)
+        signature.bind(**arguments)
+    except TypeError as error:
+        raise ValueError(f"{target} takes the arguments {signature}, got {arguments}: {error}") from error
+    return maker(**arguments)
+
+
+def source_digest(target: str) -> str:
+    """SHA-256 sum of the file in which a class is written, which identifies its version; its imports do not count.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If there is no such module, or it has no source.
+    """
+    place = target.rpartition(":")[0]
+    source = _existing(Path(place)) if place.endswith(".py") else inspect.getsourcefile(_module(place, target))
+    if source is None:
+        raise ValueError(f"module {place!r} has no source file")
+    return hashlib.sha256(Path(source).read_bytes()).hexdigest()
+
+
+def _existing(file: Path) -> Path:
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no file {file}")
+    return file
+
+
+def _module_of_file(file: Path) -> Any:
+    """Module of a file, executed where it is not yet."""
+    path = _existing(file).resolve()
+    name = f"wt_gym_own_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"{file} cannot be loaded as Python")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _module(name: str, target: str) -> Any:
+    """Module by name; the present folder is looked in after all others."""
+    here = os.getcwd()
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is not None and (name == error.name or name.startswith(f"{error.name}.")):
+            raise ValueError(
+                f"there is no module {error.name!r} for {target!r}; a file is named as path/file.py:Class"
+            ) from error
+        raise
+
+
+# ---- controllers of names ----
 
 
 def is_agent_class(maker: Any) -> bool:
@@ -266,7 +670,6 @@ def make_controller(
         ``"module:Class"``, whose code is run; it is made by its ``of_turbine(turbine, ...)`` where it has one, gets
         ``turbine`` where it takes an argument of this name, and stands on "discon" where it is an addition. Or a
         controller, which is returned as it is, or a function that makes one for the turbine.
-    turbine : Turbine
     **parameters
         Of the parts, see `declared_parameters`. One that belongs to several parts of the name is told apart by the
         name of the part and two underscores: ``ipc__limit=0.05``. For a class or function they are its keyword
@@ -295,12 +698,16 @@ def make_controller(
         target, beside = name_and_parameters(choice.removeprefix(PREFIX))
         if both := [key for key in beside if key in parameters]:
             raise ValueError(f"{', '.join(both)} of controller {target!r} is given twice")
-        parameters = beside | parameters
         if ":" in target:
-            return _of_own_class(target, turbine, parameters)
-        if not _all_known(target) and (target.endswith((".py", ".zip")) or (target and Path(target).exists())):
-            _refuse_path(target)
-        return catalogue_controller(target, turbine, parameters)
+            return _of_own_class(target, turbine, beside | parameters)
+        if target.endswith(".py"):
+            _refuse_file(target)
+        if not _all_known(target) and (target.endswith(".zip") or (target and Path(target).exists())):
+            raise ValueError(
+                f"{target!r} must be a controller (channels, start, step): a trained model acts on observations and "
+                "cannot run below actions or without an environment; name it as an agent, as in wt-gym evaluate"
+            )
+        return _of_catalogue(target, turbine, beside | parameters)
     if is_controller(choice):
         if parameters:
             raise TypeError(f"a controller that is made already takes no parameters, got {', '.join(parameters)}")
@@ -309,23 +716,7 @@ def make_controller(
         raise TypeError(
             f"controller must be a name ({', '.join(CONTROLLERS)}), a Controller or a function, got {_what(choice)}"
         )
-    made = choice(turbine, **parameters)
-    if not is_controller(made):
-        raise TypeError(
-            f"{choice!r} gave {_what(made)}; it must give a Controller: channels, start(signals, demand), "
-            "step(signals, dt)"
-        )
-    return made
-
-
-def _refuse_path(target: str) -> None:
-    """Say what to do with a path that does not name a controller."""
-    if target.endswith(".py"):
-        parse_name(target)  # which says what is missing
-    raise ValueError(
-        f"{target!r} must be a controller (channels, start, step): a trained model acts on observations and cannot run "
-        "below actions or without an environment; name it as an agent, as in wt-gym evaluate"
-    )
+    return _checked(choice(turbine, **parameters), repr(choice))
 
 
 def _of_own_class(target: str, turbine: Turbine, parameters: dict[str, Any]) -> Controller:
@@ -342,10 +733,16 @@ def _of_own_class(target: str, turbine: Turbine, parameters: dict[str, Any]) -> 
         wanted = {"turbine": turbine} if "turbine" in inspect.signature(maker).parameters else {}
         made = call_maker(target, partial(maker, **wanted), parameters)
     if is_addition(made):
-        return Combined(catalogue_controller(BASELINE, turbine, {}), made)
+        return Combined(_of_catalogue(BASELINE, turbine, {}), made)
+    return _checked(made, target)
+
+
+def _checked(made: Any, maker: str) -> Controller:
+    """Give back what a function has made if it is a controller."""
     if not is_controller(made):
         raise TypeError(
-            f"{target} gave {made!r}; it must give a Controller: channels, start(signals, demand), step(signals, dt)"
+            f"{maker} gave {_what(made)}; it must give a Controller: channels, start(signals, demand), "
+            "step(signals, dt)"
         )
     return made
 

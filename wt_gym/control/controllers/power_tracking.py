@@ -33,11 +33,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.control.controllers.controller import demanded_power_of
+from wt_gym.base.options import Options, option, option_record
+from wt_gym.control.controllers.controller import demanded_power_of, part_of
 from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, DisconController
-from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
-from wt_gym.control.rotor_table import RotorTable, rotor_table
+from wt_gym.control.rotor import RotorTable, rotor_table
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -48,14 +48,9 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "KINETIC_PARAMETERS",
-    "PARAMETERS",
-    "WAYS",
-    "PowerTracking",
-    "PowerTrackingLaw",
-    "pitch_over_share",
+    "WAYS", "DerateOptions", "KineticOptions", "PowerTracking", "PowerTrackingLaw", "pitch_over_share",
     "power_tracking_of",
-]
+]  # fmt: skip
 
 WAYS = ("speed", "torque", "pitch", "kinetic")
 """How a rotor is held back."""
@@ -65,27 +60,39 @@ _ABOVE_REGION_2 = 1.05
 """Least rated speed of the derated torque curve over the end of region 1 1/2 [-]."""
 _SHARES = np.linspace(LEAST_SHARE, 1.0, 33)
 
-_LEVEL = Parameter(
-    "power_level", "-", "share of the rated power that is followed where no demanded power is read", LEAST_SHARE, 1.0
-)
-PARAMETERS = (_LEVEL,)
-KINETIC_PARAMETERS = (
-    _LEVEL,
-    Parameter("lowest_speed", "-", "rotor speed over rated at which no more energy is taken from the rotor", 0.3, 0.99),
-    Parameter("raised", "-", "rise of the reference speed over rated, by which more is stored", 0.0, 0.1),
-    Parameter("band", "-", "rotor speed over rated above it within which the store closes", 0.005, 0.3),
-)
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+
+@option_record
+class DerateOptions(Options):
+    """Parameters of a `PowerTracking`."""
+
+    title = "derate"
+
+    power_level: float = option(
+        "share of the rated power that is followed where no demanded power is read", default=1.0, unit="-",
+        low=LEAST_SHARE, high=1.0,
+    )  # fmt: skip
+
+
+@option_record
+class KineticOptions(DerateOptions):
+    """Parameters of a `PowerTracking` with the rotor as a store."""
+
+    lowest_speed: float = option(
+        "rotor speed over rated at which no more energy is taken from the rotor", default=0.9, unit="-", low=0.3,
+        high=0.99,
+    )  # fmt: skip
+    raised: float = option(
+        "rise of the reference speed over rated, by which more is stored", default=0.05, unit="-", low=0.0, high=0.1
+    )
+    band: float = option(
+        "rotor speed over rated above it within which the store closes", default=0.1, unit="-", low=0.005, high=0.3
+    )
 
 
 def pitch_over_share(turbine: Turbine, table: RotorTable | None = None) -> NDArray[np.float64]:
     """Least pitch by which a share of the largest power coefficient is left at the best tip-speed ratio.
 
-    Parameters
-    ----------
-    turbine : Turbine
-    table : RotorTable, optional
-        By default the turbine's.
+    By default of the turbine's own table.
 
     Returns
     -------
@@ -109,13 +116,11 @@ class PowerTrackingLaw(BaselineController):
 
     Parameters
     ----------
-    parameters : BaselineParameters
     way : {"speed", "torque", "pitch", "kinetic"}
     shares, pitch : array_like, shape (n,)
         As of `pitch_over_share`.
-    lowest_speed, band, raised : float
-        Of the store: speed at which it is shut, by how much faster it is open, and rise of the reference speed, all
-        over rated speed [-].
+    store : KineticOptions
+        Speed at which the store is shut, by how much faster it is open, and rise of the reference speed.
 
     Attributes
     ----------
@@ -124,19 +129,12 @@ class PowerTrackingLaw(BaselineController):
     """
 
     def __init__(
-        self,
-        parameters: BaselineParameters,
-        way: str,
-        shares: NDArray[np.float64],
-        pitch: NDArray[np.float64],
-        lowest_speed: float = 0.9,
-        band: float = 0.1,
-        raised: float = 0.05,
-    ):
+        self, parameters: BaselineParameters, way: str, shares: ArrayLike, pitch: ArrayLike, store: KineticOptions
+    ) -> None:
         super().__init__(parameters)
         if way not in WAYS:
             raise ValueError(f"the way must be one of {WAYS}, got {way!r}")
-        self.way, self.lowest_speed, self.band, self.raised = way, float(lowest_speed), float(band), float(raised)
+        self.way, self.lowest_speed, self.band, self.raised = way, store.lowest_speed, store.band, store.raised
         self._shares, self._share_pitch = np.asarray(shares, dtype=np.float64), np.asarray(pitch, dtype=np.float64)
         self.power = parameters.torque.rated_power
         curve = parameters.torque
@@ -235,7 +233,6 @@ class PowerTracking(DisconController):
 
     Parameters
     ----------
-    law : PowerTrackingLaw
     generator_efficiency : float
         Electrical power over that on the shaft of the generator [-].
     level : float
@@ -247,27 +244,17 @@ class PowerTracking(DisconController):
         self.generator_efficiency, self.level = float(generator_efficiency), float(level)
 
     @classmethod
-    def of_turbine(
-        cls,
-        turbine: Turbine,
-        base: Controller,
-        way: str,
-        power_level: float = 1.0,
-        **store: Any,
-    ) -> PowerTracking:
+    def of_turbine(cls, turbine: Turbine, base: Controller, way: str, **parameters: Any) -> PowerTracking:
         """By rule for a turbine.
 
         Parameters
         ----------
-        turbine : Turbine
         base : DisconController or TsrTrackingController
             Whose constants are taken; of one that tracks the tip-speed ratio those of its pitch law, beside the torque
             curve of the turbine.
         way : {"speed", "torque", "pitch", "kinetic"}
-        power_level : float
-            ``level`` of the class.
-        **store
-            ``lowest_speed``, ``band`` and ``raised`` of `PowerTrackingLaw`.
+        **parameters
+            Of `KineticOptions`.
 
         Raises
         ------
@@ -277,16 +264,18 @@ class PowerTracking(DisconController):
         if not turbine.drivetrain.takes_torque:
             raise ValueError(f"{turbine.name} has a damper as generator: its torque must be a demand to follow a power")
         if type(base) is DisconController:
-            parameters = base.parameters
+            constants = base.parameters
         elif type(base) is TsrTrackingController:
-            parameters = base.parameters.baseline
+            constants = base.parameters.baseline
         else:
             raise ValueError(
                 "a demanded power can be followed on 'discon', 'retuned' or 'tsr_tracking': the base must be one of "
                 f"them, got a {type(base).__name__}"
             )
-        law = PowerTrackingLaw(parameters, way, *pitch_over_share(turbine), **store)
-        return cls(law, turbine.drivetrain.generator_efficiency, power_level)
+        options = KineticOptions(**parameters)
+        shares, pitch = pitch_over_share(turbine)
+        law = PowerTrackingLaw(constants, way, shares, pitch, options)
+        return cls(law, turbine.drivetrain.generator_efficiency, options.power_level)
 
     def _ask(self, signals: Readings) -> None:
         """Tell the law what is asked for."""
@@ -308,8 +297,5 @@ class PowerTracking(DisconController):
 
 
 def power_tracking_of(controller: Controller | None) -> PowerTracking | None:
-    """What follows a demanded power in a controller, however it is wrapped; None without any."""
-    inner: Any = controller
-    while inner is not None and not isinstance(inner, PowerTracking):
-        inner = getattr(inner, "base", None)
-    return inner
+    """Part of a controller that follows a demanded power, None without any."""
+    return part_of(controller, PowerTracking)

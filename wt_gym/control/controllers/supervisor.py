@@ -19,23 +19,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import ControllerError
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.controller import AtSetPoint, Controller, demanded_power_of, lidar_of, parts_of
+from wt_gym.control.controllers.controller import AtSetPoint, Controller, demanded_power_of, part_of
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward, ShiftablePitch
-from wt_gym.control.controllers.parameters import Parameter
-from wt_gym.control.controllers.speed_exclusion import SpeedExclusion
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
+from wt_gym.control.controllers.tsr_tracking import SpeedExclusion, TsrTrackingController
 from wt_gym.control.operating_point import least_pitch, torque_curve
 from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
-    from wt_gym.control.controllers.pitch_law import PitchLaw
-    from wt_gym.control.sensors import Lidar
+    from wt_gym.control.controllers.discon import PitchLaw
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "STATES", "Supervisor", "SupervisorParameters", "supervisor_of"]
+__all__ = ["STATES", "Supervisor", "SupervisorOptions", "SupervisorParameters", "supervisor_of"]
 
 STATES = ("parked", "start_up", "production", "soft_cut_out", "shut_down")
 """What a turbine does, in the order of `Supervisor.state_index`."""
@@ -52,84 +50,83 @@ _PITCHED = math.radians(1.0)
 _MOST_TORQUE = 1.1
 """Torque that a shut-down may begin with, over rated [-]: that which the baseline controllers end at."""
 
-PARAMETERS = (
-    Parameter("averaging", "s", "time over which the wind is averaged; its low-pass filter has half of it", 0.0,
-              above=True),
-    Parameter("cut_out", "m/s", "mean wind at which the turbine stops", 0.0, above=True,
-              otherwise="5 m/s above the cut-out wind of the turbine",
-              in_use=lambda turbine: turbine.cut_out + 5.0),
-    Parameter("derate_from", "m/s", "mean wind from which on the set point falls", 0.0, above=True,
-              otherwise="2 m/s below the cut-out wind of the turbine",
-              in_use=lambda turbine: turbine.cut_out - 2.0),
-    Parameter("least_speed", "-", "set point of the rotor speed at cut-out, over rated", 0.3, 1.0),
-    Parameter("least_power", "-", "power at cut-out over rated, at most least_speed", 0.0, 1.0, above=True),
-    Parameter("hysteresis", "m/s", "by which the mean wind must have fallen below cut-out for a restart", 0.0),
-    Parameter("restart_delay", "s", "time that the turbine stands at least", 0.0),
-    Parameter("run_up", "s", "time in which a start-up brings the rotor to rated speed; a third of it loads the "
-              "generator", 1.0),
-    Parameter("gust", "m/s", "wind over 3 s above cut-out at which the turbine stops at once", 0.0),
-    Parameter("overspeed", "-", "rotor speed over rated at which the turbine stops at once", 1.0, above=True),
-    Parameter("stop_rate", "rad/s", "pitch rate of a shut-down", 0.0, above=True,
-              otherwise="half of the greatest rate of the drives",
-              in_use=lambda turbine: 0.5 * turbine.pitch.max_rate),
-    Parameter("resonance", "-", "half width of the band of rotor speeds that is crossed quickly, over the one at which "
-              "the passing blades excite the tower; 0: none", 0.0, 0.3),
-)  # fmt: skip
-"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+
+@option_record
+class SupervisorOptions(Options):
+    """Parameters of a `Supervisor` by rule."""
+
+    title = "supervisor"
+
+    averaging: float = option(
+        "time over which the wind is averaged; its low-pass filter has half of it", default=600.0, unit="s", low=0.0,
+        above=True,
+    )  # fmt: skip
+    cut_out: float | None = option(
+        "mean wind at which the turbine stops", default=None, unit="m/s", low=0.0, above=True,
+        otherwise="5 m/s above the cut-out wind of the turbine", in_use=lambda turbine: turbine.cut_out + 5.0,
+    )  # fmt: skip
+    derate_from: float | None = option(
+        "mean wind from which on the set point falls", default=None, unit="m/s", low=0.0, above=True,
+        otherwise="2 m/s below the cut-out wind of the turbine", in_use=lambda turbine: turbine.cut_out - 2.0,
+    )  # fmt: skip
+    least_speed: float = option(
+        "set point of the rotor speed at cut-out, over rated", default=0.75, unit="-", low=0.3, high=1.0
+    )
+    least_power: float = option(
+        "power at cut-out over rated, at most least_speed", default=0.5, unit="-", low=0.0, high=1.0, above=True
+    )
+    hysteresis: float = option(
+        "by which the mean wind must have fallen below cut-out for a restart", default=3.0, unit="m/s", low=0.0
+    )
+    restart_delay: float = option("time that the turbine stands at least", default=30.0, unit="s", low=0.0)
+    run_up: float = option(
+        "time in which a start-up brings the rotor to rated speed; a third of it loads the generator", default=60.0,
+        unit="s", low=1.0,
+    )  # fmt: skip
+    gust: float = option(
+        "wind over 3 s above cut-out at which the turbine stops at once", default=10.0, unit="m/s", low=0.0
+    )
+    overspeed: float = option(
+        "rotor speed over rated at which the turbine stops at once", default=1.2, unit="-", low=1.0, above=True
+    )
+    stop_rate: float | None = option(
+        "pitch rate of a shut-down", default=None, unit="rad/s", low=0.0, above=True,
+        otherwise="half of the greatest rate of the drives", in_use=lambda turbine: 0.5 * turbine.pitch.max_rate,
+    )  # fmt: skip
+    resonance: float = option(
+        "half width of the band of rotor speeds that is crossed quickly, over the one at which the passing blades "
+        "excite the tower; 0: none", default=0.0, unit="-", low=0.0, high=0.3,
+    )  # fmt: skip
+
+
+_AS_GIVEN = ("least_speed", "least_power", "averaging", "restart_delay", "run_up", "overspeed")
+"""Parameters that are numbers of the supervisor as they are."""
 
 
 @dataclass(frozen=True)
 class SupervisorParameters:
-    """Numbers of a `Supervisor`.
+    """Numbers of a `Supervisor`; between ``derate_from`` and ``cut_out`` the set points fall in straight lines."""
 
-    Attributes
-    ----------
-    cut_in, restart, derate_from, cut_out : float
-        Mean winds at which the turbine starts, starts again after a storm, is held back, and stops [m/s].
-    least_speed, least_power : float
-        Set points at ``cut_out``, over rated; between ``derate_from`` and there they fall in straight lines [-].
-    averaging, restart_delay, run_up : float
-        [s].
-    gust : float
-        Wind over 3 s at which the turbine stops [m/s].
-    overspeed : float
-        Over rated [-].
-    stop_rate, start_rate : float
-        Pitch rates of shut-down and start-up [rad/s].
-    feather, fine_pitch : float
-        [rad].
-    rated_speed : float
-        Of the rotor [rad/s].
-    cut_in_speed : float
-        Of the rotor over rated, at which the generator takes torque [-].
-    radius : float
-        70 % of that of the rotor [m].
-    gear_ratio : float
-    rated_torque : float
-        [N m], high-speed shaft.
-    n_blades : int
-    """
-
-    cut_in: float
-    restart: float
-    derate_from: float
-    cut_out: float
-    least_speed: float
-    least_power: float
-    averaging: float
-    restart_delay: float
-    run_up: float
-    gust: float
-    overspeed: float
-    stop_rate: float
-    start_rate: float
-    feather: float
-    fine_pitch: float
-    rated_speed: float
-    cut_in_speed: float
-    radius: float
+    cut_in: float  #: mean wind at which the turbine starts [m/s]
+    restart: float  #: mean wind at which it starts again after a storm [m/s]
+    derate_from: float  #: mean wind from which on it is held back [m/s]
+    cut_out: float  #: mean wind at which it stops [m/s]
+    least_speed: float  #: set point of the rotor speed at ``cut_out``, over rated [-]
+    least_power: float  #: set point of the power there, over rated [-]
+    averaging: float  #: [s]
+    restart_delay: float  #: [s]
+    run_up: float  #: [s]
+    gust: float  #: wind over 3 s at which the turbine stops [m/s]
+    overspeed: float  #: over rated [-]
+    stop_rate: float  #: pitch rate of a shut-down [rad/s]
+    start_rate: float  #: pitch rate of a start-up [rad/s]
+    feather: float  #: [rad]
+    fine_pitch: float  #: [rad]
+    rated_speed: float  #: of the rotor [rad/s]
+    cut_in_speed: float  #: of the rotor over rated, at which the generator takes torque [-]
+    radius: float  #: 70 % of that of the rotor [m]
     gear_ratio: float
-    rated_torque: float
+    rated_torque: float  #: [N m], high-speed shaft
     n_blades: int
 
     def __post_init__(self) -> None:
@@ -178,7 +175,6 @@ class Supervisor:
     base : Controller
         Of the package: ``discon``, ``retuned``, ``tsr_tracking``, with or without ``lidar``; or ``rosco``, which begins
         afresh with every production.
-    parameters : SupervisorParameters
     pitch_law : PitchLaw
         Of the start-up.
 
@@ -213,24 +209,8 @@ class Supervisor:
         self._pitch, self._torque, self._first_speed = parameters.fine_pitch, 0.0, 1.0
 
     @classmethod
-    def of_turbine(
-        cls,
-        turbine: Turbine,
-        base: Controller,
-        averaging: float = 600.0,
-        cut_out: float | None = None,
-        derate_from: float | None = None,
-        least_speed: float = 0.75,
-        least_power: float = 0.5,
-        hysteresis: float = 3.0,
-        restart_delay: float = 30.0,
-        run_up: float = 60.0,
-        gust: float = 10.0,
-        overspeed: float = 1.2,
-        stop_rate: float | None = None,
-        resonance: float = 0.0,
-    ) -> Supervisor:
-        """Numbers from a turbine: its winds, drives, torque curve and pitch law.
+    def of_turbine(cls, turbine: Turbine, base: Controller, **parameters: Any) -> Supervisor:
+        """Numbers from a turbine (its winds, drives, torque curve and pitch law) and `SupervisorOptions`.
 
         Raises
         ------
@@ -241,33 +221,27 @@ class Supervisor:
         TypeError
             If the base is none whose pitch can be shifted.
         """
-        drivetrain, pitch = turbine.drivetrain, turbine.pitch
-        if resonance > 0.0:
+        o, drivetrain, pitch = SupervisorOptions(**parameters), turbine.drivetrain, turbine.pitch
+        if o.resonance > 0.0:
             tracking = getattr(base, "base", base)
             if not isinstance(tracking, TsrTrackingController):
                 raise ValueError(
                     f"resonance must be 0 for {type(tracking).__name__}: only a base that tracks the tip-speed ratio "
-                    f"can avoid speeds; got {resonance!r}"
+                    f"can avoid speeds; got {o.resonance!r}"
                 )
-            tracking.exclusion = SpeedExclusion.of_turbine(turbine, resonance)
+            tracking.exclusion = SpeedExclusion.of_turbine(turbine, o.resonance)
         if not drivetrain.takes_torque:
             raise ValueError(f"{turbine.name} has a damper as generator: a supervisor needs one that takes a torque")
         law, curve = BaselineParameters.from_turbine(turbine), torque_curve(turbine)
-        last = turbine.cut_out + 5.0 if cut_out is None else cut_out
+        last = turbine.cut_out + 5.0 if o.cut_out is None else o.cut_out
         rated = drivetrain.rated_rotor_speed
         made = SupervisorParameters(
             cut_in=turbine.cut_in,
-            restart=last - hysteresis,
-            derate_from=min(turbine.cut_out - 2.0, last) if derate_from is None else derate_from,
+            restart=last - o.hysteresis,
+            derate_from=min(turbine.cut_out - 2.0, last) if o.derate_from is None else o.derate_from,
             cut_out=last,
-            least_speed=least_speed,
-            least_power=least_power,
-            averaging=averaging,
-            restart_delay=restart_delay,
-            run_up=run_up,
-            gust=last + gust,
-            overspeed=overspeed,
-            stop_rate=0.5 * pitch.max_rate if stop_rate is None else min(stop_rate, pitch.max_rate),
+            gust=last + o.gust,
+            stop_rate=0.5 * pitch.max_rate if o.stop_rate is None else min(o.stop_rate, pitch.max_rate),
             start_rate=0.25 * pitch.max_rate,
             feather=min(pitch.max_pitch, 0.5 * math.pi),
             fine_pitch=least_pitch(turbine, turbine.cut_in),
@@ -277,10 +251,11 @@ class Supervisor:
             gear_ratio=drivetrain.gear_ratio,
             rated_torque=law.rated_torque,
             n_blades=turbine.n_blades,
+            **{name: getattr(o, name) for name in _AS_GIVEN},
         )
         return cls(base, made, law.pitch_law)
 
-    # ---- what is asked ----
+    # ---- questions ----
 
     @property
     def state(self) -> str:
@@ -291,11 +266,6 @@ class Supervisor:
     def in_production(self) -> bool:
         """True while the demand is that of the base controller, as it is or held back."""
         return self.state_index in (_PRODUCTION, _SOFT)
-
-    @property
-    def lidar(self) -> Lidar | None:
-        """Lidar of the base, None if it has none."""
-        return lidar_of(self.base)
 
     @property
     def mean_wind(self) -> float:
@@ -451,11 +421,4 @@ class Supervisor:
 
 def supervisor_of(controller: Controller | None) -> Supervisor | None:
     """Supervisor among the parts of a controller, None without any."""
-    parts: tuple[Any, ...] = () if controller is None else parts_of(controller)
-    for part in parts:
-        inner = part
-        while inner is not None:
-            if isinstance(inner, Supervisor):
-                return inner
-            inner = getattr(inner, "base", None)
-    return None
+    return part_of(controller, Supervisor)

@@ -16,7 +16,7 @@ from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control.bladed.records import LIDAR_SENSOR, LIDAR_SPEEDS, MOST_LIDAR_POINTS
 from wt_gym.control.controllers import make_controller, parse_name
 from wt_gym.control.controllers.lidar_feedforward import SPACING
-from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.control.design import reference_flap_moment
 from wt_gym.deployment.export.parts import (
     FASTEST_LIDAR_WIND,
     KINDS,
@@ -25,7 +25,7 @@ from wt_gym.deployment.export.parts import (
     Parts,
     controller_parts,
 )
-from wt_gym.envs.options.dial import DIAL_NAMES, LEAST_FACTOR, MOST_FACTOR, checked_dial
+from wt_gym.envs.dial import DIAL_NAMES, LEAST_FACTOR, MOST_FACTOR, constant_factors
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from wt_gym.control import Lidar
     from wt_gym.control.controllers import LidarFeedforward
-    from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.control.rotor import RotorTable
     from wt_gym.deployment.export.parts import LinearPitch, Seen
     from wt_gym.deployment.export.policy import Network
 
@@ -581,7 +581,7 @@ def export_discon(
         )
     parts.values["drive"] = float(drive)
     if dial is not None and "dial" in parts.values:
-        parts.values["dial"] = list(checked_dial(dial).values())
+        parts.values["dial"] = list(constant_factors(dial))
     stem = re.sub(r"\W+", "_", stem)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

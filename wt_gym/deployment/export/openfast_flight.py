@@ -17,6 +17,7 @@ import numpy as np
 from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.options import shown
 from wt_gym.bridges.openfast import (
     PointLidar,
     ServedController,
@@ -30,11 +31,10 @@ from wt_gym.control import Lidar
 from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import parse_name
 from wt_gym.control.controllers.power_tracking import LEAST_SHARE
-from wt_gym.control.starting_point import starting_point
+from wt_gym.control.operating_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
-from wt_gym.envs.arguments import shown
 from wt_gym.envs.options import flat_arguments
-from wt_gym.envs.options.grid import checked_reference
+from wt_gym.envs.power_reference import GridOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.experiment.pool import load_model
@@ -42,7 +42,7 @@ from wt_gym.experiment.trained_agent import model_card
 from wt_gym.experiment.trained_environment import training_arguments
 from wt_gym.runs.playing import play
 from wt_gym.tasks import DEFAULT_ENV
-from wt_gym.wind.protocol import start_speed
+from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -131,7 +131,7 @@ def demanded_power(arguments: Mapping[str, Any]) -> float | None:
     given = flat_arguments(arguments).get("power_reference")
     if given is None:
         return None
-    reference = checked_reference(given)
+    reference: Any = GridOptions(reference=given).reference
     powers = set() if isinstance(reference, str) else {row[-1] for row in reference}
     if len(powers) != 1 or isinstance(power := powers.pop(), str):
         raise ValueError(

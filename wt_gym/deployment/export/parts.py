@@ -24,23 +24,20 @@ from wt_gym.control.controllers import (
     YawByDeadBand,
 )
 from wt_gym.control.controllers.controller import parts_of
-from wt_gym.control.controllers.linear_optimal import SCHEDULE_TIME, LinearOptimalPitch
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, SCHEDULE_TIME, LinearOptimalPitch
 from wt_gym.control.controllers.power_tracking import WAYS, PowerTracking
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
-from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.envs.options.dial import DIAL_NAMES
-from wt_gym.envs.rewards import available_power
+from wt_gym.envs.dial import DIAL_NAMES
+from wt_gym.envs.power import available_power
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
     from wt_gym.control import Lidar
     from wt_gym.control.controllers import AboveRated, Controller
-    from wt_gym.control.controllers.discon import BaselineParameters
-    from wt_gym.control.controllers.pitch_law import PitchLaw
-    from wt_gym.control.optimal.design_file import LinearDesign
-    from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.control.controllers.discon import BaselineParameters, PitchLaw
+    from wt_gym.control.controllers.linear_optimal import LinearDesign
+    from wt_gym.control.rotor import RotorTable
     from wt_gym.deployment.export.policy import Network
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.envs.turbine_env import WindTurbineEnv

@@ -18,9 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.control.reference_loads import reference_flap_moment
-from wt_gym.envs.options import WindOptions
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
+from wt_gym.control.design import reference_flap_moment
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindOptions, WindSampler
 from wt_gym.runs.definition import described
 from wt_gym.simulation.drivetrain.faults import DriveFault, GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow
@@ -57,7 +56,7 @@ NORMAL_STOP = 0.5
 """Pitch rate of a normal shut-down in greatest pitch rates; that of an emergency is the greatest."""
 SPEED_READS, MOMENT_READS = 0.95, 0.25
 """What a wrong sensor of rotor and generator speed reads of the truth, and what a wrong one of a blade's flapwise root
-moment adds, in reference moments (`wt_gym.control.reference_loads.reference_flap_moment`)."""
+moment adds, in reference moments (`wt_gym.control.design.reference_flap_moment`)."""
 GUST_TIMES = (0.0, 0.25, 0.375, 0.5)
 """When in an operating gust the turbine is stopped, in durations of the gust: at its beginning, in the dip, where it
 rises fastest, at its peak."""

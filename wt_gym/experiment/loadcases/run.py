@@ -59,7 +59,7 @@ def run_agent(env: gym.Env, agent: Agent, condition: Condition) -> dict[str, Any
     -------
     dict
         JSON values: ``ending`` ("time", "stopped", or why the episode was terminated), ``failure`` (message or None),
-        ``time`` [s], ``idle_time`` (`wt_gym.envs.idling.IdleClock.total`) [s], ``extremes`` (`EXTREMES`) and
+        ``time`` [s], ``idle_time`` (`wt_gym.envs.terminations.IdleClock.total`) [s], ``extremes`` (`EXTREMES`) and
         ``fatigue`` after the skipped start, None where there was nothing to measure, ``unloaded_clearance`` [m], and
         ``trace``: signals of a transient.
     """

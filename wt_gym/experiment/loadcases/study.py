@@ -15,8 +15,8 @@ import numpy as np
 import wt_gym
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.base.files import json_values, require_writable, write_text_whole
-from wt_gym.benchmark.fingerprint import benchmark_fingerprint
-from wt_gym.envs.simulators import OWN
+from wt_gym.benchmark.run import benchmark_fingerprint
+from wt_gym.envs.operation import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.experiment.loadcases.cases import CASES, SKIP, Plan, plan_of
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
     from wt_gym.experiment.loadcases.cases import Condition
     from wt_gym.runs.executors import Executor
-    from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
 __all__ = ["REPORT_FILE", "RUNS_FOLDER", "TABLE_FILE", "LoadCaseConfig", "run_load_cases"]
@@ -186,8 +185,9 @@ def run_load_cases(
             )
         shown = _Progress(progress)
         results = make_runs(
-            [job for _, job in jobs], partial(pool.results, _play, executor, _code), tally=executor.tally, store=store,
-            define=_definitions(agents, config, plain), label=_label, begin=shown.begin, told=shown.done,
+            [job for _, job in jobs], partial(pool.results, _play, executor),
+            tally=executor.tally, store=store, define=_definitions(agents, config, plain), label=_label,
+            begin=shown.begin, told=shown.done,
         )  # fmt: skip
         runs: dict[tuple[str, str], list[CaseRun]] = {}
         for (case, (name, condition)), result in zip(jobs, results, strict=True):
@@ -210,18 +210,11 @@ def _jobs(agents: Mapping[str, str], conditions: Sequence[Condition]) -> Iterato
             yield name, condition
 
 
-def _code(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, str]:
-    """Digests of the code that a run depends on, by part."""
-    return benchmark_fingerprint(
-        turbine, fidelity, "wt_gym.experiment.loadcases.run", "wt_gym.experiment.loadcases.cases"
-    )
-
-
 def _definitions(
     agents: Mapping[str, str], config: LoadCaseConfig, env: gym.Env
 ) -> Callable[[tuple[str, Condition]], dict[str, Any]]:
     """Give the function that says what a run depends on."""
-    code = _code(turbine_env_of(env).turbine, turbine_env_of(env).fidelity)
+    code = benchmark_fingerprint(turbine_env_of(env).turbine, turbine_env_of(env).fidelity)
     known = {name: fingerprint(choice) for name, choice in agents.items()}
     for print_ in known.values():
         if "sha256" in print_:

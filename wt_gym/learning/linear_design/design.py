@@ -11,11 +11,9 @@ import numpy as np
 
 import wt_gym
 from wt_gym.analysis.change import relative_change
-from wt_gym.benchmark.fingerprint import benchmark_fingerprint
+from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
-from wt_gym.control.optimal.design_file import LinearDesign, offset_fade
-from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.control.optimal.offsets import PitchOffsets, default_limits
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, LinearDesign, PitchOffsets, default_limits, offset_fade
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.learning.linear_design.feedback import (
     FeedbackOptions,
@@ -151,7 +149,7 @@ def definition(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, 
     """What decides on a recording, as JSON values."""
     speed, seed, excited = run
     return {
-        "fingerprint": benchmark_fingerprint(turbine, task.fidelity, "wt_gym.learning.linear_design.recording"),
+        "fingerprint": benchmark_fingerprint(turbine, task.fidelity),
         "base": task.base,
         "wind": {"speed": speed, "seed": seed},
         "duration": task.duration,

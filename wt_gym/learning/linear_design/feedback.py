@@ -21,8 +21,7 @@ from scipy.signal import fftconvolve
 
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
-from wt_gym.control.optimal.measured import OUTPUTS
-from wt_gym.control.optimal.past import bin_means, delay_bins, spread_over_bins, without_lasting
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, bin_means, delay_bins, spread_over_bins, without_lasting
 from wt_gym.learning.linear_design.identification import respond
 from wt_gym.learning.linear_design.series import POWER, TOWER, amplitude_weights, to_blades, without_slow
 from wt_gym.simulation.drivetrain.drives import pitch_delay
@@ -364,7 +363,7 @@ def fit_feedback(
     Returns
     -------
     gains : numpy.ndarray, shape (3, 6, n_delays)
-        As of `wt_gym.control.optimal.design_file.LinearDesign`.
+        As of `wt_gym.control.controllers.linear_optimal.LinearDesign`.
     offsets : list of numpy.ndarray, shape (3, n)
         Of each run [rad], without limits.
     """

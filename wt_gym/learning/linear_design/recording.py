@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import zipfile
 from dataclasses import dataclass, fields
@@ -9,13 +10,13 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
+from wt_gym.base.canary import differing
 from wt_gym.base.files import whole_file
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.controller import Combined, parts_of
-from wt_gym.control.optimal.measured import recorded_outputs, side_sign
-from wt_gym.control.optimal.offsets import PitchOffsets
+from wt_gym.control.controllers.linear_optimal import PitchOffsets, recorded_outputs, side_sign
 from wt_gym.experiment.comparison import Case, inflow_of
-from wt_gym.runs.definition import digest
+from wt_gym.runs.definition import run_digest
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 
@@ -119,7 +120,7 @@ class Recording:
     dt : float
         [s].
     outputs : numpy.ndarray, shape (6, n + 1)
-        `OUTPUTS` of `wt_gym.control.optimal.measured`.
+        `OUTPUTS` of `wt_gym.control.controllers.linear_optimal`.
     loads : numpy.ndarray, shape (3, n + 1)
         `LOADS`.
     flap, edge, pitch : numpy.ndarray, shape (n_blades, n + 1)
@@ -203,10 +204,10 @@ class RecordingStore(Generic[_R]):
 
     def file(self, definition: dict[str, Any]) -> Path:
         """Where a recording stands, or would."""
-        return self.folder / f"{digest(definition)}.npz"
+        return self.folder / f"{run_digest(definition)}.npz"
 
     def find(self, definition: dict[str, Any]) -> _R | None:
-        """A recording, None if it has not been made yet.
+        """Return a recording; None if it has not been made, or by a version of the package with another behavior.
 
         Raises
         ------
@@ -218,9 +219,12 @@ class RecordingStore(Generic[_R]):
             return None
         try:
             with np.load(file, allow_pickle=False) as found:
+                fingerprint = json.loads(str(found["fingerprint"]))
                 arrays = {part.name: found[part.name] for part in fields(self._kind)}  # type: ignore[arg-type]
         except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
             raise ValueError(f"{file} is damaged: {error}; remove it to have the run made again") from error
+        if differing(fingerprint, definition["fingerprint"]):
+            return None
         return self._kind(**{name: array if array.ndim else array.item() for name, array in arrays.items()})
 
     def keep(self, definition: dict[str, Any], recording: _R) -> None:
@@ -229,7 +233,7 @@ class RecordingStore(Generic[_R]):
         names = [part.name for part in fields(self._kind)]  # type: ignore[arg-type]
         arrays: dict[str, Any] = {name: np.asarray(getattr(recording, name)) for name in names}
         with whole_file(self.file(definition)) as partial, partial.open("wb") as file:
-            np.savez(file, **arrays)
+            np.savez(file, fingerprint=json.dumps(definition["fingerprint"]), **arrays)
 
 
 def record(

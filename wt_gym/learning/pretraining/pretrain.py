@@ -21,13 +21,11 @@ import torch
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
 from wt_gym.base.constants import DAY
-from wt_gym.benchmark.fingerprint import benchmark_fingerprint
+from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.deployment.export.policy import network_of
-from wt_gym.envs.dial import scaled
-from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.dial import DIAL_NAMES, dial_of, scaled
+from wt_gym.envs.options import wind_files_of
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.envs.wind_files import wind_files_of
-from wt_gym.experiment.dial_front import TURNED
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning.linear_design.identification import explained_share, identify
 from wt_gym.learning.linear_design.recording import Excitation, RecordingStore
@@ -58,12 +56,18 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     from wt_gym.deployment.export.policy import Network
-    from wt_gym.envs.dial import DialDraws
+    from wt_gym.envs.dial import DialTerm
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.learning.pretraining.options import PretrainingOptions
     from wt_gym.runs.executors import Executor
 
-__all__ = ["Round", "forecast_front", "pretrain"]
+__all__ = ["FRONT_SETTINGS", "Round", "forecast_front", "pretrain"]
+
+FRONT_SETTINGS: dict[str, dict[str, float]] = {
+    "equal": {}, "fatigue": {"fatigue": 4.0}, "power": {"power": 4.0}, "travel": {"travel": 4.0},
+    "little travel": {"travel": 0.25}, "little fatigue": {"fatigue": 0.25}, "little power": {"power": 0.25},
+}  # fmt: skip
+"""Settings of a dial of which a forecast is recorded: each factor at a quarter, one and four times the others."""
 
 _T = TypeVar("_T")
 _MAIN = (BLADE_EXPONENT, TOWER_EXPONENT)
@@ -257,7 +261,7 @@ def pretrain(
 
     check = check or (lambda: None)
     work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say, check, recordings)
-    names, dials = plain.layout.observation.names, plain.dials
+    names, dials = plain.layout.observation.names, dial_of(plain)
     dial_at = [] if dials is None else [names.index(f"dial_{name}") for name in DIAL_NAMES]
     with torch.no_grad():
         policy.action_net.weight.zero_()
@@ -313,7 +317,7 @@ def pretrain(
     }
     if dials is not None and rounds:
         drawn = isinstance(plain.options.dial.weights, str)
-        record["front"] = forecast_front(actor, made[: options.held_out], TURNED if drawn else None)
+        record["front"] = forecast_front(actor, made[: options.held_out], FRONT_SETTINGS if drawn else None)
     return record
 
 
@@ -416,12 +420,16 @@ class _Work:
     def _definition(self, job: EpisodeJob) -> dict[str, Any]:
         """Everything on which the numbers of an episode depend."""
         values = {part.name: getattr(job, part.name) for part in fields(job)}
-        return {"code": self._code, "wind_files": wind_files_of(json.loads(job.arguments)), **described(values)}
+        return {
+            "fingerprint": self._fingerprint,
+            "wind_files": wind_files_of(json.loads(job.arguments)),
+            **described(values),
+        }
 
     @cached_property
-    def _code(self) -> dict[str, str]:
-        """Digests of turbine, fidelity and code."""
-        return benchmark_fingerprint(self._env.turbine, self._env.fidelity, EpisodeJob.__module__)
+    def _fingerprint(self) -> dict[str, Any]:
+        """Turbine, fidelity, and behavior of the package."""
+        return benchmark_fingerprint(self._env.turbine, self._env.fidelity)
 
     def _job(self, speed: float, seed: int, condition: Mapping[str, Any], **more: Any) -> EpisodeJob:
         told = json.dumps(condition)
@@ -514,7 +522,7 @@ class _Work:
         low, high = self._speeds
         order = np.random.default_rng(options.first_wind_seed).permutation(options.episodes)
         winds = low + (high - low) * (order + 0.5) / options.episodes
-        dials, rng = self._env.dials, np.random.default_rng((options.first_wind_seed, number))
+        dials, rng = dial_of(self._env), np.random.default_rng((options.first_wind_seed, number))
         jobs = [
             self._job(
                 round(speed, 2), options.first_wind_seed + n, condition, agent=agent,
@@ -550,7 +558,7 @@ def _optimized(
     say: Callable[[str], None],
     check: Callable[[], None],
     budget: _Budget,
-    dials: DialDraws | None = None,
+    dials: DialTerm | None = None,
 ) -> tuple[float, float, float, int]:
     """Follow the gradient; keep what is best in the held-out winds, of what is within the budget in all winds.
 

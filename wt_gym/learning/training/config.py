@@ -7,10 +7,9 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from wt_gym.base.files import json_values
-from wt_gym.deprecated import renamed_keys
-from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.envs.options import with_whole_paths
 from wt_gym.learning.pretraining.options import PretrainingOptions, pretraining_environment
-from wt_gym.learning.training.hyperparameters import RENAMED, check_hyperparameters, hyperparameters_for
+from wt_gym.learning.training.hyperparameters import check_hyperparameters, hyperparameters_for
 from wt_gym.tasks import DEFAULT_ENV
 
 __all__ = ["TrainingConfig"]
@@ -155,8 +154,6 @@ class TrainingConfig:
             raise ValueError(
                 f"a training configuration must have the fields {', '.join(sorted(names))}, got {values!r:.200}"
             )
-        if isinstance(hyperparameters := values.get("hyperparameters"), dict):
-            values = values | {"hyperparameters": renamed_keys(hyperparameters, RENAMED)}
         return cls(**values)
 
     def continues(self, record: Any) -> bool:
@@ -165,7 +162,7 @@ class TrainingConfig:
         Parameters
         ----------
         record : Any
-            What `to_json` gave, perhaps before a field was added; anything else is another training.
+            What `to_json` gave; anything else is another training.
         """
         free = dict.fromkeys(("seed", "total_steps", "max_seconds"))
         try:

@@ -11,7 +11,6 @@ import gymnasium as gym
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecMonitor, VecNormalize
 
-from wt_gym.deprecated import renamed_names
 from wt_gym.experiment.compilation import compile_kernels
 from wt_gym.learning.training.budgets import BudgetedVecEnv, allowed_costs
 from wt_gym.learning.training.turbine_vec_env import TurbineVecEnv
@@ -22,9 +21,6 @@ if TYPE_CHECKING:
     from wt_gym.learning.training.config import TrainingConfig
 
 __all__ = ["START_METHOD", "make_training_env", "monitored", "normalized"]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 """How processes that step environments begin: the former where there is one (not on Windows), because it is faster.

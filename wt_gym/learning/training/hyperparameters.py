@@ -18,12 +18,10 @@ import yaml
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import shipped_folder
-from wt_gym.deprecated import renamed_keys
 
 __all__ = [
     "ALGORITHMS",
     "OVER_ALL_COPIES",
-    "RENAMED",
     "check_hyperparameters",
     "hyperparameters_for",
     "of_each_copy",
@@ -148,20 +146,13 @@ OVER_ALL_COPIES = {"rollout_steps": "n_steps", "update_every": "train_freq"}
 them for each copy. One replaces the other."""
 
 
-RENAMED = {
-    "normalise_observations": "normalize_observations",  # rename: keep
-    "normalise_rewards": "normalize_rewards",  # rename: keep
-}
-"""Present by former names, which records of trainings have."""
-
-
 def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparameters") -> dict[str, Any]:
     """Refuse hyperparameters that an algorithm does not have, or values out of range.
 
     Returns
     -------
     dict
-        The values, by their present names.
+        The values.
 
     Raises
     ------
@@ -173,8 +164,8 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
         raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}{near}")
     if not isinstance(values, Mapping):
         raise ValueError(f"{where} must map names to values, got {values!r}")
-    present, known = renamed_keys(values, RENAMED, where), ALGORITHMS[algorithm]
-    for name, value in present.items():
+    known = ALGORITHMS[algorithm]
+    for name, value in values.items():
         if name not in known:
             raise ValueError(
                 f"{where}: names for {algorithm} must be among {', '.join(sorted(known))}; got {name!r}"
@@ -183,12 +174,12 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
         if not known[name].allows(value):
             raise ValueError(f"{where}: {name} must be {known[name]}, got {value!r}")
     for over_all, each in OVER_ALL_COPIES.items():
-        if over_all in present and each in present:
+        if over_all in values and each in values:
             raise ValueError(
                 f"{where}: steps must be given once, got {over_all} (over all copies of the environment) and {each} "
                 "(of each)"
             )
-    return present
+    return dict(values)
 
 
 def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Recipes: the recommended training of each task, a file of options of ``wt-gym train`` for the task's newest id."""
+"""Recipes: the recommended training of each task, a file of options of ``wt-gym train`` for its id."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import shipped_folder
-from wt_gym.base.ids import name_of
 from wt_gym.tasks import TASKS
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ def recipe_file(env_id: str) -> Path:
     Parameters
     ----------
     env_id : str
-        Newest id of a task.
+        Id of a task.
 
     Returns
     -------
@@ -37,19 +36,15 @@ def recipe_file(env_id: str) -> Path:
     Raises
     ------
     ValueError
-        If the id is that of no task with a recipe, or an older one.
+        If the id is that of no task with a recipe.
     """
-    name = name_of(env_id)
-    if name not in recipe_names():
-        known = [TASKS[task].ids[-1] for task in recipe_names()]
+    tasks = {TASKS[name].id: name for name in recipe_names()}
+    if env_id not in tasks:
         raise ValueError(
-            f"--recipe needs an environment that has one, got {env_id!r}; must be one of {', '.join(known)}"
-            f"{did_you_mean(env_id, known)}"
+            f"--recipe needs an environment that has one, got {env_id!r}; must be one of {', '.join(tasks)}"
+            f"{did_you_mean(env_id, tasks)}"
         )
-    newest = TASKS[name].ids[-1]
-    if env_id != newest:
-        raise ValueError(f"the recipe of {name} must be used with its newest id {newest}, got {env_id!r}")
-    return _file(name)
+    return _file(tasks[env_id])
 
 
 def _file(name: str) -> Path:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.deprecated import renamed_names
 from wt_gym.experiment.run_folder import SEEDS_FILE, RunFolder, read_plan
 from wt_gym.learning.train import resume, train
 from wt_gym.learning.training.seeds import resume_seeds, train_seeds
@@ -17,9 +16,6 @@ if TYPE_CHECKING:
     from wt_gym.learning.training.learners import Learner
 
 __all__ = ["resume_or_train"]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 
 def resume_or_train(

@@ -12,7 +12,6 @@ import numpy as np
 
 from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.results import Wind
-from wt_gym.deprecated import renamed_names
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 
@@ -24,9 +23,6 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 __all__ = ["FIGURES", "SELECTION_WIND_SEEDS", "SelectionEvaluation"]
-
-if not TYPE_CHECKING:  # which would take every name for one of this module
-    __getattr__ = renamed_names(__name__)
 
 SELECTION_WIND_SEEDS = EVALUATION_WIND_SEEDS[:-9:-1]
 """Wind seeds by which the best model of a training is chosen, the last of those held back from training: the first

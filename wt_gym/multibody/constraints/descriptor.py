@@ -14,22 +14,14 @@ assembles eqs. (7)–(11) densely, for inspection and as the reference of the fa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from wt_gym.multibody.errors import MultibodyError
+from wt_gym.base.types import Array
+from wt_gym.multibody.arrays import Inputs, MultibodyError
+from wt_gym.multibody.system import MultibodySystem
 from wt_gym.multibody.tree import tree_kernels
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.multibody.arrays import Inputs
-    from wt_gym.multibody.system import MultibodySystem
-
-    Array = NDArray[np.float64]
-
-__all__ = ["DescriptorForm", "descriptor_form"]
 
 
 @dataclass(frozen=True)
@@ -76,7 +68,6 @@ def descriptor_form(system: MultibodySystem, y: ArrayLike, inputs: Inputs | None
 
     Parameters
     ----------
-    system : MultibodySystem
     y : array (n_state,)
     inputs : Inputs, optional
         Loads and references; those at the start of the interval are used.

@@ -18,39 +18,185 @@ Baumgarte's stabilization, so that the schemes see a plain differential equation
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from wt_gym.multibody.arrays import System
-from wt_gym.multibody.checks import check_state
-from wt_gym.multibody.errors import FAILURES, MultibodyError, failure_of_a_step
-from wt_gym.multibody.integrators import implicit_kernels
-from wt_gym.multibody.integrators.hamming import HammingIntegrator, History, Integrator, checked_start
-from wt_gym.multibody.integrators.stability import check_conditional_step, undamped_limit
+from wt_gym.base.types import Array
+from wt_gym.multibody.arrays import (
+    FAILURES,
+    Drift,
+    History,
+    Inputs,
+    MultibodyError,
+    Work,
+    failure_of_a_step,
+    new_history,
+)
+from wt_gym.multibody.integrators import implicit_kernels, integrator_kernels
+from wt_gym.multibody.integrators.stability import check_conditional_step, check_hamming_step, undamped_limit
+from wt_gym.multibody.system import MultibodySystem, check_residuals, check_state
 from wt_gym.multibody.tree import rate_kernels, tree_kernels
 
-__all__ = [
-    "DEFAULT",
-    "INTEGRATORS",
-    "NEWMARK",
-    "GeneralizedAlphaIntegrator",
-    "Integrator",
-    "IntegratorEntry",
-    "Method",
-    "NewmarkIntegrator",
-    "Newton",
-    "SchemeSettings",
-    "coupled_integrator",
-    "generalized_alpha",
-    "integrator_name",
-    "make_integrator",
-    "method_of",
-]
+STARTERS = {"adams": 0, "runge-kutta": -3}
+"""What the counter of an empty history is."""
+
+
+def checked_start(system: MultibodySystem, y: ArrayLike, inputs: Inputs, work: Work) -> Array:
+    """A copy of the state y, put exactly onto the constraint equations that it satisfies nearly.
+
+    Raises
+    ------
+    MultibodyError
+        For a state without meaning, or one that is farther from the constraint equations than
+        :data:`wt_gym.multibody.arrays.CONSISTENT`.
+    """
+    state = check_state(system, y).copy()
+    if system.constraints:
+        system.rates(state, inputs, work)
+        check_residuals(system, work.residual, work.residual_rate)
+        system.project(state, inputs)
+    return state
+
+
+class Integrator:
+    """What all integrators of a multibody system have: its arrays, the newest state, and the drift of the steps.
+
+    Attributes
+    ----------
+    step : float
+        [s].
+    inputs : Inputs
+        What acts on the system.
+    work : Work
+        Kinematics of the state evaluated last.
+    history : History
+        Everything needed to continue bit for bit.
+    """
+
+    system: MultibodySystem
+    step: float
+    inputs: Inputs
+    work: Work
+    history: History
+
+    @property
+    def drift(self) -> Drift:
+        """What steps have drifted by before they were put back, the largest since `restart_drift`.
+
+        Returns
+        -------
+        Drift
+            Of any quaternion | |q| − 1 |; of any constraint equation |φ| [m or rad] and |φ̇| [m/s or rad/s], as they
+            were at the end of the corrector passes, before the projection onto the constraints.
+        """
+        return Drift(*self.work.drift.tolist())
+
+    def restart_drift(self) -> None:
+        """Forget the drift of the steps so far."""
+        self.work.drift[:] = 0.0
+
+    @property
+    def state(self) -> Array:
+        """Current state (n_state,), a view."""
+        return cast(Array, self.history.y[-1])
+
+    @property
+    def state_rate(self) -> Array:
+        """Current dy/dt (n_state,), a view."""
+        return cast(Array, self.history.f[-1])
+
+    def start(self, y: ArrayLike, check: bool = True) -> None:
+        """Begin at a state (n_state,)."""
+        raise NotImplementedError
+
+    def advance(self, n_steps: int = 1) -> None:
+        """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``."""
+        raise NotImplementedError
+
+
+class HammingIntegrator(Integrator):
+    """The modified Hamming scheme on a system, with its history.
+
+    Parameters
+    ----------
+    step : float
+        Step length [s].
+    n_corrections : int
+        Corrector passes a step; one, two and three are stable up to ω h = 0.276, 0.78 and 1.08 without damping.
+    starter : {"adams", "runge-kutta"}
+        Of the first three steps. "adams", the default, are the published starters (modified Euler, two- and three-step
+        Adams–Moulton); the first leaves an error of order h³, which is then the order of a run that does not start at
+        rest. "runge-kutta" takes the classical scheme of fourth order at the same cost: a run is then as exact as one
+        from exact starting values.
+    trail : int
+        Steps of one call whose states and rates are kept in ``work``, see `MultibodySystem.new_work`.
+
+    Raises
+    ------
+    MultibodyError
+        For a step or a number of passes that is not positive and finite, an unknown starter or a system not yet built.
+    """
+
+    def __init__(
+        self, system: MultibodySystem, step: float, n_corrections: int = 3, starter: str = "adams", trail: int = 0
+    ) -> None:
+        system.require_built()
+        if not 0.0 < step < np.inf:
+            raise MultibodyError(f"integration step must be positive and finite, got {step}")
+        if int(n_corrections) != n_corrections or n_corrections < 1:
+            raise MultibodyError(f"n_corrections is {n_corrections!r}; must be a whole number of at least 1")
+        if starter not in STARTERS:
+            raise MultibodyError(f"starter must be one of {', '.join(STARTERS)}, got {starter!r}")
+        self.system, self.step, self.n_corrections = system, float(step), int(n_corrections)
+        self.starter = starter
+        self.work, self.inputs = system.new_work(trail), system.new_inputs()
+        self.history = new_history(system.n_state)
+
+    def start(self, y: ArrayLike, check: bool = True) -> None:
+        """Begin at a state; the starters run again.
+
+        Parameters
+        ----------
+        y : array (n_state,)
+        check : bool
+            Refuse states off the constraint equations and steps beyond the stability limit. Without it Baumgarte's
+            stabilization pulls in what is inconsistent.
+
+        Raises
+        ------
+        MultibodyError
+            For a state without meaning (length, finite numbers, unit quaternions); constraint residuals above 1e-5 (m,
+            rad, m/s, rad/s), naming the constraint; a step with which the scheme is unstable, naming ω h or α h; a
+            singular mass matrix.
+        """
+        system, history = self.system, self.history
+        if check:
+            y = state = checked_start(system, y, self.inputs, self.work)
+            check_hamming_step(system, state, self.step, self.n_corrections, self.inputs, self.work)
+        history.y[3] = check_state(system, y)
+        history.memory[:] = 0.0
+        history.counters[0] = STARTERS[self.starter]
+        history.f[3] = system.rates(y, self.inputs, self.work)
+
+    def advance(self, n_steps: int = 1) -> None:
+        """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.
+
+        Raises
+        ------
+        MultibodyError
+            When the mass matrix is singular or the state diverges.
+        """
+        code = integrator_kernels.hamming_advance(
+            self.history, self.inputs, self.system.tree, self.work, self.step, int(n_steps), self.n_corrections,
+            self.system.constrained, True,
+        )  # fmt: skip
+        if code != tree_kernels.OK:
+            raise MultibodyError(failure_of_a_step(code, self.step))
+
 
 NEWMARK = (0.25, 0.5, 0.0, 0.0)
 """β, γ, αm, αf of the average-acceleration rule."""
@@ -63,20 +209,20 @@ TANGENTS = ("difference", "structure")
 class ImplicitScratch(NamedTuple):
     """Scratch arrays of the implicit schemes; n_v = n_u + n_servo."""
 
-    trial: NDArray[np.float64]  # (n_state,) state at the end of the step
-    rate: NDArray[np.float64]  # (n_state,) its rate
-    acceleration: NDArray[np.float64]  # (n_v,) x, the unknowns: accelerations at the end of the step
-    pseudo: NDArray[np.float64]  # (n_v,) pseudo-accelerations a₁
-    increment: NDArray[np.float64]  # (n_v,) Δ, of the positions over the step [m, rad]
-    residual: NDArray[np.float64]  # (n_v,) what is left of the equations of motion
-    shifted: NDArray[np.float64]  # (n_v,) the same for a changed unknown
+    trial: Array  # (n_state,) state at the end of the step
+    rate: Array  # (n_state,) its rate
+    acceleration: Array  # (n_v,) x, the unknowns: accelerations at the end of the step
+    pseudo: Array  # (n_v,) pseudo-accelerations a₁
+    increment: Array  # (n_v,) Δ, of the positions over the step [m, rad]
+    residual: Array  # (n_v,) what is left of the equations of motion
+    shifted: Array  # (n_v,) the same for a changed unknown
 
 
 class Newton(NamedTuple):
     """How an implicit scheme solves for the end of a step, as kernels take it."""
 
     scratch: ImplicitScratch
-    scheme: NDArray[np.float64]  # (4,) β, γ, αm, αf
+    scheme: Array  # (4,) β, γ, αm, αf
     tolerance: float  # change of the position increments at which the iteration ends, over 1 + their size [m, rad]
     rough_tolerance: float  # the same where a motion is only predicted
     max_iterations: int
@@ -94,7 +240,6 @@ class ImplicitIntegrator(Integrator):
 
     Parameters
     ----------
-    system : MultibodySystem
     step : float
         Step length [s].
     scheme : tuple of float
@@ -120,14 +265,14 @@ class ImplicitIntegrator(Integrator):
 
     def __init__(
         self,
-        system: System,
+        system: MultibodySystem,
         step: float,
         scheme: tuple[float, float, float, float],
-        tolerance: float,
-        max_iterations: int,
-        difference: float,
-        tangent: str,
-        trail: int,
+        tolerance: float = 1e-9,
+        max_iterations: int = 20,
+        difference: float = 1e-6,
+        tangent: str = "difference",
+        trail: int = 0,
     ) -> None:
         system.require_built()
         for name, value in (("step", step), ("tolerance", tolerance), ("difference", difference)):
@@ -182,7 +327,7 @@ class ImplicitIntegrator(Integrator):
         implicit_kernels.begin_memory(history, system.tree, system.constrained)
         history.counters[:] = 0
 
-    def _rates(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _rates(self, y: Array) -> Array:
         """dy/dt (n_state,) under the inputs at their start."""
         if self.tangent == "difference":
             return self.system.rates(y, self.inputs, self.work)
@@ -225,18 +370,13 @@ class NewmarkIntegrator(ImplicitIntegrator):
 
     Parameters
     ----------
-    system : MultibodySystem
     step : float
         Step length [s].
     beta, gamma : float
         (¼, ½), the default, is the average-acceleration rule: second order, stable at every step, no numerical damping.
         (0, ½) is the central-difference rule, stable for ω h < 2.
-    tolerance, max_iterations, difference, tangent
-        Of Newton's iteration: smallest change of the position increments [m or rad], most iterations in a step, change
-        of the increments from which the matrix is made; "structure" instead of "difference" makes it from the masses
-        and stiffnesses of the bodies.
-    trail : int
-        Steps of one call whose states are kept in ``work``.
+    **options
+        Of `ImplicitIntegrator`.
 
     Raises
     ------
@@ -245,21 +385,12 @@ class NewmarkIntegrator(ImplicitIntegrator):
     """
 
     def __init__(
-        self,
-        system: System,
-        step: float,
-        beta: float = 0.25,
-        gamma: float = 0.5,
-        tolerance: float = 1e-9,
-        max_iterations: int = 20,
-        difference: float = 1e-6,
-        tangent: str = "difference",
-        trail: int = 0,
+        self, system: MultibodySystem, step: float, beta: float = 0.25, gamma: float = 0.5, **options: Any
     ) -> None:
         if not (gamma >= 0.5 and beta >= 0.0):
             raise MultibodyError(f"Newmark needs gamma >= 1/2 and beta >= 0, got gamma = {gamma}, beta = {beta}")
         self.beta, self.gamma = float(beta), float(gamma)
-        super().__init__(system, step, (beta, gamma, 0.0, 0.0), tolerance, max_iterations, difference, tangent, trail)
+        super().__init__(system, step, (beta, gamma, 0.0, 0.0), **options)
 
 
 def generalized_alpha(rho_inf: float) -> tuple[float, float, float, float]:
@@ -278,13 +409,12 @@ class GeneralizedAlphaIntegrator(ImplicitIntegrator):
 
     Parameters
     ----------
-    system : MultibodySystem
     step : float
         Step length [s].
     rho_inf : float
         Spectral radius at infinite frequency: 1 keeps all frequencies, 0 removes the highest within one step.
-    tolerance, max_iterations, difference, tangent, trail
-        As for :class:`NewmarkIntegrator`.
+    **options
+        Of `ImplicitIntegrator`.
 
     Raises
     ------
@@ -292,23 +422,11 @@ class GeneralizedAlphaIntegrator(ImplicitIntegrator):
         For a spectral radius outside 0 … 1.
     """
 
-    def __init__(
-        self,
-        system: System,
-        step: float,
-        rho_inf: float = 0.8,
-        tolerance: float = 1e-9,
-        max_iterations: int = 20,
-        difference: float = 1e-6,
-        tangent: str = "difference",
-        trail: int = 0,
-    ) -> None:
+    def __init__(self, system: MultibodySystem, step: float, rho_inf: float = 0.8, **options: Any) -> None:
         if not 0.0 <= rho_inf <= 1.0:
             raise MultibodyError(f"the spectral radius rho_inf must lie in 0 … 1, got {rho_inf}")
         self.rho_inf = float(rho_inf)
-        super().__init__(
-            system, step, generalized_alpha(rho_inf), tolerance, max_iterations, difference, tangent, trail
-        )
+        super().__init__(system, step, generalized_alpha(rho_inf), **options)
 
 
 # ---- registry --------------------------------------------------------------------------------------------------------
@@ -391,27 +509,15 @@ INTEGRATORS = {
 }
 DEFAULT = "hamming"
 """The integrator where none is named; of a structure that its observer frames move, it holds the state."""
-_EARLIER_NAMES = {"generalised_alpha": "generalized_alpha", "generalized-alpha": "generalized_alpha"}
-
-
-def integrator_name(name: str) -> str:
-    """The present name of an integrator, with a `DeprecationWarning` for an earlier spelling; others as they are."""
-    if not isinstance(name, str) or name not in _EARLIER_NAMES:
-        return name
-    present = _EARLIER_NAMES[name]
-    message = f"the integrator {name!r} is named {present!r}; the earlier spelling goes with the next version"
-    warnings.warn(message, DeprecationWarning, stacklevel=4)
-    return present
 
 
 def _entry(name: str) -> IntegratorEntry:
-    name = integrator_name(name)
     if name not in INTEGRATORS:
         raise MultibodyError(f"integrator must be one of {', '.join(INTEGRATORS)}, got {name!r}")
     return INTEGRATORS[name]
 
 
-def make_integrator(name: str, system: System, step: float, **options: Any) -> Integrator:
+def make_integrator(name: str, system: MultibodySystem, step: float, **options: Any) -> Integrator:
     """Integrator of the family by its name.
 
     Parameters
@@ -419,7 +525,6 @@ def make_integrator(name: str, system: System, step: float, **options: Any) -> I
     name : str
         "hamming" (options n_corrections, starter), "newmark" (beta, gamma) or "generalized_alpha" (rho_inf); the
         implicit ones also take tolerance, max_iterations, difference and tangent, all of them trail.
-    system : MultibodySystem
     step : float
         [s].
     **options
@@ -452,7 +557,7 @@ def make_integrator(name: str, system: System, step: float, **options: Any) -> I
         raise MultibodyError(f"integrator {name!r} does not take these options: {error}") from error
 
 
-def coupled_integrator(name: str, system: System, step: float, settings: SchemeSettings) -> Integrator:
+def coupled_integrator(name: str, system: MultibodySystem, step: float, settings: SchemeSettings) -> Integrator:
     """Integrator of a structure that is coupled to the air, in steps [s].
 
     An implicit one takes the matrix of the structure, where there are no constraint equations.

@@ -8,21 +8,17 @@ that state; a rotor that speeds up stiffens, so that the step should leave some 
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.multibody.errors import MultibodyError
+from wt_gym.base.types import Array
+from wt_gym.multibody.arrays import Inputs, MultibodyError, Work
+from wt_gym.multibody.system import MultibodySystem
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+Complex = NDArray[np.complex128]
 
-    from wt_gym.multibody.arrays import Inputs, System, Work
-
-    Complex = NDArray[np.complex128]
-
-__all__ = ["BAUMGARTE_LIMIT", "check_conditional_step", "check_hamming_step", "damped_limit", "hamming_growth",
-           "hamming_matrix", "predicted_growth", "system_eigenvalues", "undamped_limit"]  # fmt: skip
 
 BAUMGARTE_LIMIT = 1.29
 """Largest α h of the modified Hamming scheme with a converged corrector."""
@@ -124,7 +120,7 @@ def predicted_growth(phase: float, n_steps: int, passes: int, air_passes: int) -
     start = list(unit[:8].reshape(4, 2, 20)), list(unit[8:16].reshape(4, 2, 20)), unit[16:18]
     load, before = unit[18], unit[19]
 
-    def move(end: NDArray[np.float64], corrections: int) -> tuple[list[Any], list[Any], Any]:
+    def move(end: Array, corrections: int) -> tuple[list[Any], list[Any], Any]:
         y, f, error = list(start[0]), list(start[1]), start[2]
         for k in range(n_steps):
             force = np.zeros((2, 20))
@@ -151,11 +147,7 @@ def predicted_growth(phase: float, n_steps: int, passes: int, air_passes: int) -
 
 
 def system_eigenvalues(
-    system: System,
-    y: NDArray[np.float64],
-    inputs: Inputs | None = None,
-    work: Work | None = None,
-    step: float = 1e-6,
+    system: MultibodySystem, y: Array, inputs: Inputs | None = None, work: Work | None = None, step: float = 1e-6
 ) -> Complex:
     """Eigenvalues [1/s] of small motions about a state, servos included.
 
@@ -163,7 +155,6 @@ def system_eigenvalues(
 
     Parameters
     ----------
-    system : MultibodySystem
     y : array (n_state,)
     inputs, work : arrays of the system, optional
     step : float
@@ -199,7 +190,7 @@ def system_eigenvalues(
     return np.concatenate([np.linalg.eigvals(matrix), w * (-z + apart), w * (-z - apart)])
 
 
-def hamming_growth(roots: ArrayLike, step: float, passes: int | None) -> NDArray[np.float64]:
+def hamming_growth(roots: ArrayLike, step: float, passes: int | None) -> Array:
     """Growth in a step of the modified Hamming scheme beyond that of the motion itself, for roots λ (n,) [1/s]."""
     z = np.asarray(roots) * step
     radius = np.abs(np.linalg.eigvals(hamming_matrix(z, passes))).max(axis=1)
@@ -208,12 +199,7 @@ def hamming_growth(roots: ArrayLike, step: float, passes: int | None) -> NDArray
 
 
 def check_hamming_step(
-    system: System,
-    y: NDArray[np.float64],
-    step: float,
-    passes: int,
-    inputs: Inputs | None = None,
-    work: Work | None = None,
+    system: MultibodySystem, y: Array, step: float, passes: int, inputs: Inputs | None = None, work: Work | None = None
 ) -> None:
     """Refuse a step with which the modified Hamming scheme is unstable near a state.
 
@@ -221,7 +207,6 @@ def check_hamming_step(
 
     Parameters
     ----------
-    system : MultibodySystem
     y : array (n_state,)
     step : float
         [s].
@@ -249,12 +234,7 @@ def check_hamming_step(
 
 
 def check_conditional_step(
-    system: System,
-    y: NDArray[np.float64],
-    step: float,
-    limit: float,
-    inputs: Inputs | None = None,
-    work: Work | None = None,
+    system: MultibodySystem, y: Array, step: float, limit: float, inputs: Inputs | None = None, work: Work | None = None
 ) -> None:
     """Refuse a step with ω h beyond the limit of a conditionally stable implicit scheme; arguments as above.
 

@@ -15,44 +15,30 @@ itself both bodies get mass points and the hinge an inertia (`Joint.rotor_tensor
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody.observer_frame.frame import (
-    Drive,
-    ObserverFrameError,
-    ObserverFrameSystem,
-    Place,
-    Spring,
-    Substructure,
-)
+from wt_gym.base.types import Array
+from wt_gym.multibody.observer_frame.frame import Course, Drive, ObserverFrameSystem, Spring
 from wt_gym.multibody.observer_frame.observer_frame_body import (
+    ObserverFrameError,
+    Place,
+    Substructure,
     check_displacement,
     reference_condition,
     rigid_modes,
     seen_from_frame,
 )
+from wt_gym.multibody.system import MultibodySystem
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.structure.beam import SecondOrderField, skew
-from wt_gym.structure.flexible_body import particle_fields
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.multibody.observer_frame.frame import Course
-    from wt_gym.multibody.system import MultibodySystem
-    from wt_gym.structure.beam import Beam
-    from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, Marker, ParticleFields
-
-    Array = NDArray[np.float64]
-
-__all__ = ["FRAME", "Translation", "mass_points", "observer_frame_from_system", "substructure_from_body"]
+from wt_gym.structure.beam import Beam, SecondOrderField, skew
+from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, Marker, ParticleFields, particle_fields
 
 FRAME = "frame"
 """Name of the place where the frame of a body is: what its joint holds."""
@@ -160,8 +146,6 @@ def substructure_from_body(
 
     Parameters
     ----------
-    body : FlexibleBody
-    beam : Beam, optional
     basis : array (n_dof, n), optional
         What :meth:`FlexibleBody.from_beam` was given; not needed for a rigid body.
     reference : str
@@ -249,7 +233,6 @@ class Translation:
 
     Attributes
     ----------
-    observed : ObserverFrameSystem
     tree_bodies : list of int
         Body of the multibody system from which each substructure is made.
     rigid_parts : list of array (6, n_f)

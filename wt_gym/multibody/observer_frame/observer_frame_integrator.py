@@ -5,73 +5,20 @@ The equations and the scheme are derived in :mod:`wt_gym.multibody.observer_fram
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, cast
+from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wt_gym.base.types import Array
 from wt_gym.multibody.integrators.schemes import generalized_alpha
 from wt_gym.multibody.observer_frame import observer_frame_kernels as kernels
-from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError
+from wt_gym.multibody.observer_frame.frame import Drive, ObserverFrameSystem, Spring
+from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError, Substructure
 from wt_gym.structure.beam import skew
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.multibody.observer_frame.observer_frame_arrays import Model, State, Work
-    from wt_gym.multibody.observer_frame.observer_frame_body import Substructure
-
-    Array = NDArray[np.float64]
-
-__all__ = ["PREDICTIONS", "ObserverFrameIntegrator"]
-
 PREDICTIONS = {"uniform": kernels.UNIFORM, "accelerated": kernels.MEAN, "printed": kernels.PRINTED}
-
-
-class Acting(Protocol):
-    """A drive or a spring."""
-
-    def at(self, time: float) -> tuple[float, float, float]:
-        """What it says at a time [s]."""
-        ...
-
-
-class Connected(Protocol):
-    """A row of the constraint equations."""
-
-    @property
-    def connection(self) -> str:
-        """What it belongs to."""
-        ...
-
-
-class System(Protocol):
-    """What the integrator needs of a `wt_gym.multibody.observer_frame.frame.ObserverFrameSystem`."""
-
-    gravity: Array
-    bodies: list[Substructure]
-    loads: list[tuple[int, ArrayLike | Callable[[float], ArrayLike], str]]
-
-    @property
-    def drives(self) -> Sequence[Acting]:
-        """What turns sections."""
-        ...
-
-    @property
-    def springs(self) -> Sequence[Acting]:
-        """What acts on hinges."""
-        ...
-
-    @property
-    def _rows(self) -> Sequence[Connected]: ...
-
-    def _index(self, name: str) -> int: ...
-
-    def pack(self, prediction: int = 0) -> tuple[Model, State, Work]:
-        """Arrays for the kernels."""
-        ...
 
 
 class ObserverFrameIntegrator:
@@ -79,7 +26,6 @@ class ObserverFrameIntegrator:
 
     Parameters
     ----------
-    system : ObserverFrameSystem
     step : float
         [s]; the paper takes 1/150 of the longest natural period.
     n_iterations : int
@@ -111,7 +57,7 @@ class ObserverFrameIntegrator:
 
     def __init__(
         self,
-        system: System,
+        system: ObserverFrameSystem,
         step: float,
         n_iterations: int = 1,
         update: str | float = "step",
@@ -152,7 +98,7 @@ class ObserverFrameIntegrator:
                 self.state.alpha[b] += rigid[3:]
         self._check(kernels.accelerations(values, self.model, self.state, self._work))
 
-    def _acting(self, acting: Sequence[Acting], start: float, n_steps: int) -> Array:
+    def _acting(self, acting: Sequence[Drive] | Sequence[Spring], start: float, n_steps: int) -> Array:
         """What drives and springs say (n_steps, n, 3) at the ends of the coming steps."""
         values = [[one.at(start + k * self.step) for one in acting] for k in range(n_steps)]
         return np.array(values, dtype=float).reshape(n_steps, len(acting), 3)

@@ -11,42 +11,19 @@ from __future__ import annotations
 import cmath
 import math
 import numbers
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import ActionError, SimulationError
+from wt_gym.base.types import Array
+from wt_gym.multibody.arrays import Inputs
 from wt_gym.simulation.drivetrain.drive_kernels import act
-from wt_gym.turbines import Drivetrain, PitchSystem
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.multibody.arrays import Inputs
-    from wt_gym.turbines import Turbine
-
-__all__ = [
-    "DampingTorque",
-    "Drives",
-    "Fault",
-    "GeneratorLaw",
-    "LaggedTorque",
-    "Law",
-    "LinearDamper",
-    "PitchDrives",
-    "PitchLaw",
-    "TorqueCommand",
-    "YawDrive",
-    "available_torque",
-    "check_damper_step",
-    "check_finite",
-    "holds_torque",
-    "pitch_delay",
-]
+from wt_gym.turbines import Drivetrain, PitchSystem, Turbine
 
 FULL_TORQUE_SPEED = 0.05
 """Speed, in rated speeds, below which the available torque falls to zero: a generator brakes, it never drives."""
@@ -78,7 +55,6 @@ def available_torque(drivetrain: Drivetrain, speed: float) -> float:
 
     Parameters
     ----------
-    drivetrain : Drivetrain
     speed : float
         Low-speed shaft; below 5 % of the rated speed the torque falls to zero in proportion.
     """
@@ -98,7 +74,6 @@ def pitch_delay(drive: PitchSystem, interval: float, step: float | None = None) 
 
     Parameters
     ----------
-    drive : PitchSystem
     interval : float
         T, of the controller [s].
     step : float, optional
@@ -115,11 +90,11 @@ Demand = TypeVar("Demand", contravariant=True)
 class Law(Protocol[Demand]):
     """What turns demands into commands: numbers of the generator and the yaw drive, angles of the pitch drives."""
 
-    def first(self, value: Demand, speed: float) -> NDArray[np.float64]:
+    def first(self, value: Demand, speed: float) -> Array:
         """Command at the start, for a rotor speed [rad/s]; an `ActionError` for a value without meaning."""
         ...
 
-    def follow(self, command: NDArray[np.float64], demand: Demand, dt: float, speed: float) -> None:
+    def follow(self, command: Array, demand: Demand, dt: float, speed: float) -> None:
         """Move the command, in place, through a step of dt [s] at a generator speed [rad/s, low-speed shaft]."""
         ...
 
@@ -134,17 +109,12 @@ class PitchDrives:
     lags Δt/2 behind a moving command and stops on it. At the end of a step it is the mean of two commands: a filter
     with the gain cos(ω Δt/2), and a command that goes to and fro at every step moves nothing. What a real drive does
     with such a demand is a matter of its servo (`PitchSystem.servo_frequency`, `servo_damping`).
-
-    Parameters
-    ----------
-    limits : PitchSystem
-    n_blades : int
     """
 
     limits: PitchSystem
     n_blades: int
 
-    def vector(self, pitch: ArrayLike) -> NDArray[np.float64]:
+    def vector(self, pitch: ArrayLike) -> Array:
         """One angle or one a blade [rad] as an array (n_blades,).
 
         Raises
@@ -166,14 +136,14 @@ class PitchDrives:
             raise ActionError(f"pitch {pitch!r} is beyond ±π rad; are these degrees?")
         return np.array(angles if len(angles) == n else angles * n)
 
-    def first(self, value: ArrayLike, speed: float) -> NDArray[np.float64]:
+    def first(self, value: ArrayLike, speed: float) -> Array:
         """Command (n_blades,) at the start [rad]."""
         pitch, low, high = self.vector(value), self.limits.min_pitch, self.limits.max_pitch
         if pitch.min() < low - START_MARGIN or pitch.max() > high + START_MARGIN:
             raise ActionError(f"pitch {pitch} rad at the start; must be {low:.3f} … {high:.3f} rad (± {START_MARGIN})")
         return pitch
 
-    def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
+    def follow(self, command: Array, demand: ArrayLike, dt: float, speed: float) -> None:
         """Move the commands (n_blades,) towards the demanded angles (n_blades,) [rad]."""
         low, high, reach = self.limits.min_pitch, self.limits.max_pitch, self.limits.max_rate * dt
         moved = zip(command.tolist(), np.asarray(demand).tolist(), strict=True)
@@ -192,29 +162,24 @@ class YawDrive:
 
     max_rate: float
 
-    def first(self, value: float, speed: float) -> NDArray[np.float64]:
+    def first(self, value: float, speed: float) -> Array:
         """Command (1,) at the start: an angle [rad]."""
         check_finite(yaw=value)
         return np.array([value])
 
-    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
+    def follow(self, command: Array, demand: float, dt: float, speed: float) -> None:
         """Move the command (1,) with the demanded rate [rad/s]."""
         command[0] += dt * min(max(demand, -self.max_rate), self.max_rate)
 
 
 class PitchLaw(Law["ArrayLike"], Protocol):
-    """What moves the blades; demands are angles [rad], one or one a blade.
-
-    Attributes
-    ----------
-    n_blades : int
-    """
+    """What moves the blades; demands are angles [rad], one or one a blade."""
 
     @property
     def n_blades(self) -> int:
         """Number of blades."""
 
-    def vector(self, pitch: ArrayLike) -> NDArray[np.float64]:
+    def vector(self, pitch: ArrayLike) -> Array:
         """One angle or one a blade [rad] as an array (n_blades,); an `ActionError` for anything else."""
         ...
 
@@ -240,11 +205,11 @@ class GeneratorLaw(Law[float], Protocol):
         """The torque [N m, high-speed shaft] that comes closest to holding a moment of the air [N m, low-speed]."""
         ...
 
-    def moment(self, command: NDArray[np.float64]) -> float:
+    def moment(self, command: Array) -> float:
         """Moment [N m, low-speed shaft] with which the command brakes the rotor, beside the damper."""
         ...
 
-    def torque(self, command: NDArray[np.float64], speed: float) -> float:
+    def torque(self, command: Array, speed: float) -> float:
         """Torque of the generator [N m, high-speed shaft], damper included."""
         ...
 
@@ -256,18 +221,13 @@ def holds_torque(law: GeneratorLaw) -> bool:
 
 @dataclass(frozen=True)
 class TorqueCommand:
-    """A generator with the torque that is asked for, limited in rate and size.
-
-    Parameters
-    ----------
-    drivetrain : Drivetrain
-    """
+    """A generator with the torque that is asked for, limited in rate and size."""
 
     drivetrain: Drivetrain
     damping = 0.0
     held = False
 
-    def first(self, value: float, speed: float) -> NDArray[np.float64]:
+    def first(self, value: float, speed: float) -> Array:
         """Command (1,) at the start [N m, high-speed shaft]."""
         check_finite(generator_torque=value)
         limit = available_torque(self.drivetrain, speed)
@@ -282,16 +242,16 @@ class TorqueCommand:
         torque = moment * self.drivetrain.gearbox_efficiency / self.drivetrain.gear_ratio
         return min(max(torque, 0.0), available_torque(self.drivetrain, speed))
 
-    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
+    def follow(self, command: Array, demand: float, dt: float, speed: float) -> None:
         """Move the command (1,) towards the demanded torque [N m], from 0 to what is available at this speed."""
         now, reach = command.item(0), self.drivetrain.max_torque_rate * dt
         command[0] = min(max(demand, now - reach, 0.0), now + reach, available_torque(self.drivetrain, speed))
 
-    def moment(self, command: NDArray[np.float64]) -> float:
+    def moment(self, command: Array) -> float:
         """Moment on the rotor [N m]; what the gearbox loses brakes it too."""
         return command.item(0) * self.drivetrain.gear_ratio / self.drivetrain.gearbox_efficiency
 
-    def torque(self, command: NDArray[np.float64], speed: float) -> float:
+    def torque(self, command: Array, speed: float) -> float:
         """Torque of the generator [N m, high-speed shaft]."""
         return command.item(0)
 
@@ -304,7 +264,7 @@ class LaggedTorque(TorqueCommand):
     (`wt_gym.turbines.variants`).
     """
 
-    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
+    def follow(self, command: Array, demand: float, dt: float, speed: float) -> None:
         """Move the command (1,) towards the demanded torque [N m], from 0 to what is available at this speed."""
         now, drivetrain = command.item(0), self.drivetrain
         target = min(max(demand, 0.0), available_torque(drivetrain, speed))
@@ -368,7 +328,6 @@ class DampingTorque:
 
     Parameters
     ----------
-    law : TorqueCommand
     drivetrain : Drivetrain
         With a ``shaft_damper``.
     """
@@ -378,7 +337,7 @@ class DampingTorque:
     damping = 0.0
     held = True
 
-    def first(self, value: float, speed: float) -> NDArray[np.float64]:
+    def first(self, value: float, speed: float) -> Array:
         """Command (5,) at the start, for a torque [N m] and a rotor speed [rad/s]."""
         torque = self.law.first(value, speed).item()
         return np.array([torque, torque, torque, speed, 0.0])
@@ -387,7 +346,7 @@ class DampingTorque:
         """See `TorqueCommand.balance`."""
         return self.law.balance(moment, speed)
 
-    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
+    def follow(self, command: Array, demand: float, dt: float, speed: float) -> None:
         """Move the command (5,) towards the demanded torque [N m] and against the torsion."""
         drivetrain, damper = self.drivetrain, self.drivetrain.shaft_damper
         assert damper is not None
@@ -402,11 +361,11 @@ class DampingTorque:
         acts = min(max(asked + damping, 0.0), available_torque(drivetrain, speed))
         command[:] = acts, asked, acts, mean + kappa * passed, passed
 
-    def moment(self, command: NDArray[np.float64]) -> float:
+    def moment(self, command: Array) -> float:
         """See `TorqueCommand.moment`."""
         return self.law.moment(command)
 
-    def torque(self, command: NDArray[np.float64], speed: float) -> float:
+    def torque(self, command: Array, speed: float) -> float:
         """See `TorqueCommand.torque`."""
         return self.law.torque(command, speed)
 
@@ -419,7 +378,6 @@ class LinearDamper:
     ----------
     damping : float
         c, on the low-speed shaft [N m s/rad].
-    drivetrain : Drivetrain
     """
 
     damping: float
@@ -430,7 +388,7 @@ class LinearDamper:
         if not 0.0 <= self.damping < math.inf:
             raise ActionError(f"generator damping is {self.damping} N m s/rad; must be a finite value from 0 on")
 
-    def first(self, value: float, speed: float) -> NDArray[np.float64]:
+    def first(self, value: float, speed: float) -> Array:
         """Nothing is commanded."""
         self._refuse(value)
         return np.zeros(1)
@@ -439,15 +397,15 @@ class LinearDamper:
         """Nothing can be chosen."""
         return 0.0
 
-    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
+    def follow(self, command: Array, demand: float, dt: float, speed: float) -> None:
         """The damper acts in the structure."""
         self._refuse(demand)
 
-    def moment(self, command: NDArray[np.float64]) -> float:
+    def moment(self, command: Array) -> float:
         """The damper acts in the structure."""
         return 0.0
 
-    def torque(self, command: NDArray[np.float64], speed: float) -> float:
+    def torque(self, command: Array, speed: float) -> float:
         """Torque of the generator [N m, high-speed shaft]."""
         return self.damping * speed * self.drivetrain.gearbox_efficiency / self.drivetrain.gear_ratio
 
@@ -478,7 +436,6 @@ class Drives:
 
     Parameters
     ----------
-    turbine : Turbine
     generator : GeneratorLaw, optional
         By default a `TorqueCommand`, or a `LinearDamper` where the drivetrain takes no demand.
 
@@ -493,7 +450,6 @@ class Drives:
     generator_command : array (n,)
         All that the law of the generator remembers, the torque first; that part of ``command`` if there is no more,
         else part of the state beside it.
-    drivetrain : Drivetrain
     """
 
     def __init__(self, turbine: Turbine, generator: GeneratorLaw | None = None) -> None:
@@ -549,7 +505,7 @@ class Drives:
         chosen = self.generator.balance(moment, speed) if generator_torque is None else generator_torque
         self._generate(self.generator.first(chosen, speed))
 
-    def _generate(self, command: NDArray[np.float64]) -> None:
+    def _generate(self, command: Array) -> None:
         self.generator_command[:] = command
         self.command[TORQUE] = command[0]
 

@@ -12,27 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wt_gym.base.angles import wrapped
 from wt_gym.base.errors import ActionError, did_you_mean
+from wt_gym.base.types import Array
 from wt_gym.simulation.channels import Signals, channel_table
-from wt_gym.simulation.drivetrain.drives import holds_torque
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.simulation.drivetrain.drives import Drives, GeneratorLaw, PitchLaw
-    from wt_gym.turbines import Drivetrain
-
-__all__ = [
-    "DriveFault", "GeneratorLoss", "PitchMisalignment", "SensorBias", "ShutDown", "SlowPitch", "StuckPitch",
-    "VoltageDip", "checked_faults",
-]  # fmt: skip
+from wt_gym.simulation.drivetrain.drives import Drives, GeneratorLaw, PitchLaw
+from wt_gym.turbines import Drivetrain
 
 FEATHER = 0.5 * math.pi
 """Pitch of a feathered blade [rad], where the range of the drive reaches that far."""
@@ -40,6 +32,29 @@ SLIP_RATE = math.radians(4.0)
 """At which a blade slips on its bearing [rad/s]."""
 _ROUNDING = 1e-6
 """Part of a step by which a time may be missed: steps are counted, times are products."""
+
+
+@dataclass(frozen=True)
+class _InPlace:
+    """A law in the place of a sound one: it moves as its fault lets it, and is the sound one in all else."""
+
+    law: Any
+    fault: DriveFault
+    move: Callable[[Any, float, Array, Any, float, float], None]
+    clock: Callable[[], float] = field(repr=False)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name == "law":  # asked for while a copy is being made
+            raise AttributeError(name)
+        return getattr(self.law, name)
+
+    def follow(self, command: Array, demand: Any, dt: float, speed: float) -> None:
+        """Move the command as far as the fault lets it."""
+        now = self.clock()
+        if self.fault.begun(now, dt):
+            self.move(self.law, now, command, demand, dt, speed)
+        else:
+            self.law.follow(command, demand, dt, speed)
 
 
 @dataclass(frozen=True)
@@ -58,16 +73,19 @@ class DriveFault:
     """
 
     time: float
+    _numbers: ClassVar[tuple[tuple[Any, ...], ...]] = ()
+    """Name, meaning, unit, bound of a field and whether it is open, see `_require`."""
 
     def __post_init__(self) -> None:
         _require("time of a fault", self.time, "s", 0.0)
+        for name, meaning, *limits in self._numbers:
+            _require(meaning, getattr(self, name), *limits)
 
     def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
         """Put laws that fail in the place of those that the drives have.
 
         Parameters
         ----------
-        drives : wt_gym.simulation.drivetrain.drives.Drives
         clock : callable
             Gives the time at the start of the present step [s].
         """
@@ -90,30 +108,15 @@ class _BladeFault(DriveFault):
         n = drives.pitch.n_blades
         if not (isinstance(cast(object, self.blade), int) and 1 <= self.blade <= n):
             raise ActionError(f"blade {self.blade!r} cannot {self._what}; the turbine has the blades 1 to {n}")
-        drives.pitch = self.in_place(drives.pitch, clock)
+        drives.pitch = cast(Any, _InPlace(drives.pitch, self, self.move_pitch, clock))
 
-    def in_place(self, law: PitchLaw, clock: Callable[[], float]) -> PitchLaw:
-        """Give the law that fails for a sound one."""
+    def move_pitch(self, law: PitchLaw, now: float, command: Array, demand: ArrayLike, dt: float, speed: float) -> None:
+        """Move the commands under the fault, in a step from now [s] on that feels it."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
-class _PitchDriveFault(_BladeFault):
-    """A fault under which the pitch drive of one blade moves otherwise, from its time on."""
-
-    def in_place(self, law: PitchLaw, clock: Callable[[], float]) -> PitchLaw:
-        """See `_BladeFault.in_place`."""
-        return _FailingPitch(law, self, clock)
-
-    def move_pitch(
-        self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
-    ) -> None:
-        """Move the commands under the fault, once it has begun."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True)
-class StuckPitch(_PitchDriveFault):
+class StuckPitch(_BladeFault):
     """From a time on one blade stays at the pitch it has been commanded to: its rate is zero.
 
     Parameters
@@ -126,9 +129,7 @@ class StuckPitch(_PitchDriveFault):
 
     _what = "be stuck"
 
-    def move_pitch(
-        self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
-    ) -> None:
+    def move_pitch(self, law: PitchLaw, now: float, command: Array, demand: ArrayLike, dt: float, speed: float) -> None:
         """Let all blades but one follow."""
         stays = command[self.blade - 1]
         law.follow(command, demand, dt, speed)
@@ -136,7 +137,7 @@ class StuckPitch(_PitchDriveFault):
 
 
 @dataclass(frozen=True)
-class SlowPitch(_PitchDriveFault):
+class SlowPitch(_BladeFault):
     """From a time on the drive of one blade turns no faster than at a rate of its own.
 
     Parameters
@@ -151,14 +152,9 @@ class SlowPitch(_PitchDriveFault):
 
     rate: float = math.radians(1.0)
     _what = "be slow"
+    _numbers = (("rate", "rate of a slow pitch drive", "rad/s", 0.0),)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require("rate of a slow pitch drive", self.rate, "rad/s", 0.0)
-
-    def move_pitch(
-        self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
-    ) -> None:
+    def move_pitch(self, law: PitchLaw, now: float, command: Array, demand: ArrayLike, dt: float, speed: float) -> None:
         """Let all blades but one follow as fast as they can."""
         before, reach = command[self.blade - 1], self.rate * dt
         law.follow(command, demand, dt, speed)
@@ -185,14 +181,17 @@ class PitchMisalignment(_BladeFault):
 
     offset: float = math.radians(2.0)
     _what = "slip"
+    _numbers = (("offset", "offset of a blade", "rad"),)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require("offset of a blade", self.offset, "rad")
+    def begun(self, now: float, dt: float) -> bool:
+        """Every step: it begins within one."""
+        return True
 
-    def in_place(self, law: PitchLaw, clock: Callable[[], float]) -> PitchLaw:
-        """See `_BladeFault.in_place`."""
-        return _SlippedPitch(law, self, clock)
+    def move_pitch(self, law: PitchLaw, now: float, command: Array, demand: ArrayLike, dt: float, speed: float) -> None:
+        """Move the drives, and the blade with what it has slipped."""
+        command[self.blade - 1] -= self.slipped(now)
+        law.follow(command, demand, dt, speed)
+        command[self.blade - 1] += self.slipped(now + dt)
 
     def slipped(self, time: float) -> float:
         """Angle of the blade against its drive at a time [rad]."""
@@ -224,25 +223,20 @@ class ShutDown(DriveFault):
     """
 
     rate: float = math.radians(8.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require("pitch rate of a shut-down", self.rate, "rad/s", 0.0, open_low=True)
+    _numbers = (("rate", "pitch rate of a shut-down", "rad/s", 0.0, True),)
 
     def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
         """See `DriveFault.fail`."""
-        drives.pitch = _FailingPitch(drives.pitch, self, clock)
-        drives.generator = _FailingGenerator(drives.generator, self, clock)
+        drives.pitch = cast(Any, _InPlace(drives.pitch, self, self.move_pitch, clock))
+        drives.generator = cast(Any, _InPlace(drives.generator, self, self.move_torque, clock))
 
-    def move_pitch(
-        self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
-    ) -> None:
+    def move_pitch(self, law: PitchLaw, now: float, command: Array, demand: ArrayLike, dt: float, speed: float) -> None:
         """Let the blades follow a demand for feather."""
         reach = self.rate * dt
         law.follow(command, [now + min(max(FEATHER - now, -reach), reach) for now in command.tolist()], dt, speed)
 
     def move_torque(
-        self, law: GeneratorLaw, command: NDArray[np.float64], demand: float, dt: float, speed: float
+        self, law: GeneratorLaw, now: float, command: Array, demand: float, dt: float, speed: float
     ) -> None:
         """Let the torque go."""
         law.follow(command, 0.0, dt, speed)
@@ -256,10 +250,10 @@ class GeneratorLoss(DriveFault):
         """See `DriveFault.fail`."""
         if drives.generator.damping:
             raise ActionError("the torque of a damper that is part of the rotor cannot be lost")
-        drives.generator = _FailingGenerator(drives.generator, self, clock)
+        drives.generator = cast(Any, _InPlace(drives.generator, self, self.move_torque, clock))
 
     def move_torque(
-        self, law: GeneratorLaw, command: NDArray[np.float64], demand: float, dt: float, speed: float
+        self, law: GeneratorLaw, now: float, command: Array, demand: float, dt: float, speed: float
     ) -> None:
         """No torque."""
         command[0] = 0.0
@@ -293,19 +287,44 @@ class VoltageDip(DriveFault):
     duration: float = 0.15
     recovery: float = 1.0
 
+    _numbers = (
+        ("remaining", "remaining voltage of a dip", "", 0.0),
+        ("duration", "duration of a voltage dip", "s", 0.0, True),
+        ("recovery", "recovery after a voltage dip", "1/s", 0.0, True),
+    )
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require("remaining voltage of a dip", self.remaining, "", 0.0)
         if self.remaining > 1.0:
             raise ActionError(f"the remaining voltage of a dip must be at most 1, got {self.remaining!r}")
-        _require("duration of a voltage dip", self.duration, "s", 0.0, open_low=True)
-        _require("recovery after a voltage dip", self.recovery, "1/s", 0.0, open_low=True)
 
     def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
         """See `DriveFault.fail`."""
         if drives.generator.damping:
             raise ActionError("a damper that is part of the rotor has no grid whose voltage could dip")
-        drives.generator = _DippedGenerator(drives.generator, self, clock, drives.drivetrain)
+        cut = partial(self.move_torque, drives.drivetrain)
+        drives.generator = cast(Any, _InPlace(drives.generator, self, cut, clock))
+
+    def begun(self, now: float, dt: float) -> bool:
+        """Every step: it begins within one, and ends."""
+        return True
+
+    def move_torque(
+        self,
+        drivetrain: Drivetrain,
+        law: GeneratorLaw,
+        now: float,
+        command: Array,
+        demand: float,
+        dt: float,
+        speed: float,
+    ) -> None:
+        """Move the command, and cut it to what the grid takes."""
+        law.follow(command, demand, dt, speed)
+        if now + dt <= self.time or now >= self.recovered or speed <= 0.0:
+            return
+        full = drivetrain.rated_power / (drivetrain.generator_efficiency * speed * drivetrain.gear_ratio)
+        command[0] = full * self.mean_limited(command.item(0) / full, now, dt)
 
     @property
     def recovered(self) -> float:
@@ -331,122 +350,6 @@ class VoltageDip(DriveFault):
             limit = self.voltage(middle) if self.time <= middle < back else math.inf
             total += (last - first) * min(share, limit)
         return total / dt
-
-
-@dataclass(frozen=True)
-class _PitchInPlace:
-    """Pitch drives in the place of sound ones; a `wt_gym.simulation.drivetrain.drives.Law`."""
-
-    law: PitchLaw
-    fault: Any
-    clock: Callable[[], float] = field(repr=False)
-
-    @property
-    def n_blades(self) -> int:
-        """Number of blades."""
-        return self.law.n_blades
-
-    def vector(self, pitch: ArrayLike) -> NDArray[np.float64]:
-        """See `PitchDrives.vector`."""
-        return self.law.vector(pitch)
-
-    def first(self, value: ArrayLike, speed: float) -> NDArray[np.float64]:
-        """See `PitchDrives.first`."""
-        return self.law.first(value, speed)
-
-
-@dataclass(frozen=True)
-class _FailingPitch(_PitchInPlace):
-    """Pitch drives under a fault that acts from its time on."""
-
-    fault: _PitchDriveFault | ShutDown
-
-    def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
-        """Move the commands as far as the fault lets them."""
-        if self.fault.begun(self.clock(), dt):
-            self.fault.move_pitch(self.law, command, demand, dt, speed)
-        else:
-            self.law.follow(command, demand, dt, speed)
-
-
-@dataclass(frozen=True)
-class _SlippedPitch(_PitchInPlace):
-    """Pitch drives of blades one of which has slipped on its bearing."""
-
-    fault: PitchMisalignment
-
-    def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
-        """Move the drives, and the blade with what it has slipped."""
-        now, place = self.clock(), self.fault.blade - 1
-        command[place] -= self.fault.slipped(now)
-        self.law.follow(command, demand, dt, speed)
-        command[place] += self.fault.slipped(now + dt)
-
-
-@dataclass(frozen=True)
-class _GeneratorInPlace:
-    """A generator in the place of a sound one; a `wt_gym.simulation.drivetrain.drives.GeneratorLaw`."""
-
-    law: GeneratorLaw
-    fault: Any
-    clock: Callable[[], float] = field(repr=False)
-
-    @property
-    def damping(self) -> float:
-        """See `GeneratorLaw`."""
-        return self.law.damping
-
-    @property
-    def held(self) -> bool:
-        """See `GeneratorLaw`."""
-        return holds_torque(self.law)
-
-    def first(self, value: float, speed: float) -> NDArray[np.float64]:
-        """See `GeneratorLaw`."""
-        return self.law.first(value, speed)
-
-    def balance(self, moment: float, speed: float) -> float:
-        """See `GeneratorLaw.balance`."""
-        return self.law.balance(moment, speed)
-
-    def moment(self, command: NDArray[np.float64]) -> float:
-        """See `GeneratorLaw.moment`."""
-        return self.law.moment(command)
-
-    def torque(self, command: NDArray[np.float64], speed: float) -> float:
-        """See `GeneratorLaw.torque`."""
-        return self.law.torque(command, speed)
-
-
-@dataclass(frozen=True)
-class _FailingGenerator(_GeneratorInPlace):
-    """A generator under a fault that acts from its time on."""
-
-    fault: ShutDown | GeneratorLoss
-
-    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
-        """Move the command as far as the fault lets it."""
-        if self.fault.begun(self.clock(), dt):
-            self.fault.move_torque(self.law, command, demand, dt, speed)
-        else:
-            self.law.follow(command, demand, dt, speed)
-
-
-@dataclass(frozen=True)
-class _DippedGenerator(_GeneratorInPlace):
-    """A generator on a grid whose voltage dips."""
-
-    fault: VoltageDip
-    drivetrain: Drivetrain
-
-    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
-        """Move the command, and cut it to what the grid takes."""
-        self.law.follow(command, demand, dt, speed)
-        now, drivetrain = self.clock(), self.drivetrain
-        if now + dt <= self.fault.time or now >= self.fault.recovered or speed <= 0.0:
-            return
-        full = drivetrain.rated_power / (drivetrain.generator_efficiency * speed * drivetrain.gear_ratio)
-        command[0] = full * self.fault.mean_limited(command.item(0) / full, now, dt)
 
 
 @cache
@@ -477,7 +380,6 @@ class SensorBias:
     channels : tuple of str
         Of `wt_gym.simulation.channels.channel_table`; what one sensor gives in several units belongs together, for
         example ``("rotor_speed", "generator_speed")``.
-    factor : float
     offset : float
         In the unit of the channels.
 

@@ -72,7 +72,7 @@ def rotor_loads(forces, rot, elastic, points, lattice_bodies, sub_bodies, loads)
 @kernel(separate=True)
 def tower_drag(y, tree, work, tower, loads):
     """Loads (6 + n_f,) of the tower: the drag of the wind, by virtual work, on top of what is given by its body in the
-    flow (`wt_gym.simulation.step.tower_air`); kinematics are up to date.
+    flow (`wt_gym.simulation.step.coupling`); kinematics are up to date.
 
     A cylinder across the flow: the force of a point that stands for a piece of the tower is ½ ρ C_d D l |w| w, with the
     part w across the tower of the wind relative to the moving point. tower: `TowerAir`.

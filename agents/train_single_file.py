@@ -1,0 +1,143 @@
+"""Train a policy by PPO in one file, on PyTorch and gymnasium.make_vec alone.
+
+    python agents/train_single_file.py
+    python agents/train_single_file.py --steps 400000 --seed 1
+
+The task and its settings are those of train_sb3.py. This file is meant to be read and changed: the whole algorithm
+(Schulman et al., Proximal policy optimization algorithms, arXiv:1707.06347) is in `main`. Writes policy.pt and
+curve.png.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import gymnasium as gym
+import matplotlib.pyplot as plt
+import numpy as np
+import torch
+from gymnasium.vector import AutoresetMode
+from torch import nn
+
+import wt_gym  # noqa: F401 - registers the environments
+
+ENV_ID = "wt_gym/LoadReduction-v2"
+ENV_KWARGS = {"wind_speed": [14.0, 18.0], "controller": "discon+side_side_damper", "control_dt": 0.2}
+GAMMA, LAMBDA = 0.98, 0.95  # per control step: the discount looks 10 s ahead
+CLIP, RATE, EPOCHS, BATCH, ROLLOUT = 0.2, 4e-4, 6, 256, 2048
+REWARD_SCALE = 5.0  # returns of about one for the critic
+
+
+def network(n_in, n_out, scale):
+    """Two hidden layers; a small scale of the last one begins near zero actions."""
+    layers = [nn.Linear(n_in, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, n_out)]
+    for layer, gain in ((layers[0], 2**0.5), (layers[2], 2**0.5), (layers[4], scale)):
+        nn.init.orthogonal_(layer.weight, gain)
+        nn.init.zeros_(layer.bias)
+    return nn.Sequential(*layers)
+
+
+class Agent(nn.Module):
+    """Gaussian policy with a deviation that does not depend on the observation, and a critic."""
+
+    def __init__(self, n_observations, n_actions):
+        super().__init__()
+        self.actor, self.critic = network(n_observations, n_actions, 0.01), network(n_observations, 1, 1.0)
+        self.log_std = nn.Parameter(torch.full((n_actions,), -0.9))
+
+    def distribution(self, observation):
+        return torch.distributions.Normal(self.actor(observation), self.log_std.exp())
+
+    def value(self, observation):
+        return self.critic(observation).squeeze(-1)
+
+
+def draw(episodes, path, window=24):
+    """Learning curve: return of each episode and its moving mean."""
+    steps, returns = np.array(episodes).T
+    figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
+    axes.plot(steps, returns, ".", alpha=0.3, label="episodes")
+    window = min(window, len(returns))
+    axes.plot(steps[window - 1 :], np.convolve(returns, np.ones(window) / window, "valid"), label=f"mean of {window}")
+    axes.axhline(0.0, color="black", linewidth=0.8, label="zero actions")
+    axes.set(xlabel="steps", ylabel="return against the base controller")
+    axes.legend()
+    figure.savefig(path, dpi=120)
+
+
+def main():
+    """Train, and write the policy and its learning curve."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--steps", type=int, default=100_000, help="of all turbines (default: %(default)s)")
+    parser.add_argument("--turbines", type=int, default=8, help="side by side (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("runs/single_file"), help="folder (default: %(default)s)")
+    arguments = parser.parse_args()
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(1)  # small networks
+
+    envs = gym.make_vec(ENV_ID, arguments.turbines, autoreset_mode=AutoresetMode.SAME_STEP, **ENV_KWARGS)
+    n_envs, n_steps = arguments.turbines, min(ROLLOUT, arguments.steps) // arguments.turbines
+    low, high = envs.single_action_space.low, envs.single_action_space.high
+    agent = Agent(envs.single_observation_space.shape[0], len(low))
+    optimizer = torch.optim.Adam(agent.parameters(), lr=RATE, eps=1e-5)
+
+    observations = torch.zeros(n_steps, n_envs, envs.single_observation_space.shape[0])
+    actions = torch.zeros(n_steps, n_envs, len(low))
+    log_probs, rewards, dones, values = (torch.zeros(n_steps, n_envs) for _ in range(4))
+    observation = torch.as_tensor(envs.reset(seed=arguments.seed)[0])
+    returns, episodes, steps, start = np.zeros(n_envs), [], 0, time.monotonic()
+    while steps < arguments.steps:
+        # one rollout under the present policy
+        for k in range(n_steps):
+            with torch.no_grad():
+                distribution = agent.distribution(observation)
+                action = distribution.sample()
+                observations[k], actions[k], values[k] = observation, action, agent.value(observation)
+                log_probs[k] = distribution.log_prob(action).sum(-1)
+            following, reward, terminated, truncated, infos = envs.step(np.clip(action.numpy(), low, high))
+            steps += n_envs
+            returns += reward
+            rewards[k], dones[k] = torch.as_tensor(REWARD_SCALE * reward), torch.as_tensor(terminated | truncated)
+            for i in np.flatnonzero(terminated | truncated):
+                episodes.append((steps, returns[i]))
+                returns[i] = 0.0
+                if truncated[i]:  # the turbine would have gone on: the critic says what was still to come
+                    with torch.no_grad():
+                        rewards[k, i] += GAMMA * agent.value(torch.as_tensor(infos["final_obs"][i]))
+            observation = torch.as_tensor(following)
+
+        # generalized advantage estimation, backwards in time
+        advantages, advantage = torch.zeros_like(rewards), torch.zeros(n_envs)
+        with torch.no_grad():
+            following_value = agent.value(observation)
+        for k in reversed(range(n_steps)):
+            delta = rewards[k] + GAMMA * following_value * (1.0 - dones[k]) - values[k]
+            advantages[k] = advantage = delta + GAMMA * LAMBDA * (1.0 - dones[k]) * advantage
+            following_value = values[k]
+        data = [x.flatten(0, 1) for x in (observations, actions, log_probs, advantages, advantages + values)]
+
+        # several passes over the rollout in small batches
+        for _ in range(EPOCHS):
+            for batch in torch.randperm(n_steps * n_envs).split(BATCH):
+                seen, acted, old_log_prob, gain, target = (x[batch] for x in data)
+                gain = (gain - gain.mean()) / (gain.std() + 1e-8)
+                ratio = (agent.distribution(seen).log_prob(acted).sum(-1) - old_log_prob).exp()
+                actor_loss = -torch.min(ratio * gain, ratio.clamp(1.0 - CLIP, 1.0 + CLIP) * gain).mean()
+                loss = actor_loss + 0.5 * (agent.value(seen) - target).square().mean()
+                optimizer.zero_grad()
+                loss.backward()
+                nn.utils.clip_grad_norm_(agent.parameters(), 0.5)
+                optimizer.step()
+        last = np.mean([r for _, r in episodes[-40:]]) if episodes else np.nan
+        print(f"{steps} steps, {steps / (time.monotonic() - start):.0f}/s, return of the last 40 episodes {last:+.2f}")
+    envs.close()
+
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    torch.save(agent.state_dict(), arguments.out / "policy.pt")
+    if episodes:
+        draw(episodes, arguments.out / "curve.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,539 @@
+"""Scores of controllers and shipped agents in each task, for the pages of docs/tasks.
+
+    python scripts/studies/task_scores.py                      # the tables
+    python scripts/studies/task_scores.py run                  # measure all tasks, a quarter of an hour on a free core
+    python scripts/studies/task_scores.py run Yaw MaxPower     # some of them: the others keep their figures
+    python scripts/studies/task_scores.py pages                # put the tables into the pages
+
+Writes docs/data/task_scores.json. A study is one table of a page: agents in the same winds, the first of them the base
+controller with zero actions. Runs are stored in runs/task_scores as soon as they are done: "run" resumes them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import re
+import sys
+import time
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import wt_gym
+from envs_tests.physics.validation import source_commit
+from wt_gym.analysis.change import relative_change
+from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
+from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.paired import LIFETIME_EXPONENTS
+from wt_gym.analysis.results import Wind
+from wt_gym.base.files import shipped_folder, write_text_whole
+from wt_gym.commands.program import stoppable, user_errors
+from wt_gym.envs.faults import FAULT_KINDS
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
+from wt_gym.experiment.comparison import half_width
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.tasks import TASKS
+from wt_gym.turbines import load_turbine
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the tests are no part of the installed package
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from wt_gym.analysis.results import Run
+
+ROOT = Path(__file__).resolve().parents[2]
+RECORD = ROOT / "docs" / "data" / "task_scores.json"
+PAGES = ROOT / "docs" / "tasks"
+_MARKED = re.compile(r"(<!-- (scores|kinds): ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)
+RANDOM = "random"
+"""Word for even draws of the actions."""
+_TRAINED = "agents/trained/"
+_BEST = f"{_TRAINED}load_reduction_on_linear_optimal"
+_DASH = "–"
+_NOT_IN_NAMES = re.compile(r"[^\w.+=-]+")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    key : str
+        Of `wt_gym.analysis.metrics.METRICS`, or "yaw_error_rms".
+    heading : str
+    how : {"change", "total", "climate", "life", "level", "most"}
+        Relative change against the first agent in each wind, mean and 95 % interval over the winds; the change of the
+        sum over the winds; that of the mean in the turbine's wind climate; that of the load over a
+        life in that climate; the mean itself; the largest.
+    """
+
+    key: str
+    heading: str
+    how: str
+
+
+@dataclass(frozen=True)
+class Part:
+    """Winds of a study with arguments of the environment of their own."""
+
+    winds: tuple[Wind, ...]
+    name: str = ""
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Agents in the winds of a task.
+
+    Attributes
+    ----------
+    task : str
+        Of `wt_gym.tasks.TASKS`.
+    agents : tuple of str
+        Words and paths as for `wt_gym.experiment.pool.load_agent`, or `RANDOM`; the base controller first.
+    parts : tuple of Part
+    columns : tuple of Column
+    duration, skip : float
+        Length of a run, and of its start that does not count [s].
+    arguments : dict
+        Arguments of the environment for single agents.
+    """
+
+    task: str
+    agents: tuple[str, ...]
+    parts: tuple[Part, ...]
+    columns: tuple[Column, ...]
+    duration: float = 330.0
+    skip: float = 30.0
+    arguments: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @property
+    def env_id(self) -> str:
+        """Id of the task."""
+        return TASKS[self.task].id
+
+
+def _winds(speeds: Iterable[float], n_seeds: int) -> tuple[Wind, ...]:
+    """Each speed with each of some held-out seeds, in the order in which ``wt-gym evaluate`` takes them."""
+    return tuple(Wind(speed, seed) for speed in speeds for seed in EVALUATION_WIND_SEEDS[:n_seeds])
+
+
+def _gusts(kind: str, speeds: Iterable[float], draws: int) -> Part:
+    """Draws of one kind of gust."""
+    seeds = EVALUATION_WIND_SEEDS if kind == "ETM" else (None,) * draws
+    winds = tuple(
+        Wind(speed, seed, None if kind == "ETM" else draw)
+        for speed in speeds
+        for draw, seed in zip(range(1, draws + 1), seeds, strict=False)
+    )
+    return Part(winds, kind, {"gusts": (kind,)})
+
+
+_ENERGY = Column("corrected_power", "mean power", "total")
+_FLAP, _FORE_AFT, _SIDE = (
+    Column(f"{name}_del", f"{label} DEL", "change")
+    for name, label in (("blade_flap", "flap"), ("tower_fore_aft", "fore-aft"), ("tower_side_side", "side-side"))
+)
+_TRAVEL = Column("pitch_travel", "pitch travel", "level")
+_LOADS = (_ENERGY, _FLAP, _FORE_AFT, _SIDE, _TRAVEL)
+_EXTREMES = (
+    Column("blade_flap_max", "largest flap moment", "most"),
+    Column("tower_base_max", "of the tower base", "most"),
+)
+_HARD = "cut_out=25,least_speed=1,least_power=1,hysteresis=1"
+"""Parameters of a supervisor that stops the NREL 5-MW at its cut-out wind and does not hold it back before."""
+STORM_CONTROLLER = "linear_optimal+supervisor:averaging=60,least_speed=1,least_power=1"
+"""Controller of FullOperation that holds rated speed and power up to a cut-out at 30 m/s."""
+_PROMPT = "discon+yaw:dead_band=0.14,stop=0.1,slow=10,fast=2"
+"""Dead band that starts earlier and turns less far, with the travel of the default."""
+STEADY = {"start": "steady"}
+"""No records of the running turbine are needed."""
+_LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP, _FORE_AFT, _SIDE))
+
+STUDIES: dict[str, Study] = {
+    "LoadReduction": Study(
+        "LoadReduction",
+        ("discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "tuned_lidar", "linear_optimal", _BEST),
+        (Part(_winds((12.0, 16.0, 20.0), 2)),),
+        _LOADS,
+    ),
+    "FullRange": Study(
+        "FullRange",
+        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
+         "retuned+linear_optimal", f"{_TRAINED}full_range"),
+        (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2), arguments=STEADY),),
+        (_ENERGY, *_LIFE, _TRAVEL),
+    ),
+    "MaxPower": Study(
+        "MaxPower",
+        ("discon", RANDOM, "retuned", "tsr_tracking"),
+        (Part(_winds((6.0, 8.0, 10.0), 2)),),
+        (_ENERGY, _FLAP, _FORE_AFT, _SIDE),
+    ),
+    "Yaw": Study(
+        "Yaw",
+        ("discon+yaw", RANDOM, "discon", "discon+yaw:dead_band=0.07", "discon+yaw:dead_band=0.21", _PROMPT),
+        (Part(_winds((7.0, 9.0, 11.0, 13.0), 1), arguments=STEADY),),
+        (_ENERGY, Column("yaw_error_rms", "yaw error, rms", "level"), Column("yaw_travel", "yaw travel", "level")),
+        duration=630.0,
+        arguments={"discon": {"observation": ("measurable",)}},  # it has no dead band to see
+    ),
+    "Gusts": Study(
+        "Gusts",
+        ("discon", RANDOM, "ipc", "linear_optimal", "tsr_tracking+linear_pitch:thrust_limit=0.95"),
+        tuple(_gusts(kind, (8.0, 14.0, 20.0), 6) for kind in GUSTS),
+        (Column("blade_flap_max", "largest flap moment", "most"), Column("tower_base_max", "of the tower base", "most"),
+         Column("rotor_speed_max", "largest rotor speed", "most")),
+        duration=40.0,
+        skip=5.0,  # the earliest gust begins then
+    ),
+    "IEA15MW-LoadReduction": Study(
+        "IEA15MW-LoadReduction",
+        ("discon", RANDOM, "ipc", "tsr_tracking", "linear_optimal", f"{_TRAINED}iea15mw"),
+        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
+        _LOADS,
+    ),
+    "IEA15MW-LoadReduction below its range": Study(
+        "IEA15MW-LoadReduction",
+        ("discon", "tsr_tracking"),
+        (Part(_winds((4.0, 5.0, 6.0), 1), arguments=STEADY | {"wind_speed": [4.0, 6.0]}),),
+        (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
+    ),
+    "IEA22MW-LoadReduction": Study(
+        "IEA22MW-LoadReduction",
+        ("discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea22mw"),
+        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
+        _LOADS,
+        duration=180.0,
+    ),
+    "FullOperation": Study(
+        "FullOperation",
+        ("discon+supervisor:averaging=60", RANDOM, f"discon+supervisor:averaging=60,{_HARD}",
+         "linear_optimal+supervisor:averaging=60", STORM_CONTROLLER,
+         "rosco+supervisor:averaging=60", "rosco:start_stop=True,time_scale=0.1"),
+        (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
+              arguments=STEADY),),
+        (_ENERGY, _FLAP, _FORE_AFT, _SIDE, *_EXTREMES, Column("time_without_power", "time without power", "level")),
+        duration=600.0,
+        skip=0.0,
+    ),
+    "FullOperation in storm": Study(
+        "FullOperation",
+        ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}",
+         "linear_optimal+supervisor:averaging=60", STORM_CONTROLLER),
+        (Part(_winds((20.0, 22.0, 24.0, 26.0, 28.0), 1),
+              arguments=STEADY | {"inflow": "turbulent", "wind_speed": [20.0, 28.0]}),),
+        (Column("corrected_power", "mean power in the climate", "climate"), *_LIFE, *_EXTREMES,
+         Column("time_without_power", "time without power", "level")),
+        duration=660.0,
+        skip=60.0,
+    ),
+    "PowerTracking": Study(
+        "PowerTracking",
+        ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch",
+         "ipc+derate_kinetic", "linear_optimal+derate_kinetic", f"{_TRAINED}power_tracking"),
+        (Part(_winds((13.0, 16.0), 2), arguments=STEADY),),
+        (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
+         Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
+         _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
+        duration=150.0,
+    ),
+    "Dial": Study(
+        "Dial",
+        ("discon", RANDOM, "linear_optimal", f"{_TRAINED}dial_on_linear_optimal"),
+        (Part(_winds((14.0, 18.0), 2), arguments=STEADY),),
+        _LOADS,
+        duration=90.0,
+    ),
+    "Faults": Study(
+        "Faults",
+        ("discon+yaw", RANDOM, "ipc+yaw", "ipc+yaw+fault_supervisor", "linear_optimal+yaw+fault_supervisor",
+         f"{_TRAINED}faults"),
+        tuple(Part(_winds(((14.0, 18.0)[k % 2],), 1), kind,
+                   STEADY | {"fault_kinds": kind, "fault_time": 20.0})
+              for k, kind in enumerate(FAULT_KINDS)),
+        _LOADS,
+        duration=110.0,
+    ),
+}  # fmt: skip
+"""What the pages of the tasks show, by the name of the table."""
+
+
+def agent_label(agent: str, resting: bool = False) -> str:
+    """How an agent is called in a table."""
+    if resting:
+        return f"`{agent}` as base controller: zero actions"
+    if agent == RANDOM:
+        return "random actions"
+    return f"`{agent.removeprefix(_TRAINED)}`" + (", trained" if agent.startswith(_TRAINED) else "")
+
+
+def measure(
+    study: Study,
+    on_progress: Callable[[str], None] = lambda text: None,
+    folder: str | Path | None = None,
+    overwrite: bool = False,
+) -> list[dict[str, Any]]:
+    """Run every agent of a study in each of its winds.
+
+    Parameters
+    ----------
+    study : Study
+    on_progress : callable
+        Gets a line after each agent.
+    folder : str or path, optional
+        Keeps each run as soon as it is done, a folder an agent as of `wt_gym.experiment.evaluation.evaluate`; what was
+        stopped resumes with the runs that are there.
+    overwrite : bool
+        Repeat runs that are there.
+
+    Returns
+    -------
+    list of dict
+        A run each, JSON values: the agent, part and wind, how it ended, its return, and metrics in SI units.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds runs of another study, or of other code.
+    """
+    return [
+        run
+        for part in study.parts
+        for agent in study.agents
+        for run in _runs_of(study, part, agent, on_progress, None if folder is None else Path(folder), overwrite)
+    ]
+
+
+def _runs_of(
+    study: Study, part: Part, agent: str, on_progress: Callable[[str], None], folder: Path | None, overwrite: bool
+) -> list[dict[str, Any]]:
+    kwargs = part.arguments | study.arguments.get(agent, {})
+    config = EvaluationConfig(study.env_id, kwargs, part.winds, duration=study.duration, skip=study.skip, replay=0.0)
+    choice = str(shipped_folder().parent / agent) if agent.startswith(_TRAINED) else agent
+    kept = None if folder is None else folder / _NOT_IN_NAMES.sub("_", f"{part.name} {agent}".strip())
+    runs = evaluate({agent: choice}, config, folder=kept, overwrite=overwrite, progress=False).runs
+    on_progress(f"{study.env_id}{part.name and ', ' + part.name}: {agent}")
+    return [_kept(run, part, study) for run in runs]
+
+
+def _kept(run: Run, part: Part, study: Study) -> dict[str, Any]:
+    """Plain data of a run."""
+    values, keys = dict(run.metrics), [column.key for column in study.columns]
+    if values and "yaw_error_rms" in keys:
+        error = run.data["yaw_error"].values[run.data["time"].values > study.skip]
+        values["yaw_error_rms"] = float(np.sqrt(np.mean(error**2)))
+    return {
+        "agent": run.agent,
+        "part": part.name,
+        "wind": run.wind.label,
+        "speed": run.wind.speed,
+        "ending": run.ending,
+        "duration": round(run.duration, 3),
+        "return": float(f"{run.episode_return:.6g}"),
+        "metrics": {key: float(f"{values[key]:.6g}") for key in keys if key in values},
+    }
+
+
+def measured_line(env_id: str) -> str:
+    """Sentence above a table: the environment of its runs."""
+    return f"Measured in `{env_id}`; the return is against the first row in the same wind, as the environment gives it."
+
+
+def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
+    """Table of a study, Markdown.
+
+    The return is that of an episode as long as those of the task, as the environment gives it: against the base
+    controller with zero actions, the first agent, in the same wind. Of a run that lasted it is its share, of one that
+    ended early all of it, against as much of the base controller's as its time.
+
+    Parameters
+    ----------
+    name : str
+        Of `STUDIES`.
+    runs : sequence of mapping
+        As `measure` gives them.
+    """
+    study = STUDIES[name]
+    headings = ("", *(column.heading for column in study.columns), "return of an episode", "survived")
+    rows = [_row(study, agent, runs) for agent in study.agents]
+    return _markdown(headings, rows)
+
+
+def _row(study: Study, agent: str, runs: Sequence[Mapping[str, Any]]) -> list[str]:
+    base, own = (_by_wind(runs, one) for one in (study.agents[0], agent))
+    first = agent == study.agents[0]
+    survived = sum(run["ending"] == "time" for run in own.values())
+    share = TASKS[study.task].episode / study.duration
+    returns = [
+        (run["return"] - base[wind]["return"] * run["duration"] / base[wind]["duration"])
+        * (share if run["ending"] == "time" else 1.0)
+        for wind, run in own.items()
+    ]
+    cells = [_cell(study, column, own, base, first) for column in study.columns]
+    return [agent_label(agent, first), *cells, signed(np.mean(returns), 1),
+            f"{survived} of {len(own)}"]  # fmt: skip
+
+
+def _by_wind(runs: Sequence[Mapping[str, Any]], agent: str) -> dict[tuple[str, str], Mapping[str, Any]]:
+    return {(run["part"], run["wind"]): run for run in runs if run["agent"] == agent}
+
+
+def _cell(study: Study, column: Column, own: Mapping[Any, Any], base: Mapping[Any, Any], first: bool) -> str:
+    """A figure over the winds that both agents came through; that of the first in its unit, of the others a change."""
+    winds = [wind for wind in base if all(runs[wind]["ending"] == "time" for runs in (own, base))]
+    if not winds:
+        return _DASH
+    mine, theirs = (np.array([runs[wind]["metrics"][column.key] for wind in winds]) for runs in (own, base))
+    if column.how == "life":
+        if len(winds) < len(base):
+            return _DASH
+        weights, exponent = _weights(study, [base[wind]["speed"] for wind in winds]), LIFETIME_EXPONENTS[column.key]
+        mine, theirs = (np.atleast_1d(lifetime_load(values, weights, exponent)) for values in (mine, theirs))
+    if column.how == "climate":
+        weights = _weights(study, [base[wind]["speed"] for wind in winds])
+        mine, theirs = (np.atleast_1d(values @ weights / weights.sum()) for values in (mine, theirs))
+    if first or column.how in ("level", "most"):
+        return _level(column, mine)
+    if column.how == "change":
+        changes = relative_change(mine, theirs)
+        return f"{signed(100.0 * changes.mean(), 1)} ± {100.0 * half_width(changes):.1f} %"
+    digits = 2 if column.how in ("total", "climate") else 1
+    return f"{signed(100.0 * relative_change(mine.sum(), theirs.sum()), digits)} %"
+
+
+def _weights(study: Study, speeds: list[float]) -> np.ndarray:
+    """Share of the time of each wind in the climate of the task's turbine; the winds of a speed share its weight."""
+    turbine = load_turbine(TASKS[study.task].arguments["turbine"])
+    single = sorted(set(speeds))
+    # winds beyond cut-out stand for those of a storm, each for its own bin
+    storm = single[-1] > turbine.cut_out
+    first, last = (single[0] - 1.0, single[-1] + 1.0) if storm else (turbine.cut_in, turbine.cut_out)
+    climate = WindClimate.of_class(turbine.iec_class, cut_in=first, cut_out=last)
+    shares = dict(zip(single, wind_weights(climate, single), strict=True))
+    return np.array([shares[speed] / speeds.count(speed) for speed in speeds])
+
+
+def _level(column: Column, values: np.ndarray) -> str:
+    """A figure in its unit: the mean, or the largest."""
+    value = values.max() if column.how == "most" else values.mean()
+    if column.key == "yaw_error_rms":
+        return f"{math.degrees(value):.1f}°"
+    metric = METRICS[column.key]
+    unit = "°" if metric.unit == "deg" else f" {metric.unit}"
+    return f"{signed(value * metric.factor, metric.digits, plus=False)}{unit}"
+
+
+def kinds_table(name: str, key: str, runs: Sequence[Mapping[str, Any]]) -> str:
+    """The largest of a metric in each part of a study, Markdown; how many runs ended early, where some did."""
+    study, metric = STUDIES[name], METRICS[key]
+
+    def cell(part: Part, agent: str) -> str:
+        found = [run for run in runs if (run["part"], run["agent"]) == (part.name, agent)]
+        ended = sum(run["ending"] != "time" for run in found)
+        largest = max(run["metrics"].get(key, -math.inf) for run in found) * metric.factor
+        return f"{largest:.{metric.digits}f}" + (f" ({ended} of {len(found)} ended)" if ended else "")
+
+    headings = (f"{metric.label.lower()} [{metric.unit}]", *(agent_label(c) for c in study.agents))
+    rows = [[part.name, *(cell(part, agent) for agent in study.agents)] for part in study.parts]
+    return _markdown(headings, rows)
+
+
+def _markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = (headings, ["---"] * len(headings), *rows)
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def signed(value: float, digits: int, plus: bool = True) -> str:
+    """Number with the minus sign of text; one that rounds to zero has no sign."""
+    text = f"{value:+.{digits}f}" if plus else f"{value:.{digits}f}"
+    return (text.lstrip("+-") if float(text) == 0.0 else text).replace("-", "−")
+
+
+def parse_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("command", nargs="?", choices=("show", "run", "pages"), default="show")
+    parser.add_argument("names", nargs="*", metavar="TABLE", help=f"which (default: all): {', '.join(STUDIES)}")
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "task_scores", help="folder of the runs")
+    parser.add_argument("--overwrite", action="store_true", help="repeat runs that are there")
+    arguments = parser.parse_args()
+    if unknown := [name for name in arguments.names if name not in STUDIES]:
+        parser.error(f"unknown table {', '.join(unknown)}; known: {', '.join(STUDIES)}")
+    return arguments
+
+
+def read_record(path: Path = RECORD) -> dict:
+    """Measurements by the name of the table."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def write_record(record: dict, path: Path = RECORD) -> None:
+    """Write measurements, a line a run: a later one shows in the history which numbers it moved."""
+
+    def entry(study: dict) -> str:
+        head = json.dumps({key: value for key, value in study.items() if key != "runs"})
+        runs = ",\n  ".join(json.dumps(run, ensure_ascii=False) for run in study["runs"])
+        return f'{head[:-1]}, "runs": [\n  {runs}]}}'
+
+    text = ",\n".join(f"{json.dumps(name)}: {entry(study)}" for name, study in record.items())
+    write_text_whole(path, f"{{\n{text}\n}}\n")
+
+
+def run(names: list[str], folder: Path, overwrite: bool) -> None:
+    """Measure tasks and keep the figures of each as soon as it is done."""
+    commit, started = source_commit(RECORD), time.process_time()
+
+    def on_progress(text: str) -> None:
+        print(f"{time.process_time() - started:6.0f} s  {text}", flush=True)
+
+    for name in names:
+        begun, runs = time.process_time(), measure(STUDIES[name], on_progress, folder / name, overwrite)
+        made = {
+            "date": datetime.now(UTC).strftime("%Y-%m-%d"), "version": wt_gym.__version__, "commit": commit,
+            "processor_time_s": round(time.process_time() - begun), "env_id": STUDIES[name].env_id, "runs": runs,
+        }  # fmt: skip
+        record = read_record() | {name: made}
+        write_record({key: record[key] for key in STUDIES if key in record})
+
+
+def tables(text: str, record: dict) -> str:
+    """A page with its tables as the record has them."""
+
+    def table(found: re.Match) -> str:
+        head, kind, words, end = found.groups()
+        if kind == "scores":
+            study = record[words]
+            return f"{head}{measured_line(study['env_id'])}\n\n{score_table(words, study['runs'])}\n{end}"
+        name, key = words.split()
+        return f"{head}{kinds_table(name, key, record[name]['runs'])}\n{end}"
+
+    return _MARKED.sub(table, text)
+
+
+def main() -> int:
+    """Show, measure, or renew the pages."""
+    arguments = parse_arguments()
+    names = arguments.names or list(STUDIES)
+    if arguments.command == "run":
+        with user_errors(), stoppable(f"the same command resumes with the runs in {arguments.out}"):
+            run(names, arguments.out, arguments.overwrite)
+    record = read_record()
+    if arguments.command == "pages":
+        for page in sorted(PAGES.glob("*.md")):
+            write_text_whole(page, tables(page.read_text(encoding="utf-8"), record))
+        return 0
+    for name in (name for name in names if name in record):
+        print(f"\n{name}: {record[name]['env_id']}, {record[name]['date']}\n{score_table(name, record[name]['runs'])}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

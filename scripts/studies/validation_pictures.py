@@ -1,0 +1,280 @@
+"""The figures of the page docs/validation.md, from runs of validation cases and from their record.
+
+    python scripts/studies/validation_pictures.py                      # draw again
+    python scripts/studies/validation_pictures.py --run all            # run the cases first, some minutes
+    python scripts/studies/validation_pictures.py --run uae-phase-vi   # run some of them first
+
+A run replaces the curves of its own case in the file. The bars of the cases come from docs/data/validation.json. All
+reference data are in the repository.
+"""
+
+import argparse
+import io
+import json
+import math
+import re
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from envs_tests.physics.validation import Figure as CaseFigure
+from envs_tests.physics.validation import bounds_of, load_cases, read_record, run_case
+from wt_gym.base.picture_style import BLUE, COLORS, GRAY, GREEN, INK, LINE_STYLES, ORANGE, SVG, plain
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT / "docs" / "data"
+CURVES, RECORD = "validation_figures.json", "validation.json"
+MOST_POINTS = 240  # of a curve
+PICTURES = {
+    "validation_rotor": (
+        ("nrel-5mw-rotor", r"^Cp, tip-speed ratio ([\d.]+), pitch 0$", "Cp at pitch 0", "tip-speed ratio", "Cp"),
+        ("nrel-5mw-rotor", r"^Ct, tip-speed ratio ([\d.]+), pitch 0$", "Ct at pitch 0", "tip-speed ratio", "Ct"),
+        ("nrel-5mw-rotor", r"^Cp, tip-speed ratio 5, pitch ([\d.]+) deg$", "Cp at tip-speed ratio 5", "pitch [deg]",
+         "Cp"),
+        ("nrel-5mw-rotor", r"^Ct, tip-speed ratio 5, pitch ([\d.]+) deg$", "Ct at tip-speed ratio 5", "pitch [deg]",
+         "Ct"),
+    ),
+    "validation_phase_vi": (
+        ("uae-phase-vi-stall", r"^Snel, (\d+) m/s: shaft torque", "Shaft torque, stall delay of Snel",
+         "wind speed [m/s]", "torque [N m]"),
+        ("uae-phase-vi-stall", r"^Snel, (\d+) m/s: normal force", "Normal force at 30 % of the radius, Snel",
+         "wind speed [m/s]", "c_n"),
+        ("uae-phase-vi", "."),
+    ),
+    "validation_steps": (("tjaereborg", "."), ("wind-step", ".")),
+    "validation_gebhardt": (("gebhardt-2012", r"^Figure \d+:"),),
+    "validation_observer": (
+        ("observer-frame-rotor", r"^Fig\. 3"), ("observer-frame-follower", r"^Fig\. 4"),
+        ("observer-frame-references", r"^Fig\. 5"),
+    ),
+}  # fmt: skip
+"""Parts of pictures: a case with a pattern for the titles of its figures; or with a pattern for its checks, whose group
+is the abscissa, and title and labels of the panel that shows them."""
+
+
+def parse_arguments(words=None):
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--run", nargs="+", metavar="CASE", default=[], help="cases to run first, or 'all'")
+    parser.add_argument("--out", type=Path, default=DATA, help="folder of data and figures (default: %(default)s)")
+    arguments = parser.parse_args(words)
+    known = cases_of_pictures()
+    if unknown := set(arguments.run) - {*known, "all"}:
+        parser.error(f"--run must name cases among {', '.join(known)} or all, got {', '.join(sorted(unknown))}")
+    arguments.run = list(known) if "all" in arguments.run else arguments.run
+    return arguments
+
+
+def cases_of_pictures():
+    """Names of the cases whose figures are drawn."""
+    return tuple(dict.fromkeys(part[0] for parts in PICTURES.values() for part in parts if len(part) == 2))
+
+
+def curves_of(result):
+    """Figures of a case as plain data: few points, four digits."""
+    figures = {}
+    for title, figure in result.figures.items():
+        if not isinstance(figure, CaseFigure):
+            continue
+        curves = []
+        for curve in figure.curves:
+            x, y = (np.asarray(values, dtype=float) for values in (curve.x, curve.y))
+            chosen = np.unique(np.linspace(0, len(x) - 1, min(len(x), MOST_POINTS)).round().astype(int))
+            rounded = ([float(f"{value:.4g}") for value in values[chosen]] for values in (x, y))
+            curves.append({"label": curve.label, "style": curve.style, **dict(zip("xy", rounded, strict=True))})
+        figures[title] = {"x_label": figure.x_label, "y_label": figure.y_label, "curves": curves}
+    return figures
+
+
+def run(names, path):
+    """Run cases and keep their curves, each when it is done."""
+    known = load_cases()
+    for name in names:
+        result = run_case(known[name])
+        stored = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        stored[name] = curves_of(result)
+        lines = ",\n".join(
+            f"{json.dumps(key)}: {json.dumps(stored[key], ensure_ascii=False)}" for key in sorted(stored)
+        )
+        path.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
+        print(f"{name}: {len(stored[name])} figures, {result.wall_time:.0f} s", flush=True)
+
+
+def panels(parts, stored, record):
+    """Titles and data of the figures that a picture shows; those of cases without data are left out.
+
+    Parameters
+    ----------
+    parts : sequence of tuple
+        As in `PICTURES`.
+    stored : dict
+        Curves by case and title.
+    record : dict
+        Cases of the record.
+    """
+    found = []
+    for case, pattern, *words in parts:
+        if words:
+            checks = [
+                (re.search(pattern, check["quantity"]), check) for check in record.get(case, {}).get("checks", ())
+            ]
+            chosen = sorted((float(match[1]), check) for match, check in checks if match)
+            found += [(words[0], compared(chosen, *words[1:]))] if chosen else []
+        else:
+            figures = sorted(stored.get(case, {}).items(), key=lambda item: number(item[0]))
+            found += [(title, figure) for title, figure in figures if re.search(pattern, title)]
+    return found
+
+
+def compared(chosen, x_label, y_label):
+    """Panel of checks, pairs of abscissa and check: expected values with their tolerance, and the obtained ones."""
+    x = [place for place, _ in chosen]
+    expected, obtained = ([check[key] for _, check in chosen] for key in ("expected", "obtained"))
+    band = [check["tolerance"] * (abs(check["expected"]) if check["relative"] else 1.0) for _, check in chosen]
+    source = "measured" if "UAE" in chosen[0][1]["source"] else "published"
+    curves = [{"label": source, "style": "ks-", "x": x, "y": expected},
+              {"label": "simulator", "style": "o-", "x": x, "y": obtained}]  # fmt: skip
+    return {"x_label": x_label, "y_label": y_label, "curves": curves, "band": band}
+
+
+def number(title):
+    """Number of a published figure, by which those that have one are sorted."""
+    found = re.search(r"Fig\D*(\d+)", title)
+    return int(found[1]) if found else 0
+
+
+def look(style, k, over_time=False):
+    """Marker, line style and color of the curve number k of a panel from matplotlib's short form; over time, a line."""
+    marker = next((m for m in "osx+*^." if m in style), None)
+    line: object = next((text for text in ("--", "-.", "-", ":") if text in style), "")
+    if over_time and marker:
+        marker, line = None, LINE_STYLES[k % len(LINE_STYLES)]
+    filled = bool(line) or marker not in ("o", "s", "^")
+    return {
+        "color": INK if "k" in style else COLORS[k % len(COLORS)], "marker": marker, "markersize": 3.5,
+        "linestyle": line or ("none" if marker else "-"), "linewidth": 1.3,
+        "markerfacecolor": None if filled else "none",
+    }  # fmt: skip
+
+
+def draw_panels(shown, columns=2):
+    """Figure with a panel for each pair of a title and its data."""
+    rows = -(-len(shown) // columns)
+    figure = Figure(figsize=(9.2, 2.7 * rows), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for axes, (title, data) in zip(grid.ravel(), shown, strict=False):
+        plain(axes, data["x_label"], data["y_label"], title[0].upper() + title[1:])
+        axes.title.set_fontsize(9)
+        k = 0
+        for curve in data["curves"]:
+            own = look(curve["style"], k, "time" in data["x_label"])
+            k += "k" not in curve["style"]
+            axes.plot(curve["x"], curve["y"], label=curve["label"] or None, **own)
+        if "band" in data:
+            x, y, band = (np.array(values) for values in (data["curves"][0]["x"], data["curves"][0]["y"], data["band"]))
+            axes.fill_between(x, y - band, y + band, color="0.55", alpha=0.2, linewidth=0, label="tolerance")
+        if any(curve["label"] for curve in data["curves"]):
+            axes.legend(fontsize=7, frameon=False)
+    for axes in grid.ravel()[len(shown) :]:
+        axes.remove()
+    return figure
+
+
+def margin(case):
+    """Largest error of a case in tolerances: above 1 it fails. None where all checks are bounds that are kept.
+
+    A bound that is missed counts as 1 and by how much, in parts of the bound or of the width of the interval; a sign
+    that is missed as 2.
+    """
+    worst = None
+    for check in case["checks"]:
+        error, tolerance = (math.inf if isinstance(check[key], str) else check[key] for key in ("error", "tolerance"))
+        if check["passed"]:
+            found = error / tolerance if tolerance > 0.0 and not isinstance(check["expected"], str) else None
+        elif isinstance(check["expected"], str):
+            low, high = bounds_of(check["expected"])
+            scale = high - low if math.isfinite(high - low) else abs(low if math.isfinite(low) else high)
+            found = 1.0 + error / (scale or error)
+        else:
+            found = error / tolerance if tolerance > 0.0 else math.inf
+        if found is not None:
+            worst = found if worst is None else max(worst, found)
+    return worst
+
+
+def draw_cases(cases):
+    """A bar a case: its largest error in tolerances."""
+    margins = {name: margin(case) for name, case in cases.items()}
+    order = sorted(margins, key=lambda name: (margins[name] is not None, margins[name] or 0.0), reverse=True)
+    half = -(-len(order) // 2)
+    figure = Figure(figsize=(9.2, 0.165 * half + 1.0), layout="constrained")
+    high = 2.5
+    for axes, names in zip(figure.subplots(1, 2), (order[:half], order[half:]), strict=True):
+        plain(axes, "largest error in tolerances")
+        axes.set_xlim(0.0, high)
+        axes.set_ylim(half - 0.3, -0.7)
+        axes.set_yticks(range(len(names)), names, fontsize=7)
+        axes.grid(visible=False, axis="y")
+        axes.axvline(1.0, color=INK, linewidth=1.0)
+        for k, name in enumerate(names):
+            value, checks = margins[name], cases[name]["checks"]
+            failed = sum(not check["passed"] for check in checks)
+            axes.barh(k, min(value or 0.0, high), color=ORANGE if failed else BLUE, height=0.72)
+            if value is None:
+                axes.plot([0.02], [k], "D", color=GREEN, markersize=4)
+            if failed:
+                beyond = "" if value is None or value <= high else f", {value:.3g} tolerances"
+                inside = value is not None and value > 1.5
+                axes.annotate(
+                    f"{failed} of {len(checks)} fail{beyond}", (0.0 if inside else value or 0.0, k), xytext=(3, 0),
+                    textcoords="offset points", fontsize=7, va="center", color="white" if inside else ORANGE,
+                )  # fmt: skip
+        axes.tick_params(axis="y", length=0, colors=INK)
+        axes.spines["left"].set_color(GRAY)
+    bounds = Line2D([], [], color=GREEN, marker="D", linestyle="none", label="passed, bounds only")
+    figure.legend(
+        handles=[Patch(color=BLUE, label="passed"), bounds,
+                 Patch(color=ORANGE, label="a check failed")],
+        loc="outside upper center", ncols=3, frameon=False, fontsize=8,
+    )  # fmt: skip
+    return figure
+
+
+def draw(folder):
+    """Draw all pictures whose data are there; gives their paths."""
+    written, figures = [], {}
+    stored = json.loads((folder / CURVES).read_text(encoding="utf-8")) if (folder / CURVES).exists() else {}
+    record = read_record(folder / RECORD) if (folder / RECORD).exists() else {}
+    for name, parts in PICTURES.items():
+        if shown := panels(parts, stored, record):
+            figures[name] = draw_panels(shown)
+    if record:
+        figures["validation_cases"] = draw_cases(record)
+    for name, figure in figures.items():
+        drawing = io.StringIO()
+        with mpl.rc_context({**SVG, "svg.hashsalt": name}):
+            figure.savefig(drawing, format="svg", metadata={"Date": None})
+        # hundredths of a point are enough
+        text = re.sub(r"\d+\.\d{3,}", lambda found: f"{float(found[0]):.2f}", drawing.getvalue())
+        path = folder / f"{name}.svg"
+        path.write_text(text, encoding="utf-8")
+        written.append(path)
+    return written
+
+
+def main(words=None):
+    """Run what is asked for, draw, write."""
+    arguments = parse_arguments(words)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    run(arguments.run, arguments.out / CURVES)
+    for path in draw(arguments.out):
+        print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,168 @@
+"""Behavior of a version of the package, as stored numbers, and its comparison with another one.
+
+Benchmark references, kept runs and records of starts belong to a version of the package. The text of its sources does
+not count, its behavior does: beside them stands a *canary*, numbers of a few short episodes (`wt_gym.envs.canary`). Two
+versions are the same where all channels agree within `TOLERANCE` of the range of the channel, so that rounding on
+another processor does not matter. A canary is compared, never hashed. It is measured once for each state of the files
+of the package and stored in the user's cache: a comment that is edited or a file that moves costs a few seconds, and
+every result stays valid.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from wt_gym.base.files import write_text_whole
+from wt_gym.base.user_cache import user_cache
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+__all__ = [
+    "CANARY", "TOLERANCE", "Canary", "cached_canary", "canary_differences", "canary_text", "differing",
+    "package_digest", "software",
+]  # fmt: skip
+
+Canary: TypeAlias = "dict[str, str]"
+"""Numbers of each channel, as text; a JSON value."""
+CANARY = "canary"
+"""Key of the canary in a fingerprint (`wt_gym.benchmark.benchmark_fingerprint`)."""
+TOLERANCE = 1e-4
+"""Largest difference of two versions that are the same, over the range of a channel, or over its single number [-]."""
+_SMALLEST_RANGE = 1e-3
+"""Range of a channel that hardly changes, over its largest value [-]."""
+_MOST_FILES = 64
+"""Canaries in the cache; the oldest are removed."""
+_log = logging.getLogger(__name__)
+_known: dict[tuple[str, ...], Canary] = {}
+
+
+def canary_text(values: Iterable[float]) -> str:
+    """Numbers of a channel as they are stored, with nine digits."""
+    return " ".join(f"{float(value):.9g}" for value in values)
+
+
+def canary_differences(first: Mapping[str, str], second: Mapping[str, str]) -> list[str]:
+    """Channels in which two canaries differ, the largest difference first, with its size.
+
+    Parameters
+    ----------
+    first, second : mapping
+        Canaries; the ranges are those of both together.
+    """
+    sizes: dict[str, float] = {}
+    for name in {*first, *second}:
+        texts = first.get(name), second.get(name)
+        if texts[0] == texts[1]:
+            continue
+        try:
+            rows = [np.array((text or "").split(), dtype=np.float64) for text in texts]
+        except ValueError:  # one is the name of an error
+            rows = []
+        if len(rows) < 2 or rows[0].shape != rows[1].shape:
+            sizes[name] = np.inf
+            continue
+        largest = float(np.abs(rows).max())
+        scale = largest if rows[0].size == 1 else max(float(np.ptp(rows)), _SMALLEST_RANGE * largest)
+        size = float(np.abs(rows[0] - rows[1]).max() / scale)
+        if not size <= TOLERANCE:
+            sizes[name] = size
+    worst = sorted(sizes, key=lambda name: (-sizes[name], name))
+    by = {name: f"by {size:.2g} of its range" if np.isfinite(size) else "in its form" for name, size in sizes.items()}
+    return [f"{name} {by[name]}" for name in worst]
+
+
+def differing(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[str]:
+    """Parts in which two fingerprints differ: names of digests, and the channel in which the canaries differ most.
+
+    Parameters
+    ----------
+    first, second : mapping
+        Digests by name, and a canary under `CANARY`. A fingerprint without a canary is that of an earlier version.
+    """
+    parts = sorted(name for name in {*first, *second} - {CANARY} if first.get(name) != second.get(name))
+    if (CANARY in first) is not (CANARY in second):
+        return [*(name for name in parts if name in first and name in second), "behavior (one has no canary)"]
+    differences = canary_differences(first.get(CANARY, {}), second.get(CANARY, {}))
+    more = f", {len(differences) - 1} channels more" if len(differences) > 1 else ""
+    return parts + ([f"behavior ({differences[0]}{more})"] if differences else [])
+
+
+def cached_canary(name: str, key: str, measure: Callable[[], Canary]) -> Canary:
+    """Canary in the memory of the process or in the user's cache; it is measured where the package has changed.
+
+    Parameters
+    ----------
+    name : str
+        Kind of the canary.
+    key : str
+        Digest of everything besides the package on which it depends.
+    measure : callable
+    """
+    place = name, key[:16]
+    if place in _known:
+        return _known[place]
+    folder = user_cache()
+    file = None if folder is None else folder / "canaries" / f"{'-'.join(place)}-{package_digest()[:16]}.json"
+    canary = None if file is None else _stored(file)
+    if canary is None:
+        canary = measure()
+        if file is not None:
+            _store(file, canary)
+    _known[place] = canary
+    return canary
+
+
+@cache
+def package_digest() -> str:
+    """Digest of the bytes of all files of the package, and of what compiles and runs them."""
+    from wt_gym.base.compiled import digest_of  # numba takes a while to load
+
+    package, files = Path(__file__).parents[1], []
+    for folder, folders, names in os.walk(package):
+        folders[:] = [name for name in folders if name != "__pycache__"]
+        files += [Path(folder, name) for name in names]
+    return hashlib.sha256(" ".join((digest_of(package, files), *software())).encode()).hexdigest()
+
+
+def software() -> tuple[str, ...]:
+    """Libraries that compile and run the kernels, and the processor: the same ones give the same bits."""
+    import llvmlite
+    import llvmlite.binding
+    import numba
+
+    from wt_gym.base.compiled import way_to_compile
+
+    cpu = llvmlite.binding.get_host_cpu_name()
+    return numba.__version__, llvmlite.__version__, np.__version__, cpu, way_to_compile()
+
+
+def _stored(file: Path) -> Canary | None:
+    try:
+        canary: Canary = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        _log.warning("the canary %s is unreadable (%s); it is measured again", file, error)
+        return None
+    return canary
+
+
+def _store(file: Path, canary: Canary) -> None:
+    """Write a file, and remove the oldest ones; where nothing can be written, the next process measures again."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_text_whole(file, json.dumps(canary, indent=1) + "\n")
+        files = sorted(file.parent.glob("*.json"), key=lambda path: path.stat().st_mtime)
+        for old in files[:-_MOST_FILES]:
+            old.unlink(missing_ok=True)
+    except OSError as error:
+        _log.warning("the canary could not be stored in %s (%s)", file, error)

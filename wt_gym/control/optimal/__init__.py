@@ -1,1 +1,0 @@
-"""Linear optimal pitch in the fixed frame: the offsets, what is read of the turbine, and designs as files."""

@@ -1,1 +1,0 @@
-"""The models of a turbine: structure, bodies and lattice, made from its description."""
