@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 
 from wt_gym.base.options import check_whole_steps
 from wt_gym.control import ActionMap
@@ -17,7 +18,7 @@ from wt_gym.control.controllers.names import ALIASES, BASELINE, make_controller
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.envs import rewards
 from wt_gym.envs.channels import DEFAULT_GROUPS, RESIDUAL_GROUPS
-from wt_gym.envs.dial import DialTerm
+from wt_gym.envs.dial import DialCourse, DialTerm
 from wt_gym.envs.episode_start import EpisodeStarts, RunningStart
 from wt_gym.envs.faults import FaultTerm, check_faults
 from wt_gym.envs.layout import EnvLayout
@@ -85,6 +86,11 @@ class Parts:
     reward_names: tuple[str, ...]
     reward_space: spaces.Box
     render_mode: str | None
+    _running: bool
+
+    def __repr__(self) -> str:
+        made_of = f"{self.turbine.name}, {self.wind.label}, {fidelity_of(self.fidelity).name} fidelity"
+        return f"<{type(self).__name__}: {made_of}, {self.layout.sizes}>"
 
     @property
     def simulator(self) -> TurbineSimulator:
@@ -155,6 +161,35 @@ class Parts:
     def action_units(self) -> np.ndarray:
         """Unit of what every component of an action stands for."""
         return np.array(self.layout.action.units)
+
+    @property
+    def dial(self) -> dict[str, float] | None:
+        """Factors on the weights of the reward that hold for the next step, by name; None without a dial."""
+        term = cast("DialTerm | None", self.terms.get("dial"))
+        return None if term is None or term.course is None else cast("dict[str, float]", term.info()["dial"])
+
+    def set_dial(self, **factors: float) -> None:
+        """Turn the dial: from the next observation on to the end of the episode these factors hold.
+
+        Parameters
+        ----------
+        **factors : float
+            On the weights of ``fatigue``, ``power`` and ``travel``, 1 where left out; their ratios count.
+
+        Raises
+        ------
+        ValueError
+            If the environment has no dial, or a factor has no meaning.
+        gymnasium.error.ResetNeeded
+            If no episode is running.
+        """
+        term = cast("DialTerm | None", self.terms.get("dial"))
+        if term is None:
+            raise ValueError("the environment must have dial_weights to turn its dial, got None")
+        turned = DialCourse.of(factors).factors[0]
+        if not self._running:
+            raise ResetNeeded("the episode is over, or none was started: call reset() before set_dial()")
+        term.turn(turned, 0.5 * self.control_dt)
 
 
 def build(env: WindTurbineEnv, options: EnvOptions) -> None:

@@ -255,10 +255,9 @@ class DialTerm(Term):
         """Factors of the present instant."""
         return cast("DialCourse", self.course).at(self._operation.signals["time"])
 
-    def turn(self, factors: Mapping[str, float], lead: float) -> None:
+    def turn(self, factors: tuple[float, ...], lead: float) -> None:
         """Hold other factors from a lead after the present instant on [s]."""
-        turned = DialCourse.of(factors).factors[0]
-        self.course = cast("DialCourse", self.course).changed(self._operation.signals["time"] + lead, turned)
+        self.course = cast("DialCourse", self.course).changed(self._operation.signals["time"] + lead, factors)
 
     def adjust(self, _: float, terms: dict[str, float], __: int, time: float) -> tuple[float, dict[str, float]]:
         """Multiply the terms of a step by the factors of its beginning."""
