@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from wt_gym.base.errors import InflowError, did_you_mean
-from wt_gym.base.options import Options, not_empty, option, option_record, real_number, real_numbers, shown
+from wt_gym.base.options import Options, as_pair, not_empty, option, option_record, real_number, shown
 from wt_gym.wind import (
     Inflow,
     PathInflow,
@@ -468,7 +468,9 @@ class WindSampler:
     Attributes
     ----------
     parks : bool
-        Whether the wind is one in which turbines are parked.
+        The wind is one in which turbines are parked.
+    turbulent : bool
+        Some of the winds are turbulence made here.
     speeds : (float, float)
         Range of the mean speeds at hub height [m/s].
     seeds : tuple of int or None
@@ -486,18 +488,14 @@ class WindSampler:
         self._kind: str | Callable[..., Inflow] | tuple[Inflow | WindFile, ...]
         kind: Any = options.inflow
         self._kind = kind if options.made_here or callable(kind) else self._own_inflows(kind)
-        directions = real_numbers(options.direction)
-        self._directions = directions[0], directions[-1]
-        self._wander = None if options.wander is None else real_numbers(options.wander)
+        self._directions, self._wander, self._swing = as_pair(options.direction), options.wander, options.swing
         self._profile = _profile(options)
         self._to_hub = self._share_at_hub(options.reference_height)
         self._class = self._box_class = options.turbulence_class or turbine.turbulence_class
-        self._pool = tuple(options.seeds)
+        self._pool = options.seeds
         self._gusts = tuple(form for name in GUSTS if name in options.gusts for form in _FORMS[name])
-        self._turbulent = options.turbulent
+        self.turbulent = options.turbulent
         self._whose = options.turbulence
-        swing = real_numbers(options.swing)
-        self._swing = swing[0], swing[1]
         self._model = "ETM" if isinstance(kind, str) and kind == "gusts" else options.turbulence_model
         self.parks = options.extreme
         self.speeds: tuple[float, float]
@@ -508,8 +506,9 @@ class WindSampler:
             self._profile = {"shear_exponent": EXTREME_SHEAR_EXPONENT}
         elif isinstance(self._kind, str):
             self._steady(0.0)  # refuses a profile without meaning now, not at the first reset
-            self.speeds = self._range(options.speed)
-            if self._turbulent:
+            low, high = as_pair(cast("float | tuple[float, float]", options.speed))
+            self.speeds = self._checked_speed(low), self._checked_speed(high)
+            if self.turbulent:
                 self._sigma(self.speeds[0])  # refuses an unknown class now, not at the first reset
         elif callable(self._kind):
             self.speeds = (turbine.cut_in, turbine.cut_out)
@@ -517,7 +516,7 @@ class WindSampler:
             means = [inflow.mean_speed for inflow in self._kind]
             self.speeds = (min(means), max(means))
         self.seeds: tuple[int, ...] | None
-        self.seeds = (self._pool if self._turbulent else ()) if isinstance(self._kind, str) else None
+        self.seeds = (self._pool if self.turbulent else ()) if isinstance(self._kind, str) else None
 
     @property
     def label(self) -> str:
@@ -530,7 +529,7 @@ class WindSampler:
         if self._all_files:
             return ("time_offset",)
         speed = ("wind_speed",) if isinstance(self._kind, str) and not self.parks else ()
-        return (*speed, "wind_seed", "time_offset") if self._turbulent else speed
+        return (*speed, "wind_seed", "time_offset") if self.turbulent else speed
 
     @property
     def asked_speeds(self) -> tuple[float, float]:
@@ -611,7 +610,7 @@ class WindSampler:
         if self._kind == "gusts" and (gust := self._gust(speed, rng)) is not None:
             return self._turned(EpisodeWind(gust, speed, -1, 0.0), rng, heading)
         steady = self._steady(speed)
-        if not self._turbulent:
+        if not self.turbulent:
             return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng, heading)
         seed = checked_wind_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
         if self._kind == "path":
@@ -651,11 +650,6 @@ class WindSampler:
     def turbulence_key(self) -> tuple[Any, ...]:
         """What decides on `turbulence` beside turbine, speed and seed."""
         return self._class, self._model, self._whose, sorted(self._profile.items())
-
-    @property
-    def turbulent(self) -> bool:
-        """Whether some of its winds are turbulence made here."""
-        return self._turbulent
 
     def given(self, inflow: Any, **options: Any) -> EpisodeWind:
         """Take a wind from outside in place of one of its own.
@@ -796,13 +790,8 @@ class WindSampler:
         turbine, make = self._turbine, TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
         return make(made_at, turbine.hub_height, turbine.rotor_diameter, self._box_class, seed=seed, duration=duration)
 
-    def _range(self, wind_speed: Any) -> tuple[float, float]:
-        """Lower and upper wind speed at the hub [m/s]."""
-        ends = tuple(wind_speed) if isinstance(wind_speed, tuple | np.ndarray) else (wind_speed,)
-        return self._checked_speed(ends[0]), self._checked_speed(ends[-1])
-
     def _checked_speed(self, speed: Any) -> float:
-        moves = (self._turbulent or self._kind == "gusts") and self._kind != "path"
+        moves = (self.turbulent or self._kind == "gusts") and self._kind != "path"
         low = SLOWEST_TURBULENCE if moves else 0.0
         given = real_number(speed)
         if given is None:
@@ -818,8 +807,8 @@ class WindSampler:
 
     def _refuse_useless(self, wind_speed: Any, wind_seed: Any, time_offset: Any) -> None:
         """Refuse options that the kind of wind would ignore."""
-        without_offset = not (self._turbulent or self._all_files)
-        if (wind_seed is not None and not self._turbulent) or (time_offset is not None and without_offset):
+        without_offset = not (self.turbulent or self._all_files)
+        if (wind_seed is not None and not self.turbulent) or (time_offset is not None and without_offset):
             raise InflowError(
                 "wind_seed and time_offset belong to turbulent wind, time_offset to files of wind too; this "
                 "environment's wind has none"
