@@ -63,7 +63,7 @@ KINDS = ("steady", "turbulent", "path", "gusts", *EXTREME)
 TRANSIENTS = ("EOG", "EDC", "ECD", "EWS")
 """Deterministic transients of IEC 61400-1, which the inflow "gusts" draws by default."""
 GUSTS = (*TRANSIENTS, "ETM")
-"""What the inflow "gusts" can draw: extreme turbulence beside the transients."""
+"""Draws of the inflow "gusts": extreme turbulence beside the transients."""
 TURBULENCE_MODELS = ("NTM", "ETM")
 TURBULENCE = ("kaimal", "mann")
 """Whose turbulence: `wt_gym.wind.kaimal` or `wt_gym.wind.mann`."""
@@ -85,7 +85,7 @@ _MADE = "the inflows 'steady', 'turbulent', 'path' and 'gusts'"
 
 
 def is_wind_file(value: Any) -> bool:
-    """Whether an argument is a file of wind: a path by its suffix, or a mapping that names one."""
+    """Return True if an argument is a file of wind: a path by its suffix, or a mapping that names one."""
     return is_wind_path(value) or (isinstance(value, Mapping) and "file" in value)
 
 
@@ -313,9 +313,9 @@ class WindFile:
     duration : float
         Length of the record [s].
     periodic : bool
-        Whether its end leads smoothly to its beginning.
+        Its end leads smoothly to its beginning.
     is_series : bool
-        Whether it is the course of an event, which an episode meets from its beginning.
+        It is the course of an event, which an episode meets from its beginning.
     """
 
     key: str
@@ -385,7 +385,7 @@ class WindFile:
 
 
 def _state(key: str) -> tuple[tuple[int, int] | None, ...]:
-    """What tells of a change of the files, None where there is none."""
+    """Times and sizes of the files, which tell of a change, None where there is none."""
     return tuple(_state_of(path) for path in files_of(json.loads(key)))
 
 
@@ -427,7 +427,7 @@ PATH_BOX = 12.0, 1200.0
 """Speed at which the turbulence of a path is synthesized [m/s], with harmonics up to 2 Hz, and for how long [s]: 14.4
 km of air with waves down to 6 m."""
 _LONGEST_PATH = 3600.0
-"""Of an episode without an end [s]; the mean speed then stays."""
+"""Length of the path of an episode without an end [s]; the mean speed then stays."""
 _PATH_SEED = 50_000_000
 """Beside a chosen seed of the turbulence, of the path that goes with it."""
 _SLOWEST_NTM = 2.0
@@ -525,7 +525,7 @@ class WindSampler:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """What `sample` can be told instead of drawing it."""
+        """Arguments of `sample` that take the place of a draw."""
         if self._all_files:
             return ("time_offset",)
         speed = ("wind_speed",) if isinstance(self._kind, str) and not self.parks else ()
@@ -538,19 +538,19 @@ class WindSampler:
 
     @property
     def draws_more(self) -> bool:
-        """Whether speed and turbulence seed leave something open: a gust, a direction, which inflow, a time in it."""
+        """Return True if speed and turbulence seed leave open a gust, a direction, which inflow, or a time in it."""
         if isinstance(self._kind, tuple):
             return self._turns or len(self._kind) > 1 or self._all_files
         return self._turns or self._kind in ("gusts", "path") or callable(self._kind)
 
     @property
     def _turns(self) -> bool:
-        """Whether a direction is drawn."""
+        """A direction is drawn."""
         return self._wander is not None or self._directions[0] != self._directions[1]
 
     @property
     def _all_files(self) -> bool:
-        """Whether every wind is read from a file."""
+        """Every wind is read from a file."""
         return isinstance(self._kind, tuple) and all(isinstance(own, WindFile) for own in self._kind)
 
     def windows(self, length: float) -> tuple[tuple[WindFile, float], ...]:
@@ -648,7 +648,7 @@ class WindSampler:
 
     @property
     def turbulence_key(self) -> tuple[Any, ...]:
-        """What decides on `turbulence` beside turbine, speed and seed."""
+        """Properties of `turbulence` beside turbine, speed and seed."""
         return self._class, self._model, self._whose, sorted(self._profile.items())
 
     def given(self, inflow: Any, **options: Any) -> EpisodeWind:
@@ -820,7 +820,7 @@ class WindSampler:
 
 
 def _profile(options: WindOptions) -> dict[str, float]:
-    """What a steady wind needs for its profile."""
+    """Arguments of the profile of a steady wind."""
     if options.roughness_length is not None:
         return {"roughness_length": options.roughness_length}
     return {"shear_exponent": NORMAL_SHEAR if options.shear_exponent is None else options.shear_exponent}
