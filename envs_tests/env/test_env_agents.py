@@ -22,11 +22,9 @@ from wt_gym.analysis.summary import summarize
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.commands import main
 from wt_gym.control.controllers import BaselineController
-from wt_gym.experiment.constant import ConstantAgent
-from wt_gym.experiment.controller_agent import ControllerAgent
+from wt_gym.experiment.agents import ConstantAgent, ControllerAgent, load_agent
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.names import BASELINE, named_choices
-from wt_gym.experiment.pool import load_agent
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning.train import TrainingConfig, train
 from wt_gym.simulation import Simulator

@@ -11,7 +11,8 @@ import pytest
 from turbine_contract import PLAIN
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.experiment.planning import ShootingPlanner, check_settings
+from wt_gym.experiment.agents import ShootingPlanner
+from wt_gym.learning.distributed.rllib_settings import check_settings
 
 SMALL = {"horizon": 0.8, "hold": 0.4, "samples": 3, "elites": 2, "rounds": 2}
 

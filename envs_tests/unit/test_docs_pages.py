@@ -24,22 +24,20 @@ from envs_tests.physics.validation import load_cases
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
-from wt_gym.benchmark import load_task, task_names
 from wt_gym.commands import COMMANDS, loadcases, module_of
 from wt_gym.commands.training_options import config_from
 from wt_gym.control.controllers import CONTROLLERS, make_controller
 from wt_gym.control.controllers import controller as contract
-from wt_gym.experiment.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
-from wt_gym.experiment.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
-from wt_gym.experiment.loadcases.cases import CASES, plan_of
-from wt_gym.experiment.loadcases.study import LoadCaseConfig
+from wt_gym.experiment.benchmark_tasks import load_task, task_names
+from wt_gym.experiment.evaluation import CONFIGURATION_FILE, DEFAULT_WIND_SEEDS, REPORT_FILE, EvaluationConfig
+from wt_gym.experiment.loadcase_runs import LoadCaseConfig
+from wt_gym.experiment.loadcases import CASES, plan_of
 from wt_gym.experiment.names import controller_of, is_controller_name
+from wt_gym.experiment.run import run_controller
+from wt_gym.experiment.store import SWEEP_FILE, digest
 from wt_gym.learning.training.config import TrainingConfig
 from wt_gym.learning.training.hyperparameters import ALGORITHMS, read_hyperparameters
 from wt_gym.learning.training.selection import SELECTION_WIND_SEEDS
-from wt_gym.runs.definition import digest
-from wt_gym.runs.playing import run_controller
-from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -361,8 +359,8 @@ def what_ray_needs():
 
 def test_nothing_imports_ray_that_does_not_ask_for_it():
     program = (
-        "import sys, wt_gym.learning.train, wt_gym.experiment.evaluation, wt_gym.runs.executors, "
-        "wt_gym.learning.training.search, wt_gym.experiment.benchmark_runs; sys.exit('ray' in sys.modules)"
+        "import sys, wt_gym.learning.train, wt_gym.experiment.evaluation, wt_gym.experiment.execute, "
+        "wt_gym.learning.training.search, wt_gym.experiment.benchmark; sys.exit('ray' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.runs.executors import ATTEMPTS, ProcessExecutor, Tally, executor_for
+from wt_gym.experiment.execute import ATTEMPTS, ProcessExecutor, Tally, executor_for
 
 PROGRAM = """
 import time
-from wt_gym.runs.executors import ProcessExecutor
+from wt_gym.experiment.execute import ProcessExecutor
 
 if __name__ == "__main__":
     for job, _ in ProcessExecutor(2).results(time.sleep, (0, 600, 601)):

@@ -29,6 +29,7 @@ __all__ = [
     "BASELINE",
     "COMPARED",
     "GROUPS",
+    "INTERFACE",
     "LEVELS",
     "PREFIX",
     "RESIDUAL_INTERFACE",
@@ -66,6 +67,11 @@ GROUPS = {
 """Words of the benchmark that stand for several agents."""
 COMPARED = (BASELINE, ROSCO, "tsr_tracking", "ipc", "tuned")
 """Controllers that are compared where none is named."""
+INTERFACE = (
+    "action_mode", "pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "residual_form",
+    "controller", "observation", "history", "sensor_washout",
+)  # fmt: skip
+"""Arguments of the environment that an agent may choose: what it sees, what its actions mean, its base controller."""
 RESIDUAL_INTERFACE: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
 """Arguments of an environment in which a controller is the base controller of zero actions."""
 _WORD_ALIASES = {"constant": "zero", "Constant action": "zero"}
@@ -77,7 +83,6 @@ def read_name(choice: str, near: Iterable[str] = ()) -> Name:
 
     Parameters
     ----------
-    choice : str
     near : iterable of str
         Further names that may have been meant, for the message.
 
@@ -170,8 +175,6 @@ def checked_choices(given: Any, choice: str) -> dict[str, Any]:
     ValueError
         If they are not a table, or one is not the agent's to choose.
     """
-    from wt_gym.benchmark.run import INTERFACE
-
     if not isinstance(given, dict):
         raise ValueError(f"env_kwargs of {choice} must be a table of arguments of the environment, got {given!r}")
     if foreign := [key for key in given if key not in INTERFACE]:
@@ -196,7 +199,6 @@ def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
 
     Parameters
     ----------
-    env_id : str
     env_kwargs : mapping
         Arguments besides those of the id.
     """
@@ -334,10 +336,6 @@ def _folders_of_seeds(folder: Path) -> dict[int, Path]:
 
 def fingerprint(choice: str) -> dict[str, Any]:
     """What an agent is, to tell whether a stopped evaluation can resume with it.
-
-    Parameters
-    ----------
-    choice : str
 
     Returns
     -------

@@ -7,6 +7,7 @@ import shutil
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.files import write_text_whole
+from wt_gym.experiment.store import FolderLock
 from wt_gym.experiment.trained_agent import (
     BEST_MODEL_FILE,
     BEST_NORMALIZATION_FILE,
@@ -15,7 +16,6 @@ from wt_gym.experiment.trained_agent import (
     RECORD_FILE,
     read_record,
 )
-from wt_gym.runs.folder_lock import FolderLock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -138,12 +138,7 @@ class RunFolder(FolderLock):
         return any(True for _ in self._left())
 
     def refuse_used(self, overwrite: bool) -> None:
-        """Refuse a folder in which a training has been, unless that is to be overwritten.
-
-        Raises
-        ------
-        ValueError
-        """
+        """Refuse a folder in which a training has been, unless that is to be overwritten."""
         if self.used and not overwrite:
             raise ValueError(f"{self.path} holds a training already: resume it, overwrite it, or take another folder")
 

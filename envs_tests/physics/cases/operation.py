@@ -9,11 +9,12 @@ import numpy as np
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case, read_table, worst
 from wt_gym.analysis.metrics import damage_equivalent_load
+from wt_gym.analysis.results import Wind
 from wt_gym.base.constants import GRAVITY
 from wt_gym.control import Demand
 from wt_gym.control.controllers import WindEstimator, checked_demand, make_controller, readings_of
-from wt_gym.experiment.comparison import Case, change, inflow_of, run_cases, table
-from wt_gym.runs.playing import run_baseline, run_controller
+from wt_gym.experiment.comparison import change, comparison_table, inflow_of, run_cases
+from wt_gym.experiment.run import run_baseline, run_controller
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
@@ -321,7 +322,7 @@ PUBLISHED = "published cuts by individual pitch: 14 % (free wake, Perez-Becker 2
 def controllers() -> CaseResult:
     """Bounds on what must hold of each controller; the table stands in the notes, the front in a figure."""
     turbine = load_turbine("nrel_5mw")
-    cases = [Case(wind, seed) for wind in WINDS for seed in SEEDS]
+    cases = [Wind(wind, seed) for wind in WINDS for seed in SEEDS]
     runs = run_cases(turbine, CONTROLLERS, cases, DURATION, SKIP)
     by_name, reference = {run.name: run for run in runs}, runs[0]
 
@@ -345,7 +346,7 @@ def controllers() -> CaseResult:
         loads = [percent(n, wind, "blade_flap_del") for n in names]
         curves.append(Curve(np.array(duty), np.array(loads), f"{wind:g} m/s", "o"))
     figure = Figure(tuple(curves), "pitch duty cycle", "flap DEL against the baseline [%]")
-    return CaseResult(checks, {"Front of load against pitch travel": figure}, table(runs))
+    return CaseResult(checks, {"Front of load against pitch travel": figure}, comparison_table(runs))
 
 
 @case(
@@ -359,7 +360,7 @@ def wind_estimate(winds=(8.0, 12.0, 16.0), duration=200.0) -> CaseResult:
     turbine, checks, lines, figures = load_turbine("nrel_5mw"), [], [], {}
     simulator, dt, skip = None, 0.1, 300
     for wind in winds:
-        inflow = cast("TurbulentInflow", inflow_of(turbine, Case(wind, SEEDS[0])))
+        inflow = cast("TurbulentInflow", inflow_of(turbine, Wind(wind, SEEDS[0])))
         simulator = simulator or Simulator(turbine, inflow)
         simulator.inflow = inflow
         estimator = WindEstimator.of_turbine(turbine)

@@ -20,8 +20,8 @@ import numpy as np
 from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import operating_point
-from wt_gym.runs.executors import executor_for
-from wt_gym.runs.playing import run_controller
+from wt_gym.experiment.execute import executor_for
+from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow
 
@@ -40,8 +40,7 @@ _AVERAGE = 30.0
 _WINDS = 9
 _WORKERS = 2
 LARGEST_DEVIATION, LEAST_POWER, LEAST_RATED_POWER = 0.02, 0.9, 0.99
-"""Limits of the speed over rated speed, of the power over that of the table, and above rated wind over rated power [-].
-"""
+"""Limits of the speed over rated speed, of the power over that of the table, and above rated wind over rated [-]."""
 _ABOVE_RATED = 1.15
 """Wind over rated wind from which on rated power and speed are expected [-]."""
 
@@ -81,7 +80,6 @@ def steady_check(turbine: Turbine, on_point: Callable[[int, float], None] | None
 
     Parameters
     ----------
-    turbine : Turbine
     on_point : callable, optional
         Called with the number of finished runs and the time since the start [s].
 
@@ -128,8 +126,6 @@ def verdict(turbine: Turbine, point: SteadyPoint, table: SteadyTable | None = No
 
     Parameters
     ----------
-    turbine : Turbine
-    point : SteadyPoint
     table : SteadyTable, optional
         Without it, and outside its winds, blade elements and the operating point are the reference.
     """
