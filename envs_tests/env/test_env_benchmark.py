@@ -26,7 +26,6 @@ from wt_gym.experiment.benchmark import (
 )
 from wt_gym.experiment.benchmark_tasks import BenchmarkTask, Reference, task_file
 from wt_gym.experiment.environments import resolved_arguments
-from wt_gym.experiment.execute import ProcessExecutor
 from wt_gym.experiment.run import benchmark_metrics, delivered_power
 from wt_gym.turbines import load_turbine
 
@@ -66,12 +65,6 @@ def test_winds_and_controllers_differ():
     assert played("ipc")["metrics"] != played("discon")["metrics"]
     wide, narrow = (played(f"constrained_ipc:level={x}")["metrics"]["pitch_travel"] for x in (0.01, 10.0))
     assert wide > narrow == pytest.approx(played("discon")["metrics"]["pitch_travel"], rel=1e-6)
-
-
-def test_random_actions_are_the_same_again():
-    first = played("random")
-    assert first["metrics"]["pitch_travel"] > played("discon")["metrics"]["pitch_travel"]
-    assert same_numbers(first, played.__wrapped__("random"))
 
 
 def test_power_is_corrected_for_what_the_rotor_stores():
@@ -264,15 +257,6 @@ def test_models_whose_control_step_does_not_fit_are_refused(model):
     entry = at_step(model, 0.4)
     with pytest.raises(ValueError, match=r"must be the same, got 0.1 s"):
         play_task(task, task.winds[0], entry.make, entry.interface | {"history": 2})
-
-
-@pytest.mark.slow
-def test_two_processes_make_the_runs_of_one(tmp_path):
-    task, folder = short(), ResultFolder(tmp_path)
-    jobs = jobs_of([task], [entry_of("discon")])[:2]
-    assert run_jobs(jobs, folder, ProcessExecutor(2), progress=False) == 2
-    for k, job in enumerate(jobs):
-        assert same_numbers(folder.read(definition_of(job)), played("discon", k))
 
 
 def test_the_example_of_the_page_runs(capsys):

@@ -10,7 +10,7 @@ from wt_gym.analysis.results import Wind
 from wt_gym.control import Demand
 from wt_gym.control.controllers import IndividualPitch, make_controller
 from wt_gym.control.sensors import from_harmonic, to_harmonic
-from wt_gym.experiment.comparison import run_cases
+from wt_gym.experiment.comparison import ComparisonConfig, run_cases
 from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
@@ -28,7 +28,8 @@ def turbine():
 def loads(turbine):
     """Metrics at 16 m/s over 100 s by controller."""
     names = ("discon", "ipc", "tower_dampers")
-    runs = run_cases(turbine, {name: (name, {}) for name in names}, [Wind(16.0, SEED)], duration=100.0, skip=20.0)
+    config = ComparisonConfig(duration=100.0, skip=20.0)
+    runs = run_cases(turbine, {name: (name, {}) for name in names}, [Wind(16.0, SEED)], config)
     return {run.name: run.metrics[Wind(16.0, SEED)] for run in runs}
 
 

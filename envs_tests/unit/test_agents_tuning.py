@@ -11,7 +11,7 @@ from wt_gym.base.errors import InflowError
 from wt_gym.commands.tune import interval
 from wt_gym.experiment import comparison, tuning
 from wt_gym.experiment.benchmark_tasks import load_task
-from wt_gym.experiment.comparison import ControllerRuns, change, comparison_table, run_cases
+from wt_gym.experiment.comparison import ComparisonConfig, ControllerRuns, change, comparison_table, run_cases
 from wt_gym.experiment.tuning import Cost, Range, TuningTask, tune
 from wt_gym.turbines import load_turbine
 
@@ -97,12 +97,9 @@ def test_times_without_meaning_are_refused(times, message, monkeypatch):
         TuningTask("ipc", **times)
     turbine = load_turbine("nrel_5mw")
     with pytest.raises(ValueError, match=message):
-        run_cases(turbine, {"discon": ("discon", {})}, [Wind(12.0)], **{"duration": 5.0} | times)
-    for step in (0.0, -0.1, math.nan):
-        with pytest.raises(ValueError, match="the control step must be above 0"):
-            run_cases(turbine, {"discon": ("discon", {})}, [Wind(12.0)], 5.0, control_dt=step)
+        ComparisonConfig(**times)
     with pytest.raises(InflowError, match="speed must lie in"):  # of the last wind, before the first one runs
-        run_cases(turbine, {"discon": ("discon", {})}, [Wind(12.0), Wind(1e9)], 5.0)
+        run_cases(turbine, {"discon": ("discon", {})}, [Wind(12.0), Wind(1e9)])
 
 
 def test_changes_and_table():
@@ -147,7 +144,7 @@ def test_what_cannot_be_made_is_refused_before_the_first_run(choice, parameters,
     monkeypatch.setattr(comparison, "play", lambda *_, **__: pytest.fail("a run was made"))
     chosen = {"discon": ("discon", {}), "last": (choice, parameters)}
     with pytest.raises(ValueError, match=message):
-        run_cases(load_turbine("nrel_5mw"), chosen, [Wind(12.0)], 5.0)
+        run_cases(load_turbine("nrel_5mw"), chosen, [Wind(12.0)])
 
 
 def test_a_class_of_ones_own_is_tuned(monkeypatch, tmp_path):

@@ -318,7 +318,7 @@ def test_runs_that_are_kept_are_not_made_again(turbine, monkeypatch, tmp_path):
         make_agent(None)
         return {"metrics": {"x": 1.0}, "ending": "time"}
 
-    monkeypatch.setattr(ceilings, "play", play)
+    monkeypatch.setattr(ceilings, "play_task", play)
     monkeypatch.setattr(ceilings, "OffsetsPlayer", Player)
     runs = ceilings._Runs(TASK, CeilingOptions(), tmp_path)
     first = runs.offsets(TASK.winds[0], np.zeros((3, 4)))

@@ -32,7 +32,7 @@ from wt_gym.experiment.benchmark_tasks import load_task, task_names
 from wt_gym.experiment.evaluation import CONFIGURATION_FILE, DEFAULT_WIND_SEEDS, REPORT_FILE, EvaluationConfig
 from wt_gym.experiment.loadcase_runs import LoadCaseConfig
 from wt_gym.experiment.loadcases import CASES, plan_of
-from wt_gym.experiment.names import controller_of, is_controller_name
+from wt_gym.experiment.names import read_name
 from wt_gym.experiment.run import run_controller
 from wt_gym.experiment.store import SWEEP_FILE, digest
 from wt_gym.learning.training.config import TrainingConfig
@@ -127,9 +127,10 @@ def test_commands_are_accepted(name, words, tmp_path):
     if name in ("evaluate", "loadcases"):
         for agent in arguments.agents:
             choice = agent.split("=", 1)[1] if "=" in agent and ":" not in agent.split("=")[0] else agent
-            if is_controller_name(choice) and not re.search("^bladed:|file=", choice):  # the reader's files
-                controller, parameters = controller_of(choice)
-                make_controller(controller, load_turbine("nrel_5mw"), **parameters)
+            if re.search("^bladed:|file=|/|[.]py:", choice):  # files, of the reader too
+                continue
+            if (agent := read_name(choice)).kind == "controller":
+                make_controller(agent.target, load_turbine("nrel_5mw"), **agent.parameters)
     if name == "loadcases":
         assert loadcases.configuration(arguments).quick == ("--quick" in words)
     if name in ("train", "search") and not getattr(arguments, "resume", None):

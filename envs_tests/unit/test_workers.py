@@ -68,15 +68,10 @@ def test_workers_end_with_a_process_that_is_killed(tmp_path):
     assert rest == b""
 
 
-@pytest.mark.parametrize("refuse", [lambda workers: executor_for(workers=workers), ProcessExecutor])
-def test_no_worker_is_refused(refuse):
-    with pytest.raises(ValueError, match="at least 1 job must run at a time, got 0"):
-        refuse(0)
-
-
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
+        ({"workers": 0}, "at least 1 job must run at a time, got 0"),
         ({"engine": "dask"}, "the engine must be one of local, ray, got 'dask'"),
         ({"address": "auto"}, "the engine must be ray where an address .* is given, got 'auto' without"),
     ],

@@ -92,7 +92,7 @@ def main(words: list[str] | None = None) -> None:
     runs: list[ControllerRuns] = []
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
         from wt_gym.analysis.results import Wind
-        from wt_gym.experiment.comparison import run_cases
+        from wt_gym.experiment.comparison import ComparisonConfig, run_cases
         from wt_gym.experiment.names import COMPARED, available, named_choices, read_name, with_model_options
         from wt_gym.simulation.fidelity import suited_fidelity
         from wt_gym.turbines import load_turbine
@@ -107,11 +107,14 @@ def main(words: list[str] | None = None) -> None:
             require_writable(arguments.report.parent)
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
+        settings = ComparisonConfig(
+            duration=arguments.duration, skip=arguments.skip, fidelity=arguments.fidelity,
+            control_dt=arguments.control_dt, simulator=arguments.simulator,
+        )  # fmt: skip
         try:
             with executor_of(arguments) as executor:
                 run_cases(
-                    turbine, controllers, winds, arguments.duration, arguments.skip, arguments.fidelity,
-                    arguments.control_dt, runs, arguments.simulator, executor, progress=True,
+                    turbine, controllers, winds, settings, runs=runs, executor=executor, progress=True,
                 )  # fmt: skip
         finally:  # of a stopped series too
             if any(run.done for run in runs):

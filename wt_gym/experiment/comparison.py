@@ -19,7 +19,7 @@ from wt_gym.analysis.report_page import Row, Section, agent_label, legend, setti
 from wt_gym.analysis.results import Wind
 from wt_gym.analysis.summary import format_estimate, format_value
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.options import check_duration
+from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers import Name, make_controller
 from wt_gym.envs.simulators import OWN, simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -27,7 +27,8 @@ from wt_gym.experiment.agents import load_agent, load_model
 from wt_gym.experiment.environments import environment_of_training
 from wt_gym.experiment.execute import Experiment
 from wt_gym.experiment.names import INTERFACE, RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
-from wt_gym.experiment.run import benchmark_metrics, play, run_controller
+from wt_gym.experiment.run import LEAST_MEASURED, benchmark_metrics, play, run_controller
+from wt_gym.simulation import Fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
@@ -40,14 +41,13 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.episode import Agent
     from wt_gym.experiment.execute import Executor
-    from wt_gym.simulation import Fidelity
     from wt_gym.simulation.contract import TurbineSimulator
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "COLUMNS", "LEAST_FOR_INTERVAL", "LEAST_MEASURED", "ControllerRuns", "change", "check_times",
-    "comparison_table", "half_width", "in_all_winds", "inflow_of", "run_agent", "run_cases", "write_comparison",
+    "COLUMNS", "LEAST_FOR_INTERVAL", "ComparisonConfig", "ControllerRuns", "change",
+    "comparison_table", "half_width", "in_all_winds", "inflow_of", "run_cases", "write_comparison",
 ]  # fmt: skip
 
 COLUMNS = (
@@ -61,9 +61,6 @@ COLUMNS = (
     ("rotor_speed_max", "speed max"),
 )
 """Metrics of `wt_gym.analysis.metrics` and their short names."""
-
-LEAST_MEASURED = 2.0
-"""Shortest time that metrics are taken of, and longest interval of a controller [s]."""
 
 
 @dataclass
@@ -101,32 +98,34 @@ def _steady(turbine: Turbine, wind: Wind, shear_exponent: float) -> SteadyInflow
     return SteadyInflow(wind.speed, turbine.hub_height, shear_exponent=shear_exponent)
 
 
-def check_times(duration: float, skip: float, control_dt: float | None = None) -> None:
-    """Refuse times of a comparison that have no meaning.
+@option_record
+class ComparisonConfig(Options):
+    """Length of the runs of a comparison, and their simulation.
 
-    Parameters
-    ----------
-    duration, skip : float
-        Measured time and time before it [s].
-    control_dt : float, optional
-        Interval of the controllers [s].
+    ``simulator`` is as the argument of the environment, for controllers and agents.
     """
-    check_duration("the duration", duration, LEAST_MEASURED)
-    check_duration("the skipped start", skip)
-    if control_dt is not None and not 0.0 < control_dt <= LEAST_MEASURED:
-        raise ValueError(f"the control step must be above 0 and at most {LEAST_MEASURED:g} s, got {control_dt!r}")
+
+    title = "comparison"
+
+    duration: float = option("measured time", default=150.0, unit="s", low=LEAST_MEASURED, high=LONGEST)
+    skip: float = option("time before it", default=30.0, unit="s", low=0.0, high=LONGEST)
+    fidelity: str | Fidelity | None = option(
+        "fidelity of the simulator", default=None, kinds=(str, Fidelity), otherwise="that of the turbine"
+    )
+    control_dt: float | None = option(
+        "interval of the controllers; signals are recorded at it, and agents of a longer one hold their actions",
+        default=None, unit="s", low=0.0, high=LEAST_MEASURED, above=True, otherwise="step of the simulator",
+    )  # fmt: skip
+    simulator: Any = OWN
 
 
 def run_cases(
     turbine: Turbine,
     controllers: Mapping[str, tuple[str, dict[str, Any]]],
     winds: Iterable[Wind],
-    duration: float,
-    skip: float = 30.0,
-    fidelity: str | Fidelity | None = None,
-    control_dt: float | None = None,
+    config: ComparisonConfig | None = None,
+    *,
     runs: list[ControllerRuns] | None = None,
-    simulator: Any = OWN,
     executor: Executor | None = None,
     progress: bool = False,
 ) -> list[ControllerRuns]:
@@ -142,41 +141,25 @@ def run_cases(
         `wt_gym.experiment.names.read_name` knows, which runs in an environment with the same wind.
     winds : iterable of Wind
         Mean speed and seed of the turbulence; without a seed the wind is steady.
-    duration, skip : float
-        Measured time and time before it [s].
-    fidelity : str or Fidelity, optional
-        As of the simulator.
-    control_dt : float, optional
-        [s]; by default the step of the simulator.
     runs : list of ControllerRuns, optional
         That get the metrics, by default new ones. The caller's own have those of the runs before the series stopped.
-    simulator : str, mapping or callable
-        As the argument of the environment, for controllers and agents.
-    executor : Executor, optional
-        Of `wt_gym.experiment.execute`, entered: does the runs, by default one after another. The numbers are the same.
-    progress : bool
-        Show progress on standard error.
+    executor, progress
+        As of `wt_gym.experiment.evaluation.evaluate`.
 
     Raises
     ------
     ValueError
-        If a time is out of range.
         If a controller or agent cannot be made; nothing has run then.
     wt_gym.base.errors.InflowError
         If a wind cannot be made; nothing has run then.
     """
     winds = list(winds)
-    check_times(duration, skip, control_dt)
     for wind in winds:
         _steady(turbine, wind, 0.0)
     runs = [] if runs is None else runs
     by_label = {label: ControllerRuns(label, {}, {}) for label in controllers}
     runs += by_label.values()
-    in_environments = not all(is_base_controller(choice) for choice, _ in controllers.values())
-    experiment = _Comparison(
-        turbine, dict(controllers), in_environments, duration, skip,
-        suited_fidelity(turbine) if fidelity is None else fidelity, control_dt, simulator,
-    )  # fmt: skip
+    experiment = _Comparison(turbine, dict(controllers), config or ComparisonConfig())
     experiment.check(_steady(turbine, winds[0], 0.0))
     rows = [(label, wind) for wind in winds for label in controllers]
     for number, (metrics, failure, idle) in experiment.played(rows, executor, progress=progress):
@@ -188,26 +171,22 @@ def run_cases(
     return runs
 
 
-@dataclass
 class _Comparison(Experiment):
     """Rows of a comparison: label of a controller and wind.
 
     Simulator and inflow stay from one row to the next, and go to no other process.
     """
 
-    turbine: Turbine
-    controllers: dict[str, tuple[str, dict[str, Any]]]
-    in_environments: bool
-    duration: float
-    skip: float
-    fidelity: Any
-    control_dt: float | None
-    simulator: Any
-    _running: TurbineSimulator | None = None
-    _wind: tuple[Wind, Inflow] | None = None
+    def __init__(self, turbine: Turbine, controllers: dict[str, tuple[str, dict[str, Any]]], config: ComparisonConfig):
+        self._turbine, self._controllers, self._config = turbine, controllers, config
+        self._fidelity = suited_fidelity(turbine) if config.fidelity is None else config.fidelity
+        self._in_environments = not all(is_base_controller(choice) for choice, _ in controllers.values())
+        self._whole = config.skip + config.duration
+        self._simulator: TurbineSimulator | None = None
+        self._wind: tuple[Wind, Inflow] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_running": None, "_wind": None}
+        return vars(self) | {"_simulator": None, "_wind": None}
 
     def definition(self, row: tuple[str, Wind]) -> dict[str, Any]:
         return {"label": row[0], "speed": row[1].speed, "seed": row[1].seed}
@@ -217,129 +196,75 @@ class _Comparison(Experiment):
 
     def __call__(self, row: tuple[str, Wind]) -> tuple[dict[str, float] | None, str | None, float]:
         """Metrics of a controller in a wind, or why there are none, and `idle_time` [s]."""
-        (label, wind), whole = row, self.skip + self.duration
-        choice, parameters = self.controllers[label]
+        label, wind = row
+        if self._wind is None or self._wind[0] != wind:
+            self._wind = wind, inflow_of(self._turbine, wind)
         try:
-            if self.in_environments:
-                agent = Name(read_name(choice).kind, choice, parameters)
-                data = run_agent(
-                    self.turbine, agent, self._inflow(wind), whole, self.fidelity, self.control_dt, self.simulator
-                )
-            else:
-                controller = make_controller(choice, self.turbine, **parameters)
-                data = run_controller(self._placed(wind), controller, whole, self.control_dt, name=label).to_dataset()
-            return benchmark_metrics(data, self.turbine, self.skip), None, idle_time(data)
+            data = (self._played if self._in_environments else self._controlled)(label, self._wind[1])
+            return benchmark_metrics(data, self._turbine, self._config.skip), None, idle_time(data)
         except SimulationError as error:
             return None, str(error), 0.0
 
     def check(self, inflow: Inflow) -> None:
         """Make every controller or agent once, in any wind: what cannot be made is refused before the first run."""
-        for label, (choice, parameters) in self.controllers.items():
+        for label, (choice, parameters) in self._controllers.items():
             try:
-                if not self.in_environments:
-                    make_controller(choice, self.turbine, **parameters)
-                    continue
-                name = Name(read_name(choice).kind, choice, parameters)
-                environment_and_agent(self.turbine, name, inflow, self.fidelity, self.control_dt, self.simulator)[
-                    0
-                ].close()
+                if self._in_environments:
+                    self._environment(label, inflow)[0].close()
+                else:
+                    make_controller(choice, self._turbine, **parameters)
             except (ValueError, TypeError, OSError) as error:
                 raise ValueError(f"{label}: {error}") from error
 
-    def _inflow(self, wind: Wind) -> Inflow:
-        if self._wind is None or self._wind[0] != wind:
-            self._wind = wind, inflow_of(self.turbine, wind)
-        return self._wind[1]
+    def _controlled(self, label: str, inflow: Inflow) -> xr.Dataset:
+        """Signals of a controller on the bare simulator."""
+        if self._simulator is None:
+            maker = simulator_maker(self._config.simulator, self._turbine, pictured=False, longest=lambda: self._whole)
+            self._simulator = maker(self._turbine, inflow, self._fidelity)
+        self._simulator.inflow = inflow
+        choice, parameters = self._controllers[label]
+        controller = make_controller(choice, self._turbine, **parameters)
+        return run_controller(
+            self._simulator, controller, self._whole, self._config.control_dt, name=label
+        ).to_dataset()
 
-    def _placed(self, wind: Wind) -> TurbineSimulator:
-        """The simulator in a wind."""
-        inflow = self._inflow(wind)
-        if self._running is None:
-            whole = self.skip + self.duration
-            maker = simulator_maker(self.simulator, self.turbine, pictured=False, longest=lambda: whole)
-            self._running = maker(self.turbine, inflow, self.fidelity)
-        self._running.inflow = inflow
-        return self._running
+    def _played(self, label: str, inflow: Inflow) -> xr.Dataset:
+        """Signals of an agent in an environment, at the start and after every control step."""
+        env, agent = self._environment(label, inflow)
+        try:
+            episode = play(env, agent, seed=0, options={"azimuth": 0.0}, duration=self._whole)
+            if episode.ending != "time":
+                raise SimulationError(f"ended after {episode.time:g} s: {episode.failure or episode.ending}")
+            return episode.data
+        finally:
+            env.close()
 
+    def _environment(self, label: str, inflow: Inflow) -> tuple[WindTurbineEnv, Agent]:
+        """Environment of the training of an agent, or the one that it chooses, and the agent in it.
 
-def run_agent(
-    turbine: Turbine,
-    name: Name,
-    inflow: Inflow,
-    duration: float,
-    fidelity: str | Fidelity | None = None,
-    control_dt: float | None = None,
-    simulator: Any = OWN,
-) -> xr.Dataset:
-    """Simulate under an agent in an environment: that of its training, or the one that it chooses.
-
-    A controller is the base controller of zero actions, and so are words without an environment of their own.
-
-    Parameters
-    ----------
-    name : Name
-        Of the agent.
-    duration : float
-        [s].
-    fidelity : str or Fidelity, optional
-        As of the simulator.
-    control_dt : float, optional
-        [s]; by default the step of the simulator, at which controllers are recorded too: what is sampled less often
-        has smaller loads. An agent that was trained with a longer step holds its actions.
-    simulator : str, mapping or callable
-        As the argument of the environment.
-
-    Returns
-    -------
-    xarray.Dataset
-        Signals at the start and after every control step.
-
-    Raises
-    ------
-    wt_gym.base.errors.SimulationError
-        If the episode ends before its time.
-    ValueError
-        If the agent does not fit its environment.
-    """
-    env, agent = environment_and_agent(turbine, name, inflow, fidelity, control_dt, simulator)
-    try:
-        episode = play(env, agent, seed=0, options={"azimuth": 0.0}, duration=duration)
-        if episode.ending != "time":
-            raise SimulationError(f"ended after {episode.time:g} s: {episode.failure or episode.ending}")
-        return episode.data
-    finally:
-        env.close()
-
-
-def environment_and_agent(
-    turbine: Turbine,
-    name: Name,
-    inflow: Inflow,
-    fidelity: str | Fidelity | None = None,
-    control_dt: float | None = None,
-    simulator: Any = OWN,
-) -> tuple[WindTurbineEnv, Agent]:
-    """Environment of `run_agent` and the agent in it; parameters as there."""
-    found = load_model(name) if name.kind == "trained" else None
-    record = (found.record if found is not None else None) or {}
-    interface = environment_of_training(record, INTERFACE) | env_choices_of(name.text)
-    if name.kind == "word" or is_base_controller(name.text):
-        interface |= RESIDUAL_INTERFACE
-    if is_base_controller(name.text):
-        interface["controller"] = partial(make_controller, name.text)
-    fidelity = suited_fidelity(turbine) if fidelity is None else fidelity
-    step = fidelity_of(fidelity).step_for(turbine.drivetrain.rated_rotor_speed)
-    interface["control_dt"] = control_dt or interface.get("control_dt") or step
-    interface |= {"inflow": inflow, "wind_speed": None, "start": "steady", "simulator": simulator}
-    env = WindTurbineEnv(turbine, fidelity=fidelity, **interface)
-    try:
-        agent = load_agent(name.text, env.layout, env) if found is None else found
-        if found is not None:
-            found.enter(env.layout)
-    except BaseException:
-        env.close()
-        raise
-    return env, agent
+        A controller is the base controller of zero actions, and so are words without an environment of their own.
+        """
+        choice, parameters = self._controllers[label]
+        name, config = Name(read_name(choice).kind, choice, parameters), self._config
+        model = load_model(name) if name.kind == "trained" else None
+        record = (model.record if model is not None else None) or {}
+        interface = environment_of_training(record, INTERFACE) | env_choices_of(name.text)
+        if name.kind == "word" or is_base_controller(name.text):
+            interface |= RESIDUAL_INTERFACE
+        if is_base_controller(name.text):
+            interface["controller"] = partial(make_controller, name.text)
+        step = fidelity_of(self._fidelity).step_for(self._turbine.drivetrain.rated_rotor_speed)
+        interface["control_dt"] = config.control_dt or interface.get("control_dt") or step
+        interface |= {"inflow": inflow, "wind_speed": None, "start": "steady", "simulator": config.simulator}
+        env = WindTurbineEnv(self._turbine, fidelity=self._fidelity, **interface)
+        try:
+            agent = load_agent(name.text, env.layout, env) if model is None else model
+            if model is not None:
+                model.enter(env.layout)
+        except BaseException:
+            env.close()
+            raise
+        return env, agent
 
 
 def in_all_winds(runs: list[ControllerRuns]) -> list[ControllerRuns]:

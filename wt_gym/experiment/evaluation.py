@@ -27,7 +27,7 @@ from wt_gym.envs.wind_files import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, LARGEST_WIND_SEED
 from wt_gym.experiment.environments import AgentExperiment
 from wt_gym.experiment.names import fingerprint
-from wt_gym.experiment.run import EpisodePlayer, benchmark_fingerprint
+from wt_gym.experiment.run import LEAST_MEASURED, EpisodePlayer, benchmark_fingerprint
 from wt_gym.experiment.store import SWEEP_FILE, RunDefinition, RunStore, described, run_digest
 from wt_gym.tasks import DEFAULT_ENV
 from wt_gym.wind.iec import REFERENCE_SPEED
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "CONFIGURATION_FILE", "DEFAULT_WIND_SEEDS", "FIRST_SEED", "LEAST_MEASURED", "REPORT_FILE", "SWING", "USUAL_SPEED",
+    "CONFIGURATION_FILE", "DEFAULT_WIND_SEEDS", "FIRST_SEED", "REPORT_FILE", "SWING", "USUAL_SPEED",
     "EvaluationConfig", "EvaluationFolder", "actual_wind", "climate_of", "evaluate", "oscillation_notes", "swings",
     "training_notes", "winds_for", "winds_of",
 ]  # fmt: skip
@@ -164,8 +164,6 @@ def _usual_speed(low: float, high: float) -> float:
 FIRST_SEED = 2**40
 """Seeds of the environment in evaluations begin here, far beyond those of any training: what a wind seed does not
 decide (gusts, directions, own inflows, noise) is never what a training has drawn."""
-LEAST_MEASURED = 2.0
-"""A metric of a few samples says nothing: runs that end earlier than this after the skipped start have none [s]."""
 _SEEDS_A_WIND, _MOST_WINDS, _MOST_SEED = 1000, 2**20, 2**32
 
 

@@ -36,7 +36,7 @@ from wt_gym.experiment.loadcases import (
     plan_of,
 )
 from wt_gym.experiment.names import fingerprint
-from wt_gym.experiment.run import benchmark_fingerprint, play, run_controller
+from wt_gym.experiment.run import LEAST_MEASURED, benchmark_fingerprint, play, run_controller
 from wt_gym.experiment.store import RUNS_FOLDER, RunDefinition, RunStore
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.drivetrain.faults import FEATHER
@@ -70,7 +70,6 @@ COMPLETE = ("time", "stopped")
 _SEED = 2**40 + 2**33
 """Seeds of the environment, for noise: beyond those of any training and evaluation."""
 _BEFORE_EVENT = 10.0
-_LEAST_MEASURED = 2.0
 _PARKED_STEP = 0.2
 
 
@@ -162,7 +161,7 @@ def _result(
         "idle_time": idle_time(data),
         "unloaded_clearance": unloaded_clearance(turbine),
     }
-    if time[-1] >= SKIP + _LEAST_MEASURED:
+    if time[-1] >= SKIP + LEAST_MEASURED:
         metrics = run_metrics(data.isel(time=slice(1, None)), turbine, SKIP)
         edge = [np.abs(data[f"root_edge_moment_{b + 1}"].values[time >= SKIP]).max() for b in range(turbine.n_blades)]
         metrics["blade_edge_max"] = float(max(edge))

@@ -6,6 +6,7 @@ import hashlib
 import importlib.util
 import logging
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,6 @@ from wt_gym.control.controllers.names import (
     compiled_files,
     is_agent_class,
     load_class,
-    name_and_parameters,
     parse_name,
     source_digest,
 )
@@ -26,30 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 __all__ = [
-    "BASELINE",
-    "COMPARED",
-    "GROUPS",
-    "INTERFACE",
-    "LEVELS",
-    "PREFIX",
-    "RESIDUAL_INTERFACE",
-    "WORDS",
-    "available",
-    "checked_choices",
-    "controller_of",
-    "default_name",
-    "each_named",
-    "each_seed",
-    "env_choices_of",
-    "fingerprint",
-    "is_base_controller",
-    "is_controller_name",
-    "named_choices",
-    "own_controller",
-    "read_name",
-    "split_name",
-    "with_model_options",
-]
+    "BASELINE", "COMPARED", "GROUPS", "INTERFACE", "LEVELS", "PREFIX", "RESIDUAL_INTERFACE", "WORDS", "available",
+    "checked_choices", "default_name", "each_named", "each_seed", "env_choices_of", "fingerprint",
+    "is_base_controller", "named_choices", "own_controller", "read_name", "split_name", "with_model_options",
+]  # fmt: skip
 
 _log = logging.getLogger(__name__)
 WORDS = ("zero", "random", "planner")
@@ -107,36 +87,6 @@ def available(choices: Iterable[str]) -> tuple[str, ...]:
         return found
     _log.warning("rosco is left out: the package rosco is not installed (pip install --no-deps rosco)")
     return tuple(choice for choice in found if choice != ROSCO)
-
-
-def is_controller_name(choice: str) -> bool:
-    """Whether a choice names a controller of the library: ``controller:`` in front, or a name of `CONTROLLERS`."""
-    try:
-        return read_name(choice).kind == "controller"
-    except (ValueError, FileNotFoundError):
-        return False
-
-
-def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
-    """Name and parameters of a controller, with or without ``controller:`` in front.
-
-    Parameters
-    ----------
-    choice : str
-        For example ``"ipc+tower_dampers"`` or ``"constrained_ipc:level=0.1"``.
-
-    Returns
-    -------
-    name : str
-    parameters : dict
-        Both as `wt_gym.control.controllers.make_controller` takes them.
-
-    Raises
-    ------
-    ValueError
-        See `wt_gym.control.controllers.name_and_parameters`.
-    """
-    return name_and_parameters(choice.removeprefix(PREFIX))
 
 
 def is_base_controller(choice: str) -> bool:
@@ -226,19 +176,13 @@ def with_model_options(choices: Iterable[str], algo: str | None = None, trust: b
     for given in choices:
         label, choice = split_name(given)
         more: dict[str, Any] = ({"algo": algo} if algo else {}) | ({"trust": True} if trust else {})
-        if more and _is_model(choice):
-            name = read_name(choice)
-            choice = Name(name.kind, name.target, more | name.parameters).text
+        if more:
+            with suppress(ValueError, FileNotFoundError):  # what is no name at all is refused where it is used
+                name = read_name(choice)
+                if name.kind == "trained":
+                    choice = Name(name.kind, name.target, more | name.parameters).text
         made.append(f"{label}={choice}" if label else choice)
     return made
-
-
-def _is_model(choice: str) -> bool:
-    """Whether a choice is a trained model; what is not a name at all is refused where it is used."""
-    try:
-        return read_name(choice).kind == "trained"
-    except (ValueError, FileNotFoundError):
-        return False
 
 
 def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]:
@@ -314,24 +258,17 @@ def each_seed(name: Name) -> list[tuple[str, str]]:
     """
     if name.kind != "trained":
         return [("", name.text)]
+    from wt_gym.experiment.run_folder import SEEDS_FILE, read_plan, seed_folder
     from wt_gym.experiment.trained_agent import MODEL_FILE  # torch takes seconds to import
 
-    folders = _folders_of_seeds(Path(name.target))
-    if not folders:
+    folder = Path(name.target)
+    if not (folder / SEEDS_FILE).is_file():
         return [("", name.text)]
-    trained = {seed: folder for seed, folder in folders.items() if (folder / MODEL_FILE).is_file()}
+    folders = {seed: seed_folder(folder, seed) for seed in sorted(read_plan(folder)["seeds"])}
+    trained = {seed: path for seed, path in folders.items() if (path / MODEL_FILE).is_file()}
     if not trained:
         raise FileNotFoundError(f"no trained model in {name.target} yet: none of its seeds has one")
-    return [(f" seed {seed}", Name(name.kind, str(folder), name.parameters).text) for seed, folder in trained.items()]
-
-
-def _folders_of_seeds(folder: Path) -> dict[int, Path]:
-    """Folders of the seeds by number, as the plan of the training names them; none for anything else."""
-    from wt_gym.experiment.run_folder import SEEDS_FILE, read_plan, seed_folder
-
-    if not (folder / SEEDS_FILE).is_file():
-        return {}
-    return {seed: seed_folder(folder, seed) for seed in sorted(read_plan(folder)["seeds"])}
+    return [(f" seed {seed}", Name(name.kind, str(path), name.parameters).text) for seed, path in trained.items()]
 
 
 def fingerprint(choice: str) -> dict[str, Any]:

@@ -45,12 +45,14 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "ENDLESS", "Episode", "EpisodePlayer", "benchmark_fingerprint", "benchmark_metrics", "delivered_power", "play",
-    "run_baseline", "run_controller",
+    "ENDLESS", "LEAST_MEASURED", "Episode", "EpisodePlayer", "benchmark_fingerprint", "benchmark_metrics",
+    "delivered_power", "play", "run_baseline", "run_controller",
 ]  # fmt: skip
 
 ENDLESS = 10**9
 """Control steps that no run has: its duration is the only limit."""
+LEAST_MEASURED = 2.0
+"""Metrics of a few samples say nothing: runs that end earlier than this after the skipped start have none [s]."""
 _SHORT, _SHORT_SKIP = 4.0, 1.0
 """Length of the run whose metrics are compared, and of its start that they leave out, for a large turbine [s]."""
 _SPELL = 10.0  # s, over which power beyond the rated one may make up for power below it

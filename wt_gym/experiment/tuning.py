@@ -26,9 +26,10 @@ from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers.names import BASELINE, SHORT_FOR, load_class
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment.benchmark_tasks import Term, improvement
-from wt_gym.experiment.comparison import LEAST_MEASURED, run_cases
+from wt_gym.experiment.comparison import ComparisonConfig, run_cases
 from wt_gym.experiment.execute import ProgressLine, clock
 from wt_gym.experiment.names import read_name
+from wt_gym.experiment.run import LEAST_MEASURED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -204,10 +205,12 @@ def tune(
     line, began = ProgressLine(progress), time.monotonic()
     winds = [Wind(wind, number) for wind in task.winds for number in task.seeds]
 
+    settings = ComparisonConfig(duration=task.duration, skip=task.skip, fidelity=task.fidelity)
+
     def runs(choice: str, parameters: dict[str, float]) -> ControllerRuns:
         name = read_name(choice)
         given = {choice: (name.target, name.parameters | parameters)}
-        return run_cases(turbine, given, winds, task.duration, task.skip, task.fidelity)[0]
+        return run_cases(turbine, given, winds, settings)[0]
 
     reference = runs(task.reference, {})
     if reference.failures:

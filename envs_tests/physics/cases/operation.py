@@ -13,7 +13,7 @@ from wt_gym.analysis.results import Wind
 from wt_gym.base.constants import GRAVITY
 from wt_gym.control import Demand
 from wt_gym.control.controllers import WindEstimator, checked_demand, make_controller, readings_of
-from wt_gym.experiment.comparison import change, comparison_table, inflow_of, run_cases
+from wt_gym.experiment.comparison import ComparisonConfig, change, comparison_table, inflow_of, run_cases
 from wt_gym.experiment.run import run_baseline, run_controller
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
@@ -323,7 +323,7 @@ def controllers() -> CaseResult:
     """Bounds on what must hold of each controller; the table stands in the notes, the front in a figure."""
     turbine = load_turbine("nrel_5mw")
     cases = [Wind(wind, seed) for wind in WINDS for seed in SEEDS]
-    runs = run_cases(turbine, CONTROLLERS, cases, DURATION, SKIP)
+    runs = run_cases(turbine, CONTROLLERS, cases, ComparisonConfig(duration=DURATION, skip=SKIP))
     by_name, reference = {run.name: run for run in runs}, runs[0]
 
     def percent(name: str, wind: float, metric: str) -> float:
