@@ -9,10 +9,10 @@ import numpy as np
 
 import wt_gym  # noqa: F401 - registers the ids
 from site_parts.markdown import first_sentence, table
+from wt_gym.base.options import options_of
 from wt_gym.envs import manual as manual_of_class
 from wt_gym.envs import rewards as terms
-from wt_gym.envs.options.environment import GROUPS, EnvOptions, argument_default
-from wt_gym.envs.options.group import described
+from wt_gym.envs.options import GROUPS, EnvOptions, argument_default
 from wt_gym.tasks import TASKS
 
 _WIND = {
@@ -54,9 +54,10 @@ def manual():
 def _options(group, flat):
     """Table of the options of a group, from what its fields say."""
     rows = [
-        (f"`{one.name}`", f"`{one.flat}`", one.kind, one.unit, f"`{one.default_text}`", one.allowed,
+        (f"`{one.name}`", f"`{one.flat}`", one.kind, one.unit, f"`{one.default_text}`",
+         one.allowed_text or one.range_text,
          f"{one.meaning}.".replace("``", "`"))
-        for one in described(group)
+        for one in options_of(group)
     ]  # fmt: skip
     return table(("option", flat, "type", "unit", "default", "allowed", "meaning"), rows, "options")
 

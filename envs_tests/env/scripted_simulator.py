@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.envs.running_start import RunningStart
+from wt_gym.envs.episode_start import RunningStart
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table
@@ -30,10 +32,19 @@ class ScriptedSimulator:
 
     script: dict[float, dict[str, float]] = {}  # noqa: RUF012 - replaced by tests
     break_at: float | None = None
+    faults: tuple = ()
 
     def __init__(self, turbine, inflow, fidelity="training"):
         self.turbine, self.inflow, self.fidelity = turbine, inflow, fidelity
         self.time = 0.0
+
+    def state(self):
+        """All that changes in an episode."""
+        return copy.deepcopy({name: value for name, value in vars(self).items() if name not in ("turbine", "inflow")})
+
+    def restore(self, state):
+        """Continue from a state."""
+        vars(self).update(copy.deepcopy(state))
 
     def reset(self, rotor_speed, pitch, azimuth=0.0, yaw=0.0, generator_torque=0.0, **of_running_turbine):
         """Start at the given state."""

@@ -8,11 +8,9 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.control.design import reference_flap_moment
-from wt_gym.envs.fault_draws import SIZE_RANGES, FaultDraws
-from wt_gym.envs.options import FaultOptions
-from wt_gym.envs.options.faults import FAULT_KINDS
+from wt_gym.envs.faults import FAULT_KINDS, SIZE_RANGES, FaultOptions, FaultTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.turbines import BladeIce, load_turbine
+from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")
@@ -71,8 +69,8 @@ def test_disturbances_that_an_agent_sees_are_those_of_repaired_readings():
 
 @pytest.mark.parametrize("sizes", ["train", "held_back"])
 def test_kinds_blades_times_and_sizes_are_drawn_in_their_ranges(sizes):
-    draws = FaultDraws(TURBINE, FaultOptions(kinds="all", sizes=sizes))
-    found = [draws.draw(np.random.default_rng(seed)) for seed in range(1500)]
+    draws = FaultTerm(TURBINE, FaultOptions(kinds="all", sizes=sizes))
+    found = [draws.drawn(np.random.default_rng(seed)) for seed in range(1500)]
     assert {one.kind for one in found} == set(FAULT_KINDS)
     for kind in FAULT_KINDS:
         own = [one for one in found if one.kind == kind]
@@ -87,24 +85,24 @@ def test_kinds_blades_times_and_sizes_are_drawn_in_their_ranges(sizes):
             assert max(ends) <= min(held) or max(held) <= min(ends)  # nothing of the one is in the other
             signs = {math.copysign(1.0, one.size) for one in own}
             assert signs == ({1.0} if kind in ("slow_drive", "iced_blade") else {1.0, -1.0})
-    assert found[3] == draws.draw(np.random.default_rng(3))
+    assert found[3] == draws.drawn(np.random.default_rng(3))
 
 
 def test_the_mirror_image_has_the_mirrored_fault():
-    image = FaultDraws(load_turbine("nrel_5mw", rotation="counter-clockwise"), FaultOptions(kinds="all"))
+    image = FaultTerm(load_turbine("nrel_5mw", rotation="counter-clockwise"), FaultOptions(kinds="all"))
     for kind, sign in (("biased_vane", -1.0), ("biased_moment", 1.0), ("biased_pitch", 1.0)):
-        (own,) = FaultDraws(TURBINE, FaultOptions(kinds=kind)).draw(np.random.default_rng(1)).faults
-        (other,) = image.draw(np.random.default_rng(1), kind).faults
+        (own,) = FaultTerm(TURBINE, FaultOptions(kinds=kind)).drawn(np.random.default_rng(1)).faults
+        (other,) = image.drawn(np.random.default_rng(1), kind).faults
         assert other.offset == sign * own.offset
         assert (other.time, other.channels) == (own.time, own.channels)
 
 
 def test_one_number_is_drawn_whatever_breaks():
-    draws = FaultDraws(TURBINE, FaultOptions(kinds=("none", "dead_vane")))
+    draws = FaultTerm(TURBINE, FaultOptions(kinds=("none", "dead_vane")))
     rest = set()
     for chosen in (None, "none", "iced_blade", FAULT):
         rng = np.random.default_rng(1)
-        draws.draw(rng, chosen)
+        draws.drawn(rng, chosen)
         rest.add(rng.random())
     assert len(rest) == 1
 
@@ -122,18 +120,15 @@ def test_one_number_is_drawn_whatever_breaks():
     ],
 )
 def test_what_is_chosen_without_meaning_is_refused(chosen, message):
-    draws = FaultDraws(TURBINE, FaultOptions(kinds="all"))
+    draws = FaultTerm(TURBINE, FaultOptions(kinds="all"))
     with pytest.raises(ValueError, match=message):
-        draws.draw(np.random.default_rng(0), chosen)
+        draws.drawn(np.random.default_rng(0), chosen)
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"fault_kinds": ("stuck",)}, r"fault_kinds must be among none, .*got 'stuck'"),
-        ({"fault_kinds": ("none", "none")}, "fault_kinds must have names, each once"),
-        ({"fault_kinds": "all", "fault_sizes": "large"}, "fault_sizes must be one of train, held_back, got 'large'"),
-        ({"fault_kinds": "all", "fault_time": (3.0, 1.0)}, r"fault_time must be a number or a range"),
         ({"fault_sizes": "train"}, "fault_sizes must be left out, or given with fault_kinds"),
         ({"fault_kinds": "voltage_dip", "generator": "damper", "turbine": "gebhardt_45m"}, "without voltage_dip where"),
         ({"fault_kinds": "all", "simulator": "openfast"}, "fault_kinds must be without iced_blade"),
@@ -154,7 +149,6 @@ def test_seeds_repeat_the_fault_and_the_controller_alone_has_it_too(monkeypatch)
     for number in (0, 1, 2, 0):
         _, info = env.reset(seed=number, options={"start_number": number})
         told.append(info["fault"])
-        assert env.operation.fault.told == info["fault"]
         assert all(reward == 0.0 for _, reward in play(env, 30))  # as the controller alone, bit for bit
     assert told[0] == told[3]
     assert told[0] != told[1] != told[2]
@@ -210,36 +204,12 @@ def test_stuck_and_slow_blades_are_in_the_simulator():
         assert moved[[0, 2]].min() > 0.01
 
 
-def test_snapshots_and_vectors_go_on_alike():
-    env = WindTurbineEnv(**MADE)
-    env.reset(seed=3, options={"fault": FAULT})
-    kept = env.snapshot()
-    course = play(env, 20, np.array([0.2, -0.1, 0.3]))
-    env.reset(seed=4, options={"fault": {"kind": "iced_blade", "size": 0.6, "blade": 3}})
-    assert env.simulator.turbine.ice == BladeIce(3, 0.6)
-    iced = env.snapshot()
-    frozen = play(env, 10)
-    env.restore(kept)
-    assert env.operation.fault.told == FAULT | {"size": 0.0}
-    assert env.simulator.turbine.ice is None
-    assert same(course, play(env, 20, np.array([0.2, -0.1, 0.3])))
-    env.restore(iced)
-    assert same(frozen, play(env, 10))
-    several = gym.make_vec("wt_gym/NREL5MW-Steady-v1", num_envs=2, **MADE | {"inflow": "steady", "wind_speed": 15.0})
-    single = gym.make("wt_gym/NREL5MW-Steady-v1", **MADE | {"inflow": "steady", "wind_speed": 15.0})
-    several.reset(seed=[3, 4])
-    single.reset(seed=3)
-    rows = [several.step(np.zeros((2, 3)))[0][0] for _ in range(10)]
-    assert np.array_equal(rows, [single.step(np.zeros(3))[0] for _ in range(10)])
-    several.close()
-
-
 def test_ice_lasts_and_only_blades_without_it_take_the_motion_of_a_record():
     env = gym.make("wt_gym/Faults-v0").unwrapped
     starts = {}
     for kind in ("none", "iced_blade"):
         env.reset(seed=1, options={"start_number": 3, "fault": kind})
-        starts[kind] = env._starts.draw(np.random.default_rng(0), {"start_number": 3, "fault": kind}, None).start
+        starts[kind] = env.starts.draw(np.random.default_rng(0), {"start_number": 3, "fault": kind}, None).start
     assert starts["none"].motion is not None
     assert starts["iced_blade"].motion is None
 

@@ -11,17 +11,25 @@ import numpy as np
 import pytest
 import torch
 
-from envs_tests.unit.exported_library import Exported, as_read, random_readings, sanitized
+from envs_tests.unit.exported_library import (
+    Exported,
+    as_read,
+    lost,
+    pitches,
+    random_readings,
+    sanitized,
+    together,
+    torques,
+)  # fmt: skip
 from wt_gym.base.errors import SimulationError
 from wt_gym.commands.export import main
 from wt_gym.commands.fly import main as fly_command
 from wt_gym.control import Lidar
 from wt_gym.control.bladed.records import new_swap, write_lidar, write_readings
 from wt_gym.control.controllers import STATES
-from wt_gym.deployment.export.agent_parts import seen_channels
-from wt_gym.deployment.export.controller_parts import controller_parts
 from wt_gym.deployment.export.discon import export_discon
 from wt_gym.deployment.export.openfast_flight import fly, scene_of
+from wt_gym.deployment.export.parts import controller_parts, seen_channels
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.environments import trained_arguments
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, TrainedAgent
@@ -175,7 +183,7 @@ def fly_both(env, agent, library, parameters, duration, held=(), **options):
 
     env.operation.measured = measured
     observation, _ = env.reset(seed=2, options=options or {"wind_seed": 7})
-    env.operation._sensor_faults = (None,)  # so that what the controller reads is measured
+    env.operation._filters = [None]  # so that what the controller reads is measured
     ours = Exported(library, env.turbine, parameters, env.demand)
     begin, worst, offset = env.signals["time"], np.zeros(3), 0.0
     advance = env.simulator.advance
@@ -392,18 +400,12 @@ def two_libraries(tmp_path, change="", kind="fixed frame"):
 def test_an_agent_rests_while_a_reading_is_missing(tmp_path):
     """Its offsets return to zero at their greatest rate; when the reading is back, it acts again."""
     ours, base, turbine, _ = two_libraries(tmp_path)
-    apart, said, low = [], [], turbine.pitch.min_pitch
-    for k, signals in enumerate(random_readings(turbine, 500, 4, 0.1)):
-        # above rated, where nothing fades
-        signals |= {"rotor_speed": 1.3, "generator_speed": 1.3 * turbine.drivetrain.gear_ratio}
-        ours.read(signals)
-        base.read(signals)
-        if 200 <= k < 350:
-            ours.swap[26] = math.nan  # wind speed, which the controller does not read
-        found, alone = ours.call(0.1 * k, 0.1), base.call(0.1 * k, 0.1)
-        apart.append(abs(found.pitch - np.maximum(alone.pitch, low)).max())
-        if ours.flag:
-            said.append((k, ours.flag, ours.message))
+    # above rated, where nothing fades
+    fast = {"rotor_speed": 1.3, "generator_speed": 1.3 * turbine.drivetrain.gear_ratio}
+    signals = [now | fast for now in random_readings(turbine, 500, 4, 0.1)]
+    # the wind speed, which the controller does not read
+    found, alone, said = together((ours, signals), (base, signals), spoil=lost(27, since=200, until=350))
+    apart = abs(pitches(found) - np.maximum(pitches(alone), turbine.pitch.min_pitch)).max(axis=1)
     assert max(apart[100:200]) > 0.05
     back = 200 + math.ceil(4.0 / 1.5 / 0.1) + 4  # from the limit at the greatest rate, begun at a control step
     assert max(apart[back:350]) < 1e-7
@@ -414,12 +416,10 @@ def test_an_agent_rests_while_a_reading_is_missing(tmp_path):
 
 def test_an_agent_that_is_switched_off_leaves_the_controller(tmp_path):
     ours, base, turbine, _ = two_libraries(tmp_path, "agent = 0\n")
-    for k, signals in enumerate(random_readings(turbine, 200, 5, 0.1)):
-        ours.read(signals)
-        base.read(signals)
-        found, alone = ours.call(0.1 * k, 0.1), base.call(0.1 * k, 0.1)
-        assert np.array_equal(found.pitch, alone.pitch)
-        assert found.generator_torque == alone.generator_torque
+    signals = list(random_readings(turbine, 200, 5, 0.1))
+    found, alone, _ = together((ours, signals), (base, signals))
+    assert np.array_equal(pitches(found), pitches(alone))
+    assert np.array_equal(torques(found), torques(alone))
 
 
 def test_the_set_point_of_an_agent_rests_with_it(tmp_path):
@@ -442,19 +442,18 @@ def test_the_set_point_of_an_agent_rests_with_it(tmp_path):
     for wind in (15.0, 29.5):
         for library in libraries:
             library.calls = 0
-        for k, signals in enumerate(random_readings(turbine, 150, 4, 0.1)):
-            speed = 1.25 if wind < 20.0 else 0.7
-            signals |= {"rotor_speed": speed, "generator_speed": speed * turbine.drivetrain.gear_ratio, "wind_x": wind}
-            for library in libraries:
-                library.read(signals)
-            libraries[2].swap[59] = math.nan
-            alone, off, resting, acting = (library.call(0.1 * k, 0.1) for library in libraries)
-            assert np.array_equal(off.pitch, alone.pitch)
-            assert off.generator_torque == alone.generator_torque
-            if wind < 20.0:  # an agent that rests asks for no less than the speed of cut-in, as one that does nothing
-                assert np.array_equal(resting.pitch, alone.pitch)
-                assert resting.generator_torque == alone.generator_torque
-            apart = max(apart, abs(acting.generator_torque - alone.generator_torque))
+        speed = 1.25 if wind < 20.0 else 0.7
+        now = {"rotor_speed": speed, "generator_speed": speed * turbine.drivetrain.gear_ratio, "wind_x": wind}
+        signals = [drawn | now for drawn in random_readings(turbine, 150, 4, 0.1)]
+        first, second, resting_one, third = libraries
+        flights = [(library, signals) for library in (resting_one, first, second, third)]
+        resting, alone, off, acting, _ = together(*flights, spoil=lost(60))
+        compared = [off] if wind > 20.0 else [off, resting]
+        # an agent that rests asks for no less than the speed of cut-in, as one that does nothing
+        for demands in compared:
+            assert np.array_equal(pitches(demands), pitches(alone))
+            assert np.array_equal(torques(demands), torques(alone))
+        apart = max(apart, abs(torques(acting) - torques(alone)).max())
     assert apart > 1e3
 
 
@@ -462,18 +461,13 @@ def test_a_checkpoint_keeps_the_agent_too(tmp_path):
     ours, _, turbine, files = two_libraries(tmp_path)
     other = Exported(files[1], turbine, files[2])
     signals = list(random_readings(turbine, 200, 6, 0.1))
-    for k in range(100):
-        ours.read(signals[k])
-        ours.call(0.1 * k, 0.1)
+    together((ours, signals[:100]))
     ours.call(9.9, 0.1, status=-8)
-    folder = other.library.output_name.rpartition("/")[0]
-    shutil.copy(f"{ours.library.output_name}.9900.checkpoint", folder)
+    shutil.copy(f"{ours.library.output_name}.9900.checkpoint", other.library.output_name.rpartition("/")[0])
     other.call(9.9, 0.1, status=-9)
     assert other.flag == 0
-    for k in range(100, 200):
-        ours.read(signals[k])
-        other.read(signals[k])
-        assert np.array_equal(ours.call(0.1 * k, 0.1).pitch, other.call(0.1 * k, 0.1, status=1).pitch)
+    expected, found, _ = together((ours, signals[100:]), (other, signals[100:]), first=100)
+    assert np.array_equal(pitches(found), pitches(expected))
 
 
 def test_sanitizers_find_nothing_in_agents(tmp_path):

@@ -10,8 +10,7 @@ from envs_tests.physics.cases.gebhardt import boundary_layer
 from wt_gym.base.errors import ActionError, InflowError, TurbineDefinitionError
 from wt_gym.control import operating_point
 from wt_gym.control.rotor import rotor_table
-from wt_gym.envs.options.wind import WindOptions
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import catalogue, load_turbine
 from wt_gym.turbines.catalogue import GENERATOR_DAMPER, turbine_file

@@ -10,7 +10,7 @@ from scripted_simulator import ScriptedSimulator, scripted_signals, use
 from wt_gym.analysis.metrics import idle_sentence, idle_time
 from wt_gym.analysis.results import Wind
 from wt_gym.commands import benchmark, compare_controllers, evaluate, simulate
-from wt_gym.envs.idling import IDLE_POWER, LEAST_SPELL, IdleClock
+from wt_gym.envs.terminations import IDLE_POWER, LEAST_SPELL, IdleClock
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.evaluation import EvaluationConfig
 from wt_gym.experiment.loadcase_report import load_case_tables
@@ -183,7 +183,7 @@ def test_the_evaluation_of_a_training_says_so(make_env, caplog):
 
 
 def test_simulate_and_compare_controllers_say_so(monkeypatch, capsys):
-    monkeypatch.setattr("wt_gym.envs.simulators.simulation.Simulator", Standing)
+    monkeypatch.setattr("wt_gym.envs.operation.Simulator", Standing)
     simulate.main(["--wind-speed", "8", "--duration", "30"])
     assert capsys.readouterr().out.count(f"The baseline controller {SENTENCE}") == 1
     compare_controllers.main(["discon", "--wind-speed", "8", "--wind-seeds", "--duration", "28", "--skip", "2"])

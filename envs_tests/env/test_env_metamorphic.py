@@ -18,7 +18,7 @@ from wt_gym.analysis.metrics import METRICS, run_metrics
 from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.files import shipped_folder
 from wt_gym.control.controllers import COMPILED, CONTROLLERS, lidar_of
-from wt_gym.envs.observations import OBSERVATION_GROUPS
+from wt_gym.envs.channels import OBSERVATION_GROUPS
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.recorder import Recorder
 from wt_gym.tasks import TASKS

@@ -12,24 +12,26 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from wt_gym.base.errors import InflowError
+from wt_gym.base.options import options_of
 from wt_gym.control import Lidar
-from wt_gym.control.controllers import FadeParameters, make_controller
+from wt_gym.control.controllers import FadeParameters
+from wt_gym.control.controllers.names import make_controller
+from wt_gym.envs.observations import ObservationOptions
 from wt_gym.envs.options import (
+    GROUPS,
     ActionOptions,
     ControllerOptions,
     EnvOptions,
-    LimitOptions,
-    ObservationOptions,
-    RewardOptions,
-    WindOptions,
+    argument_default,
     env_arguments,
     flat_arguments,
     registered_arguments,
+    with_whole_paths,
 )
-from wt_gym.envs.options.environment import GROUPS, argument_default
-from wt_gym.envs.options.group import described
+from wt_gym.envs.rewards import RewardOptions
+from wt_gym.envs.terminations import LimitOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.envs.wind_sampler import WindOptions
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -69,7 +71,7 @@ def test_all_options_have_a_form_in_json():
         (WindOptions(inflow=SteadyInflow(9.0)), "wind.inflow"),
         (RewardOptions(terms=["power", lambda step: 0.0]), r"rewards.terms\[1\]"),
         (ControllerOptions(base=make_controller("discon", load_turbine("nrel_5mw"))), "controller.base"),
-        (EnvOptions(turbine=load_turbine("nrel_5mw")), "turbine"),
+        (EnvOptions(turbine=load_turbine("nrel_5mw")), "environment.turbine"),
         (EnvOptions(wind=WindOptions(inflow=lambda rng: SteadyInflow(9.0))), "wind.inflow"),
     ],
 )
@@ -80,7 +82,7 @@ def test_objects_without_a_form_in_json_are_named(group, name):
 
 @pytest.mark.parametrize("group", GIVEN, ids=lambda group: group.title)
 def test_a_group_and_flat_names_make_the_same(group):
-    flat = {one.flat: group.given[one.name] for one in described(group) if one.name in group.given}
+    flat = {one.flat: group.given[one.name] for one in options_of(group) if one.name in group.given}
     others = {"action_mode": "residual"} if group.title in ("rewards", "controller") else {}
     made = [
         WindTurbineEnv(**others, **arguments).options
@@ -91,12 +93,12 @@ def test_a_group_and_flat_names_make_the_same(group):
 
 
 def test_every_option_is_said_once_and_has_one_name():
-    names = [one.flat for group in (EnvOptions, *GROUPS.values()) for one in described(group)]
+    names = [one.flat for group in (EnvOptions, *GROUPS.values()) for one in options_of(group)]
     assert len(set(names)) == len(names)
     assert set(env_arguments()) == {*names, *GROUPS}
     text = inspect.getdoc(WindTurbineEnv)
     for group in (EnvOptions, *GROUPS.values()):
-        for one in described(group):
+        for one in options_of(group):
             said = " ".join(one.text.split())
             assert " ".join(text.split()).count(said) == 1, one.flat
             assert said in " ".join(inspect.getdoc(group).split()), one.flat
@@ -143,7 +145,7 @@ def test_a_controller_on_top_of_an_id_is_a_name_or_a_group():
         ({"actions": None}, "actions must be a ActionOptions or a mapping"),
         ({"wind": ActionOptions()}, "wind must be a WindOptions or a mapping"),
         ({"observations": {"lidar": {"range": 3}}}, "lidar must be a Lidar, or its arguments by name: .*'range'"),
-        ({"limits": {"overspeed": 0.9}}, "overspeed_limit must be above 1, got 0.9"),
+        ({"limits": {"overspeed": 0.9}}, "overspeed_limit must be a number above 1, got 0.9"),
     ],
 )
 def test_what_is_wrong_with_groups_is_said(arguments, message):
@@ -214,7 +216,7 @@ def test_another_simulator_takes_the_place_of_the_own_one(monkeypatch):
     env = WindTurbineEnv(wind_speed=9.0, relative_reward=True, start="steady")
     env.reset(seed=0)
     env.step(np.zeros(3))
-    assert [env.simulator, env._twin.env.simulator] == made
+    assert [env.simulator, env.terms["twin"].env.simulator] == made
     wanted = {name for name in vars(TurbineSimulator) if not name.startswith("_")}
     assert wanted == {"reset", "advance", "state", "restore", "geometry"}
 

@@ -9,10 +9,11 @@ import pytest
 from scripted_simulator import ScriptedSimulator, scripted_signals, use
 
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.deployment.export.openfast_flight import Scene, export_openfast, fly
-from wt_gym.envs import record_store, rewards, running_start
+from wt_gym.envs import episode_start, record_store, rewards
 from wt_gym.envs.power_reference import AHEAD
+from wt_gym.envs.terms import Transition
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.run import play
@@ -43,7 +44,7 @@ def paid(powers, demanded, speeds=None):
     rewards.reset([term], TURBINE, samples[0])
     steps = zip(itertools.pairwise(samples), demanded[1:].tolist(), strict=True)
     return DT * sum(
-        term(rewards.Transition(TURBINE, before, after, DT, demanded_power=asked)) for (before, after), asked in steps
+        term(Transition(TURBINE, before, after, DT, demanded_power=asked)) for (before, after), asked in steps
     )
 
 
@@ -71,7 +72,7 @@ def test_errors_cost_alike_above_and_below_and_grow_evenly_beyond_the_scale():
     assert term.worst_rate == pytest.approx(paid([2.0 * P] * 2, 0.0, emptied) / DT)
     still = scripted_signals({"generator_power": P})
     with pytest.raises(ValueError, match="needs a power_reference"):
-        term(rewards.Transition(TURBINE, still, still, DT))
+        term(Transition(TURBINE, still, still, DT))
 
 
 # ---- what an optimizer could try ----
@@ -181,29 +182,11 @@ def test_running_starts_are_those_of_the_nearest_demanded_power(level, nearest, 
     def find(turbine, level):
         levels.append(record_store.find_record(turbine, level)[0].level)
 
-    monkeypatch.setattr(running_start, "find_record", find)
-    monkeypatch.setattr(running_start, "_report_missing", lambda _: None)
+    monkeypatch.setattr(episode_start, "find_record", find)
+    monkeypatch.setattr(episode_start, "_report_missing", lambda _: None)
     given = {"inflow": "turbulent", "wind_speed": 14.0, "power_reference_level": level, "power_reference_span": 0.0}
     WindTurbineEnv(**TRACKED | given, power_reference="reserve").reset(seed=0)
     assert levels == [nearest]
-
-
-def test_snapshots_and_vectors_go_on_alike():
-    given = TRACKED | {"power_reference": ("steps", "regulation"), "observation": ("power", "power_reference")}
-    env = WindTurbineEnv(**given)
-    env.reset(seed=3)
-    kept, reference = env.snapshot(), env.operation.reference
-    course = [env.step([0.2, -0.1])[:2] for _ in range(20)]
-    env.reset(seed=4)
-    env.restore(kept)
-    assert env.operation.reference == reference
-    again = [env.step([0.2, -0.1])[:2] for _ in range(20)]
-    assert all(np.array_equal(a[0], b[0]) and a[1] == b[1] for a, b in zip(course, again, strict=True))
-    several = gym.make_vec("wt_gym/NREL5MW-Steady-v1", num_envs=2, **given)
-    several.reset(seed=[3, 4])
-    observations = [several.step(np.full((2, 2), [0.2, -0.1]))[0] for _ in range(20)]
-    assert np.array_equal([row[0] for row in observations], [row for row, _ in course])
-    several.close()
 
 
 def test_runs_have_the_demanded_and_the_available_power():
@@ -268,7 +251,7 @@ def test_the_task_asks_for_every_kind():
     env = gym.make(TASKS["PowerTracking"].id, start="steady", relative_reward=False).unwrapped
     kinds = set()
     for number in range(24):
-        kinds.add(env._starts.draw(np.random.default_rng(number), None, 60.0).reference.kind)
+        kinds.add(env.starts.draw(np.random.default_rng(number), None, 60.0).drawn["power_reference"].kind)
     assert kinds == {"reserve", "steps", "ramps", "regulation"}
 
 

@@ -7,7 +7,7 @@ import pytest
 from turbine_contract import both_checkers_are_content
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.envs.options.wind import GUSTS
+from wt_gym.envs.wind_sampler import GUSTS
 from wt_gym.tasks import TASKS
 
 IDS = sorted(name for name in gym.registry if name.startswith("wt_gym/"))

@@ -9,8 +9,8 @@ import pytest
 
 from wt_gym.analysis.results import Wind
 from wt_gym.commands.robustness import main
-from wt_gym.envs.options import Variation
-from wt_gym.envs.options.faults import FAULT_KINDS, NO_FAULT
+from wt_gym.envs.faults import FAULT_KINDS, NO_FAULT
+from wt_gym.envs.variation import Variation
 from wt_gym.experiment import robustness
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.evaluation import EvaluationConfig
@@ -86,7 +86,7 @@ def test_conditions_are_variations_of_one_environment():
     for one in CONDITIONS.values():
         env = gym.make(TASK, variation=one.variation.as_dict()).unwrapped
         assert env.options.variation == one.variation
-        assert (env._draws is None) == (one.name == NOMINAL)
+        assert ("variation" not in env.terms) == (one.name == NOMINAL)
     with pytest.raises(ValueError, match=r"a condition must be faults or one of nominal, .*, got 'dely'; did you mean"):
         chosen(["dely"])
 

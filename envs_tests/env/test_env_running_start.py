@@ -10,10 +10,13 @@ import pytest
 
 from wt_gym.base.canary import differing
 from wt_gym.control import Demand
-from wt_gym.control.controllers import DisconController, make_controller
+from wt_gym.control.controllers import DisconController
 from wt_gym.control.controllers.controller import memory_of
-from wt_gym.envs import record_store, running_start
+from wt_gym.control.controllers.names import make_controller
+from wt_gym.envs import episode_start, record_store
+from wt_gym.envs.episode_start import RunningStart
 from wt_gym.envs.record_store import (
+    CATALOG,
     StartFile,
     digest_of_turbine,
     dimensions,
@@ -21,9 +24,7 @@ from wt_gym.envs.record_store import (
     record_canary,
     recorded_speeds,
 )
-from wt_gym.envs.recording import CATALOG
 from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, StartRecorder
-from wt_gym.envs.running_start import RunningStart
 from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import parities
@@ -60,11 +61,6 @@ def brief(turbine):
 def begun(env, seed=0, **options):
     env.reset(seed=seed, options={"wind_seed": 5001, "time_offset": 80.0, **options})
     return env.signals
-
-
-def test_same_seed_same_start(env):
-    first, other = begun(env, seed=3), begun(env, seed=3)
-    assert first == other
 
 
 def test_seeds_draw_among_instants_alike(env):
@@ -110,17 +106,6 @@ def test_steady_start_is_at_the_operating_point_at_rest():
     env = gym.make(TASK, wind_speed=15.0, start="steady").unwrapped
     signals = begun(env)
     assert np.ptp(signals["pitch"]) == 0.0
-    np.testing.assert_allclose(env.simulator.tower_top()[2:], 0.0, atol=1e-9)
-
-
-def test_unknown_start_is_refused():
-    with pytest.raises(ValueError, match=r"start must be one of \('running', 'steady'\), got 'moving'"):
-        gym.make(TASK, start="moving")
-
-
-def test_steady_wind_starts_at_rest():
-    env = gym.make("wt_gym/NREL5MW-Steady-v1").unwrapped
-    env.reset(seed=0)
     np.testing.assert_allclose(env.simulator.tower_top()[2:], 0.0, atol=1e-9)
 
 
@@ -200,7 +185,7 @@ def test_controllers_with_other_parameters_start_from_the_present_demand(turbine
 
 def test_a_turbine_without_a_record_starts_at_rest_and_says_so_once(caplog, monkeypatch, env):
     monkeypatch.setattr(record_store, "_heads", dict)
-    running_start._report_missing.cache_clear()
+    episode_start._report_missing.cache_clear()
     with caplog.at_level(logging.WARNING):
         for seed in range(2):
             begun(env, seed=seed)
@@ -341,7 +326,7 @@ def test_reward_filters_begin_with_running_means(env):
     env.reset(seed=3, options={"wind_seed": 5001, "time_offset": 80.0})
     term = next(term for term in env.reward_terms if term.name == "tower_side_side_fatigue")
     assert term._filter.mean != env.signals["tower_base_side_side_moment"]
-    assert isinstance(env._starts.running, RunningStart)
+    assert isinstance(env.starts.running, RunningStart)
 
 
 def test_parameters_that_are_changed_later_stay():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wt_gym.envs import SafetyFilter, WindTurbineEnv
-from wt_gym.envs.safety_filter import retreat
+from wt_gym.envs.wrappers import retreat
 
 ARGUMENTS = {
     "inflow": "steady", "wind_speed": 14.0, "action_mode": "residual", "control_dt": 0.2, "pitch": "collective",

@@ -19,7 +19,7 @@ from wt_gym.commands.serve import main
 from wt_gym.commands.train import parse_arguments as parse_training
 from wt_gym.commands.training_options import config_from
 from wt_gym.deployment.serving import OwnSetPoints, ServedAgent, answers_of, check_expressible
-from wt_gym.envs.options.environment import registered_arguments
+from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 SENT = [

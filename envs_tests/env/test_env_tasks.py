@@ -15,11 +15,11 @@ from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from wt_gym.base.errors import SimulationError
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.envs import rewards
+from wt_gym.envs.channels import RESIDUAL_GROUPS
 from wt_gym.envs.dial import factor_of
-from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.benchmark import make_env
 from wt_gym.experiment.benchmark_tasks import load_task
@@ -96,7 +96,7 @@ def test_ending_a_task_early_never_pays(name):
     Of a reward relative to the controller goes what that earns at most: twice the weight of the power.
     """
     env = gym.make(TASKS[name].id).unwrapped
-    dials = [(1.0, 1.0, 1.0)] if env.dials is None else [(3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 3.0)]
+    dials = [(1.0, 1.0, 1.0)] if "dial" not in env.terms else [(3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 3.0)]
     worst = min(_worst(env, dial) for dial in dials)  # the reward is linear in the factors: at a corner
     gamma = hyperparameters_for("PPO", TASKS[name].id)["gamma"]
     assert -worst * env.control_dt / (1.0 - gamma) < env.termination_penalty
@@ -329,6 +329,14 @@ def test_vector_reward_has_the_terms_and_a_space():
     np.testing.assert_allclose(reward[:-1], [info["reward_terms"][n] for n in env.reward_names[:-1]], rtol=1e-6)
 
 
+def test_a_vector_reward_needs_no_warning_of_gymnasium():
+    env = gym.make("wt_gym/NREL5MW-Steady-v1", vector_reward=True)
+    env.reset(seed=0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert env.step(np.zeros(3, dtype=np.float32))[1].shape == env.unwrapped.reward_space.shape
+
+
 # ---- observations ----
 
 
@@ -538,17 +546,17 @@ def test_what_can_be_read_once_is_read_once():
     assert info["wind_speed"] == 9.0
     _, reward, *_, info = env.step(np.zeros(3))
     assert reward == 0.0
-    assert set(info["reward_terms"]) == {term.name for term in env._twin.env.reward_terms}
+    assert set(info["reward_terms"]) == {term.name for term in env.terms["twin"].env.reward_terms}
 
 
 def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
     """The twin's end is no income, and what it earned last goes on being taken off."""
     env = WindTurbineEnv(inflow=SteadyInflow(15.0), relative_reward=True, episode_length=4.0, **RESIDUAL)
-    env._twin.env.limits.overspeed = 0.5
+    env.terms["twin"].env.limits.overspeed = 0.5
     env.reset(seed=0)
     rewards = [env.step(np.zeros(5))[1] for _ in range(5)]
-    assert env._twin.course.ended
-    assert len(env._twin.course) == 1
+    assert env.terms["twin"].course.ended
+    assert len(env.terms["twin"].course) == 1
     assert np.abs(rewards).max() < 0.1
 
 

@@ -16,7 +16,7 @@ import torch
 
 from wt_gym.base.files import whole_file, write_whole
 from wt_gym.commands import train as train_command
-from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import evaluation
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.names import named_choices

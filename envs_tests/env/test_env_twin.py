@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.envs import reward_store
+from wt_gym.envs import twin as reward_store
 from wt_gym.envs.rewards import FunctionTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.environments import Environments
@@ -45,7 +45,7 @@ def episode(env, number=0, steps=20):
 
 def simulated(env):
     """How many steps of the controller alone were simulated in its last episode; None: no simulator was made."""
-    return None if env._twin.env.simulator is None else env._twin._steps
+    return None if env.terms["twin"].env.simulator is None else env.terms["twin"]._steps
 
 
 def files(tmp_path):
@@ -68,9 +68,9 @@ def test_a_recorded_twin_pays_the_same_bits_as_one_that_runs_beside(tmp_path, mo
     assert episode(from_disk) == beside
     assert simulated(from_disk) is None
     keeps_nothing = WindTurbineEnv(**ARGUMENTS)
-    monkeypatch.setattr(keeps_nothing._twin, "_identity", None)
+    monkeypatch.setattr(keeps_nothing.terms["twin"], "_identity", None)
     assert episode(keeps_nothing) == beside
-    assert keeps_nothing._twin.course.key is None
+    assert keeps_nothing.terms["twin"].course.key is None
     assert any(reward != 0.0 for reward, _ in beside)
 
 
@@ -91,7 +91,7 @@ def test_an_episode_that_ends_early_leaves_a_part_that_a_longer_one_goes_on_from
     env = WindTurbineEnv(**ARGUMENTS)
     assert episode(env, 1, steps=6) == whole[:6]
     assert episode(env, 0, steps=2) != whole[:2]
-    assert len(env._twin.course) == 2
+    assert len(env.terms["twin"].course) == 2
     assert episode(env, 1) == whole
     assert simulated(env) == 20
     env.close()
@@ -116,7 +116,7 @@ def test_beginnings_are_as_many_as_starts_and_the_same_in_every_environment():
         with pytest.raises(ValueError, match="start_number must be a whole number from 0 to 2, got"):
             env.reset(options={"start_number": wrong})
     for wrong in (0, 2.5, "many"):
-        with pytest.raises(ValueError, match="starts must be a whole number from 1 to 1000000 or None"):
+        with pytest.raises(ValueError, match=r"starts must be a whole number from 1 to 1e.06 or None"):
             WindTurbineEnv(**ARGUMENTS | {"starts": wrong})
 
 
@@ -128,7 +128,7 @@ def test_copies_in_a_vector_pay_what_single_ones_do():
     rng = np.random.default_rng(0)
     actions = [rng.uniform(-1.0, 1.0, (3, 3)) for _ in range(10)]
     rewards = np.array([vec.step(action)[1] for action in actions])
-    assert len({id(env._twin.course) for env in vec.envs}) == 1
+    assert len({id(env.terms["twin"].course) for env in vec.envs}) == 1
     vec.close()
     reward_store._courses.clear()
     for k in range(3):
@@ -148,7 +148,7 @@ def test_snapshots_go_on_with_the_twin(recorded, elsewhere):
     for _ in range(5):
         env.step(np.ones(3))
     snapshot = env.snapshot()
-    assert (snapshot.twin.state is None) == recorded
+    assert (snapshot.parts["twin"].state is None) == recorded
     expected = [env.step(np.zeros(3))[1] for _ in range(5)]
     before = simulated(env)
     if elsewhere:
@@ -184,7 +184,7 @@ class Resting:
 def test_what_is_yours_is_not_kept(own, tmp_path):
     env = WindTurbineEnv(**ARGUMENTS | own)
     episode(env, steps=2)
-    assert env._twin.course.key is None
+    assert env.terms["twin"].course.key is None
     env.close()
     assert not files(tmp_path)
     assert not reward_store._courses
@@ -194,7 +194,7 @@ def test_other_environments_winds_and_starts_have_other_courses():
     def key(arguments=None, **options):
         env = WindTurbineEnv(**ARGUMENTS | (arguments or {}))
         env.reset(seed=3, options={"start_number": 0, **options})
-        return env._twin.course.key
+        return env.terms["twin"].course.key
 
     agents = {"sensor_noise": 1.0, "observation": ("pitch",), "action_components": ("pitch", "torque")}
     same, seen_otherwise = key(), key(agents)
@@ -211,7 +211,7 @@ def test_other_environments_winds_and_starts_have_other_courses():
         inflow=SteadyInflow(15.0), **{name: value for name, value in ARGUMENTS.items() if name not in winds}
     )
     calm.reset(seed=0)
-    assert calm._twin.course.key is not None
+    assert calm.terms["twin"].course.key is not None
 
 
 def test_memory_and_disk_are_bounded(tmp_path, monkeypatch):
@@ -272,14 +272,14 @@ def test_a_baseline_on_a_path_is_recorded_once(tmp_path):
     first.close()
     assert episode(again) == beside
     assert simulated(again) is None
-    beginning = again._twin._beginning
+    beginning = again.terms["twin"]._beginning
     wind = beginning.wind.inflow
     winds = [wind, MirroredInflow(wind)] + [
         replace(wind, **{name: 1.01 * getattr(wind, name)}) for name in ("times", "speeds", "scales", "offset")
     ]
     winds += [replace(wind, profile=SteadyInflow(1.0, 90.0, shear_exponent=0.3)), replace(wind, box=None)]
-    keys = [again._twin._key(replace(beginning, wind=replace(beginning.wind, inflow=other))) for other in winds]
+    keys = [again.terms["twin"]._key(replace(beginning, wind=replace(beginning.wind, inflow=other))) for other in winds]
     assert None not in keys
     assert len(set(keys)) == len(winds)
     elsewhere = replace(beginning, wind=replace(beginning.wind, wind_seed=-1))  # turbulence from a file
-    assert again._twin._key(elsewhere) is None
+    assert again.terms["twin"]._key(elsewhere) is None

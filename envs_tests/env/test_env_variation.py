@@ -1,6 +1,5 @@
 """Plants, sensors and winds that differ from episode to episode."""
 
-import json
 import math
 import re
 from pathlib import Path
@@ -11,12 +10,11 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from wt_gym.base.errors import ActionError, InflowError
-from wt_gym.control.controllers import make_controller
-from wt_gym.envs import WindTurbineVectorEnv, reward_store
+from wt_gym.control.controllers.names import make_controller
+from wt_gym.envs import twin as reward_store
 from wt_gym.envs.instruments import DRIFTING
-from wt_gym.envs.options.variation import CHOICES, HELD_BACK, PRESETS, RANGES, STRUCTURAL, TRAIN, Variation
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.envs.variation import Plants
+from wt_gym.envs.variation import CHOICES, HELD_BACK, PRESETS, RANGES, STRUCTURAL, TRAIN, Plants, Variation
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -52,7 +50,7 @@ def plain():
 
 def test_draws_follow_the_seed_and_stay_in_their_ranges():
     env = make(variation=TRAIN)
-    drawn = [env._draws.draw() for _ in range(300)]
+    drawn = [env.terms["variation"].drawn() for _ in range(300)]
     for name, ends in TRAIN.given.items():
         found = [one.values[name] for one in drawn]
         if name in CHOICES:
@@ -66,22 +64,11 @@ def test_draws_follow_the_seed_and_stay_in_their_ranges():
             width, half_step = ends[1] - ends[0], 0.06 if name == "sensor_delay" else 0.0
             assert ends[0] - half_step <= min(found) <= ends[0] + 0.05 * width
             assert ends[1] - 0.05 * width <= max(found) <= ends[1] + half_step
-    env._draws.seed(7)
-    first = [env._draws.draw().values for _ in range(3)]
-    env._draws.seed(7)
-    assert first == [env._draws.draw().values for _ in range(3)]
+    env.terms["variation"].seed(7)
+    first = [env.terms["variation"].drawn().values for _ in range(3)]
+    env.terms["variation"].seed(7)
+    assert first == [env.terms["variation"].drawn().values for _ in range(3)]
     assert first[0] != first[1]
-
-
-def test_a_reset_with_a_seed_repeats_the_draw_and_says_it():
-    env = make(variation=FEW)
-    first, info = course(env)
-    other = env.reset()[1]["variation"]
-    again, same = course(env)
-    assert info["variation"] == same["variation"] != other
-    assert np.array_equal(first, again)
-    assert json.loads(json.dumps(info["variation"])) == info["variation"]
-    assert set(info["variation"]) == {*TRAIN.given, "plant"}
 
 
 def test_every_quantity_has_its_own_draw():
@@ -394,31 +381,17 @@ def test_check_env():
     check_env(make(variation=FEW), skip_render_check=True)
 
 
-def test_a_snapshot_continues_bit_for_bit():
-    env = make(variation=FEW, reward={"blade_fatigue": 1.0}, relative_reward=True, episode_length=8.0)
-    env.reset(seed=11)
-    for _ in range(3):
-        env.step(env.action_space.sample() * 0)
-    kept = env.snapshot()
-    first = [env.step(np.full(env.action_space.shape, 0.2)) for _ in range(4)]
-    after = env.reset()
-    env.restore(kept)
-    second = [env.step(np.full(env.action_space.shape, 0.2)) for _ in range(4)]
-    again = env.reset()
-    for one, other in zip(first, second, strict=True):
-        assert np.array_equal(one[0], other[0])
-        assert one[1] == other[1]
-    assert np.array_equal(after[0], again[0])
-    assert after[1]["variation"] == again[1]["variation"]
-
-
 def test_the_twin_has_the_same_plant_and_sensors():
     env = make(variation=FEW, relative_reward=True, reward={"power": 1.0, "blade_fatigue": 1.0}, control_dt=0.1)
     env.reset(seed=4)
     for _ in range(5):
         _, reward, *_ = env.step(np.zeros(env.action_space.shape))
         assert reward == 0.0  # zero actions are the controller alone, with the same readings
-    assert env._twin.env.simulator.turbine.air_density == env.simulator.turbine.air_density != env.turbine.air_density
+    assert (
+        env.terms["twin"].env.simulator.turbine.air_density
+        == env.simulator.turbine.air_density
+        != env.turbine.air_density
+    )
 
 
 def test_numbered_beginnings_have_their_variation_and_a_twin_that_is_kept(tmp_path, monkeypatch):
@@ -435,9 +408,9 @@ def test_numbered_beginnings_have_their_variation_and_a_twin_that_is_kept(tmp_pa
         one.reset(seed=3, options={"start_number": 2})
         rewards.append([one.step(np.full(one.action_space.shape, 0.2))[1] for _ in range(5)])
     assert rewards[0] == rewards[1]
-    assert other._twin.env.simulator is None  # what the first one recorded was there
+    assert other.terms["twin"].env.simulator is None  # what the first one recorded was there
     other.reset(options={"start_number": 3})
-    assert other._twin.course is not env._twin.course
+    assert other.terms["twin"].course is not env.terms["twin"].course
     reward_store._courses.clear()
 
 
@@ -450,35 +423,11 @@ def test_random_numbers_from_outside_begin_a_stream():
     assert env.reset()[1]["variation"] == first
 
 
-def test_a_vector_of_turbines_is_single_ones():
-    arguments = QUICK | {"variation": FEW}
-    many = WindTurbineVectorEnv(2, **arguments)
-    observations, infos = many.reset(seed=20)
-    singles = [WindTurbineEnv(**arguments) for _ in range(2)]
-    for k, env in enumerate(singles):
-        observation, info = env.reset(seed=20 + k)
-        assert np.array_equal(observations[k], observation)
-        assert infos["variation"]["pitch_gain"][k] == info["variation"]["pitch_gain"]
-        assert infos["variation"]["sensor_offset"]["yaw_error"][k] == info["variation"]["sensor_offset"]["yaw_error"]
-    for _ in range(3):
-        observations, *_ = many.step(np.zeros(many.action_space.shape))
-        for k, env in enumerate(singles):
-            assert np.array_equal(observations[k], env.step(np.zeros(env.action_space.shape))[0])
-    many.close()
-
-
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"variation": {"pitch_gain": (1.2, 0.8)}}, ValueError, r"vary_pitch_gain must be a number or a range"),
-        ({"variation": {"pitch_gain": 0.0}}, ValueError, "within 0.2 to 3, got 0.0"),
-        ({"variation": {"drive_lag": "fast"}}, ValueError, r"vary_drive_lag must be .* to 5 s, got 'fast'"),
-        ({"variation": {"plants": 0}}, ValueError, r"vary_plants must be a whole number from 1 to 64, got 0"),
         ({"variation": {"pitch": 1.0}}, ValueError, "variation has no option 'pitch'"),
         ({"variation": "training"}, ValueError, "variation must be a Variation, a mapping or one of train, held_back"),
-        ({"variation": {"turbulence_class": ("D",)}}, InflowError, "D"),
-        ({"variation": {"turbulence_class": ()}}, ValueError, r"vary_turbulence_class must have names"),
-        ({"sensors": "nobody"}, ValueError, r"sensors must be one of \('agent', 'all'\) or None, got 'nobody'"),
         (
             {"sensors": "all", "sensor_delay": 200.0},
             ValueError,

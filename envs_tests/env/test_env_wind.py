@@ -7,8 +7,7 @@ import pytest
 
 from wt_gym.base.errors import InflowError
 from wt_gym.envs import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
-from wt_gym.envs.options.wind import GUSTS, WindOptions
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import GUSTS, WindOptions, WindSampler
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow
 from wt_gym.wind.iec import turbulence_sigma
@@ -187,30 +186,13 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
         ("steady", {"speed": -1.0}, "between 0 and 50 m/s"),
         ("turbulent", {"speed": 0.0}, "do not pass in still air"),
         ("gusts", {"speed": 0.0}, "do not pass in still air"),
-        ("steady", {"speed": (12.0, 8.0)}, "low <= high"),
-        ("steady", {"speed": (6.0, 8.0, 10.0)}, "pair"),
-        ("steady", {"speed": "fast"}, "number"),
-        ("turbulent", {"speed": 10.0, "turbulence_class": "E"}, "turbulence_class"),
-        ("turbulent", {"speed": 10.0, "seeds": ()}, "at least one"),
-        ("turbulent", {"speed": 10.0, "seeds": (1.5,)}, "integer"),
-        ("turbulent", {"speed": 10.0, "seeds": (10**23,)}, "at most 9223372036854775807"),
-        ("turbulent", {"speed": 10.0, "turbulence_model": "EWM"}, "'NTM', 'ETM'"),
         ("steady", {"speed": 10.0, "turbulence_model": "ETM"}, "belongs to the inflows 'turbulent' and 'path'"),
-        ("gusts", {"speed": 10.0, "gusts": ("EOG", "NTM")}, "'EOG', 'EDC', 'ECD', 'EWS', 'ETM'"),
-        ("gusts", {"speed": 10.0, "gusts": ()}, "each once"),
-        ("gusts", {"speed": 10.0, "gusts": ("EOG", "EOG")}, "each once"),
         ("turbulent", {"speed": 10.0, "gusts": ("EOG",)}, "belongs to inflow='gusts'"),
         ("gusts", {"speed": 10.0, "turbulence": "mann"}, "'gusts' with ETM"),
         ("steady", {"speed": 10.0, "return_period": 1}, "belongs to the inflows"),
         ("extreme", {"speed": None, "return_period": 10}, "return_period must be 1 or 50"),
-        ("steady", {"speed": 10.0, "direction": iter((0.2, 0.1))}, "wind_direction must be an angle"),
-        ("steady", {"speed": 10.0, "direction": "north"}, "wind_direction must be an angle"),
-        ("steady", {"speed": 10.0, "wander": 0.1}, "wind_wander must be a deviation"),
-        ("steady", {"speed": 10.0, "wander": "ab"}, "wind_wander must be a deviation"),
         ("steady", {"speed": 10.0, "wander": (0.1, 60.0, 1.0)}, "wind_wander must be a deviation"),
         ("steady", {"speed": 10.0, "wander": (-0.1, 60.0)}, "wind_wander must be a deviation"),
-        ("steady", {"speed": 10.0, "wander": (np.nan, 60.0)}, "wind_wander must be a deviation"),
-        ("steady", {"speed": 10.0, "wander": (0.1, np.inf)}, "wind_wander must be a deviation"),
         ("steady", {"speed": 10.0, "wander": (0.1, 0.5)}, "at least 1 s"),
     ],
 )

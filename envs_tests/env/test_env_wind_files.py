@@ -15,8 +15,7 @@ import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import InflowError
 from wt_gym.commands.evaluate import configuration, parse_arguments
-from wt_gym.envs.options.wind import TRANSIENTS, WindOptions
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import TRANSIENTS, WindOptions, WindSampler
 from wt_gym.experiment import evaluation
 from wt_gym.experiment.evaluation import EvaluationConfig, EvaluationFolder, evaluate, winds_of
 from wt_gym.learning.datasets import DatasetConfig

@@ -13,9 +13,8 @@ from wt_gym.base.errors import InflowError, SimulationError, TurbineDefinitionEr
 from wt_gym.commands import evaluate, simulate
 from wt_gym.commands.site_options import site_word, wind_word, with_options
 from wt_gym.commands.training_options import add_training_options, config_from
-from wt_gym.envs.options.wind import WindOptions
-from wt_gym.envs.wind_files import wind_files_of, with_whole_paths
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.options import wind_files_of, with_whole_paths
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.experiment.evaluation import EvaluationConfig, winds_of
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine

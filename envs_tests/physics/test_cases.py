@@ -4,7 +4,6 @@ import importlib.util
 import json
 import math
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -203,27 +202,6 @@ class TestCommand:
         assert page.count("data:image/png;base64,") == 2
         assert "one &lt;&amp;&gt;" in page
         assert 'src="http' not in page
-
-
-class TestOtherCommands:
-    """What the command lines of the measurements and diagrams refuse before they compute anything."""
-
-    @pytest.mark.parametrize(
-        ("command", "arguments", "message"),
-        [
-            ("campbell", ["--out", "a.xyz"], "endings of figures are"),
-            ("campbell", ["--wind-speed", "0"], "--wind-speed 0.0: allowed are finite speeds above 0"),
-            ("campbell", ["--rotor-speed", "-1"], "--rotor-speed -1.0"),
-            ("campbell", ["--wind-speed", "8", "--pitch", "3"], "--pitch goes with --rotor-speed"),
-            ("campbell", ["--azimuths", "0"], "at least one"),
-            ("campbell", ["--fidelity", "gebhardt"], "linear models need the embedded formulation"),
-            ("campbell", ["--fidelity", "nope"], "--fidelity must be one of training"),
-        ],
-    )
-    def test_refusals(self, capsys, command, arguments, message):
-        with pytest.raises(SystemExit, match="2"):
-            import_module(f"wt_gym.commands.{command}").parse_arguments(arguments)
-        assert message in capsys.readouterr().err
 
 
 # ---- records of the reference runs ----

@@ -43,6 +43,9 @@ FORMS = {
 }
 
 
+MARKS = dict.fromkeys(FORMS, ()) | {"mixed": pytest.mark.slow}
+
+
 def undamped(turbine):
     """The turbine without damping of material, shaft and yaw drive."""
     return replace(
@@ -138,7 +141,7 @@ def momenta_of(system, y):
     return out
 
 
-@pytest.mark.parametrize("form", [pytest.param(f, marks=pytest.mark.slow) if f == "mixed" else f for f in FORMS])
+@pytest.mark.parametrize("form", [pytest.param(form, marks=marks) for form, marks in MARKS.items()])
 def test_energy_of_a_turning_turbine(form):
     run = Run(form, 20.0)
     assert run.exchanged() > 5e-4, "the test must move energy between its forms"
@@ -154,7 +157,8 @@ def test_energy_of_a_turning_turbine_over_ten_minutes(form):
 
 
 @pytest.mark.parametrize(
-    ("form", "reverses"), [(form, False) for form in FORMS] + [("embedded", True), ("observer", True)]
+    ("form", "reverses"),
+    [*(pytest.param(form, False, marks=m) for form, m in MARKS.items()), ("embedded", True), ("observer", True)],
 )
 def test_momentum_and_angular_momentum_of_a_turbine_afloat(form, reverses):
     """Nothing from outside: all six stay, while rotor, nacelle and tower exchange them."""

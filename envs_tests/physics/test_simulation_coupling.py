@@ -489,7 +489,7 @@ def test_a_rotor_started_in_still_air_yields_no_power(wind, rotor_speed):
     assert max(powers) < 0.0
 
 
-# ---- hub and nacelle as a body ----
+# ---- hub and nacelle as a body: slow, since no id uses them and their kernels compile long ----
 
 
 def with_nacelle(yaw=0.0, **choices):
@@ -532,6 +532,7 @@ def test_no_flow_through_the_nacelle(shrouded, yaw):
     assert 8.0 < fastest < 20.0
 
 
+@pytest.mark.slow
 def test_nacelle_body_turns_with_the_nacelle(shrouded):
     bodies = shrouded.lattice.bodies
     shrouded.reset(rotor_speed=9.16 * RPM)
@@ -557,6 +558,7 @@ def test_nacelle_body_turns_with_the_nacelle(shrouded):
     assert not bodies.arrays.motion[:, tower].any()
 
 
+@pytest.mark.slow
 def test_nacelle_speeds_up_the_flow_at_the_roots(shrouded):
     """Round the nacelle the air is faster; the blade roots carry little, so power rises by less than a per mille."""
     speeds, power, thrust = [], [], []
@@ -573,6 +575,7 @@ def test_nacelle_speeds_up_the_flow_at_the_roots(shrouded):
     assert 0.0 < thrust[1] / thrust[0] - 1.0 < 1e-3
 
 
+@pytest.mark.slow
 def test_snapshot_with_a_turning_nacelle_continues_bit_for_bit(shrouded):
     command = {"pitch": 0.01, "yaw_rate": 0.005, "generator_torque": 20e3}
     shrouded.reset(rotor_speed=9.16 * RPM, yaw=0.1)
@@ -618,6 +621,7 @@ def test_nacelle_bodies_in_the_way_are_refused():
             turbine_bodies(SimpleNamespace(**(vars(turbine) | change)), replace(fidelity, **choice), nodes)
 
 
+@pytest.mark.slow
 def test_linear_model_with_bodies_is_nearly_the_one_without(shrouded):
     """Tower and nacelle change the flow at the blades little, and so what follows from it."""
     alone = replace(FIDELITIES["training"], tower_shadow=False)

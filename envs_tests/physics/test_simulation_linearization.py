@@ -14,6 +14,7 @@ from envs_tests.physics.cases.turbine_modes import (
     whirl_frequencies,
 )
 from wt_gym.base.errors import SimulationError
+from wt_gym.commands.campbell import parse_arguments
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.campbell import campbell
 from wt_gym.simulation.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
@@ -284,3 +285,21 @@ def test_campbell_over_wind_follows_the_schedule(simulator):
         campbell(simulator, wind_speeds=[8.0])
     with pytest.raises(SimulationError, match="either"):
         campbell(simulator)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--out", "a.xyz"], "endings of figures are"),
+        (["--wind-speed", "0"], "--wind-speed 0.0: allowed are finite speeds above 0"),
+        (["--rotor-speed", "-1"], "--rotor-speed -1.0"),
+        (["--wind-speed", "8", "--pitch", "3"], "--pitch goes with --rotor-speed"),
+        (["--azimuths", "0"], "at least one"),
+        (["--fidelity", "gebhardt"], "linear models need the embedded formulation"),
+        (["--fidelity", "nope"], "--fidelity must be one of training"),
+    ],
+)
+def test_what_the_command_refuses_before_it_computes(capsys, arguments, message):
+    with pytest.raises(SystemExit, match="2"):
+        parse_arguments(arguments)
+    assert message in capsys.readouterr().err

@@ -12,8 +12,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from wt_gym.base.errors import InflowError
 from wt_gym.control import Lidar
-from wt_gym.envs.options.wind import WindOptions
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import (
     SteadyInflow,
@@ -53,13 +52,11 @@ BANDS = np.array([0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0])
 STANDARD_ERRORS = 4.0
 
 
-def formula(frequency):
-    """Kaimal spectra written out for a hub above 60 m, shape (n, 3)."""
-    columns = []
-    for sigma, length in ((SIGMA, 8.1 * 42.0), (0.8 * SIGMA, 2.7 * 42.0), (0.5 * SIGMA, 0.66 * 42.0)):
-        n = frequency * length / SPEED
-        columns.append(sigma**2 / frequency * 4.0 * n / (1.0 + 6.0 * n) ** (5.0 / 3.0))
-    return np.stack(columns, axis=-1)
+def formula(frequency, speed=SPEED, sigma=SIGMA):
+    """Kaimal spectra of IEC 61400-1 written out for a hub above 60 m, shape (n, 3)."""
+    ratios, lengths = np.array([1.0, 0.8, 0.5]), np.array([8.1, 2.7, 0.66]) * 42.0
+    n = frequency[:, None] * lengths / speed
+    return (ratios * sigma) ** 2 * 4.0 * lengths / speed / (1.0 + 6.0 * n) ** (5.0 / 3.0)
 
 
 @pytest.fixture(scope="module")
@@ -359,13 +356,6 @@ FINE = 16
 """Readings in one interval of a box."""
 
 
-def iec_spectrum(frequency, speed, sigma):
-    """Kaimal spectra of IEC 61400-1 written out for a hub above 60 m, shape (n, 3)."""
-    ratios, lengths = np.array([1.0, 0.8, 0.5]), np.array([8.1, 2.7, 0.66]) * 42.0
-    n = frequency[:, None] * lengths / speed
-    return (ratios * sigma) ** 2 * 4.0 * lengths / speed / (1.0 + 6.0 * n) ** (5.0 / 3.0)
-
-
 def read_at_hub(inflow, fine=FINE):
     """Wind at the hub over one period [m/s], shape (n, 3), and the interval [s]: points upwind meet it at once."""
     box = inflow.box
@@ -387,7 +377,7 @@ def test_the_spectrum_at_the_hub_is_the_standards_up_to_one_hertz(speed, seed):
     sigma = 0.14 * (0.75 * speed + 5.6)
     for low, high in ((0.005, 0.1), (0.1, 0.45), (0.45, 0.55), (0.65, 0.75), (0.85, 0.95)):
         inside = (frequency > low) & (frequency < high) & (np.arange(frequency.size) > 1)
-        ratio = read[inside] / iec_spectrum(frequency[inside], speed, sigma)
+        ratio = read[inside] / formula(frequency[inside], speed, sigma)
         np.testing.assert_allclose(ratio, 1.0, rtol=0.01)
     np.testing.assert_allclose(wind.std(axis=0), sigma * np.array([1.0, 0.8, 0.5]), rtol=2e-3)
 

@@ -46,6 +46,57 @@ class Exported:
         return Demand(self.swap[41 : 41 + n].astype(float), float(self.swap[47]), float(self.swap[46]))
 
 
+def together(*flights, spoil=None, dt=INTERVAL, first=0):
+    """Demands of libraries with their readings, a list for each, and what the first one said: call, flag, message.
+
+    ``spoil(k, swap)`` changes the records of the first one behind a reading.
+    """
+    demands, said, ours = [[] for _ in flights], [], flights[0][0]
+    for k, rows in enumerate(zip(*(readings for _, readings in flights), strict=True), first):
+        for (library, _), now in zip(flights, rows, strict=True):
+            library.read(now)
+        if spoil is not None:
+            spoil(k, ours.swap)
+        for made, (library, _) in zip(demands, flights, strict=True):
+            made.append(library.call(k * dt, dt))
+        if ours.flag:
+            said.append((k, ours.flag, ours.message))
+    return *demands, said
+
+
+def lost(*records, since=0, until=math.inf, value=math.nan):
+    """What spoils records in some calls, for `together`."""
+
+    def spoil(k, swap):
+        if since <= k < until:
+            swap[[record - 1 for record in records]] = value
+
+    return spoil
+
+
+def pitches(demands):
+    return np.array([demand.pitch for demand in demands])
+
+
+def torques(demands):
+    return np.array([demand.generator_torque for demand in demands])
+
+
+def compiled(source, main, folder, sanitizers="address,undefined"):
+    """Path of a program of a source and a main function, under sanitizers."""
+    if not (compiler := shutil.which("gcc") or shutil.which("clang")):
+        pytest.skip("gcc or clang is needed")
+    path = folder / "program"
+    path.with_suffix(".c").write_text(f'#include "{source}"\n' + main, encoding="utf-8")
+    flags = ["-std=c99", "-g", "-O1", f"-fsanitize={sanitizers}", "-fno-sanitize-recover=all"]
+    command = [compiler, *flags, "-o", str(path), f"{path}.c", "-lm"]
+    built = subprocess.run(command, capture_output=True, text=True)
+    if "cannot find" in built.stderr:
+        pytest.skip("the libraries of the sanitizers are not installed")
+    assert built.returncode == 0, built.stderr
+    return str(path)
+
+
 def as_read(swap, n_blades):
     """Signals by name as records hold them."""
     swap = swap.astype(np.float64)
@@ -181,16 +232,7 @@ int main(int n, char **words) {
 
 def numbers_read(source, texts, folder, locale=None, environment=None):
     """Numbers that the parameter file of a source would have of texts, and how many characters each took."""
-    if not (compiler := shutil.which("gcc") or shutil.which("clang")):
-        pytest.skip("gcc or clang is needed")
-    (folder / "numbers.c").write_text(f'#include "{source}"\n' + NUMBERS, encoding="utf-8")
-    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    command = [compiler, *flags, "-o", str(folder / "numbers"), str(folder / "numbers.c"), "-lm"]
-    built = subprocess.run(command, capture_output=True, text=True)
-    if "cannot find" in built.stderr:
-        pytest.skip("the libraries of the sanitizers are not installed")
-    assert built.returncode == 0, built.stderr
-    words = [str(folder / "numbers"), *([locale] if locale else [])]
+    words = [compiled(source, NUMBERS, folder), *([locale] if locale else [])]
     text = "".join(f"{line}\n" for line in texts)
     done = subprocess.run(words, input=text, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
@@ -200,17 +242,7 @@ def numbers_read(source, texts, folder, locale=None, environment=None):
 
 def sanitized(source, parameters, folder):
     """Run a source with random and missing readings under the sanitizers of addresses and undefined behavior."""
-    if not (compiler := shutil.which("gcc") or shutil.which("clang")):
-        pytest.skip("gcc or clang is needed")
-    (folder / "driver.c").write_text(f'#include "{source}"\n' + DRIVER, encoding="utf-8")
-    program = folder / "driver"
-    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
-    built = subprocess.run(
-        [compiler, *flags, "-o", str(program), str(folder / "driver.c"), "-lm"], capture_output=True, text=True
-    )
-    if "cannot find" in built.stderr:
-        pytest.skip("the libraries of the sanitizers are not installed")
-    assert built.returncode == 0, built.stderr
-    done = subprocess.run([str(program), str(parameters), str(folder / "out")], capture_output=True, text=True)
+    program = compiled(source, DRIVER, folder, "address,undefined,float-cast-overflow")
+    done = subprocess.run([program, str(parameters), str(folder / "out")], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""

@@ -18,10 +18,11 @@ from load_travel_front import (
     write_csv,
 )
 
+from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.commands import benchmark as command
 from wt_gym.control.bladed import rosco_library
-from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import benchmark as benchmark_runs
 from wt_gym.experiment import benchmark_tasks
 from wt_gym.experiment.benchmark import (
@@ -50,7 +51,7 @@ from wt_gym.experiment.names import INTERFACE, LEVELS, read_name
 
 TASK = load_task("load-reduction-15")
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
-PRINT = {"turbine": "a", "fidelity": "b", "canary": {"reward": "1 2"}}
+PRINT = {"turbine": "a", "fidelity": "b", "code": "c"}
 BASE = {
     "captured_power": 5e6, "blade_flap_del": 6e6, "blade_edge_del": 6e6, "tower_fore_aft_del": 1.5e7,
     "tower_side_side_del": 5e6, "pitch_duty_cycle": 0.05, "torque_rate": 400.0, "rotor_speed_ratio_max": 1.06,
@@ -130,6 +131,11 @@ def test_files_without_meaning_are_refused(wrong, message):
 def test_unknown_tasks_are_refused_with_those_there_are():
     with pytest.raises(BenchmarkError, match=r"task must be one of .*full-range.*got 'nothing'"):
         load_task("nothing")
+
+
+def test_differing_parts_are_named():
+    assert differing(PRINT, PRINT) == []
+    assert differing(PRINT, PRINT | {"code": "x"}) == ["code"]
 
 
 def test_the_baseline_scores_zero_and_the_best_a_hundred(reference):
@@ -212,9 +218,8 @@ def test_winds_are_weighted():
 
 
 def test_other_fingerprints_are_refused_with_the_way_out(reference):
-    made = results(TASK, fingerprint=PRESENT | {"turbine": "y"})
-    message = r"another turbine and behavior \(reward by 0.5 of its range\) .* reference --task load-reduction-15"
-    with pytest.raises(BenchmarkError, match=message):
+    made = results(TASK, fingerprint=PRINT | {"code": "x", "turbine": "y"})
+    with pytest.raises(BenchmarkError, match=r"another code and turbine .* reference --task load-reduction-15"):
         score(TASK, made, reference)
 
 
@@ -290,7 +295,7 @@ def test_the_table_ranks_agents_and_says_why_some_have_no_score(with_reference):
         *results(TASK, {"blade_flap_del": 0.8}, agent="good").values(),
         *results(TASK, {"blade_flap_del": 0.8, "captured_power": 0.9}, agent="lossy").values(),
         *list(results(TASK, agent="part").values())[:2],
-        *results(TASK, agent="old", fingerprint=PRESENT).values(),
+        *results(TASK, agent="old", fingerprint=PRINT | {"code": "x"}).values(),
     ]
     board = leaderboard(rows)
     found = board["tasks"][TASK.name]
@@ -301,7 +306,7 @@ def test_the_table_ranks_agents_and_says_why_some_have_no_score(with_reference):
     assert "| good | 100.0 | 100.0 … 100.0 | 100 % | +0.0 % | -20.0 % |" in text
     assert "captured_power × 6" in text
     assert "| part | – | – | 2 of 6 winds run |" in text
-    assert "another behavior (reward by 0.5 of its range) than the reference" in text
+    assert "another code than the reference" in text
     json.dumps(board, allow_nan=False)
 
 
@@ -422,7 +427,7 @@ def test_runs_that_will_have_no_score_are_warned_of_before_the_first(sweeps, mon
     made = make_reference(TASK, results(TASK), {"ipc": results(TASK, {"blade_flap_del": 0.9})})
     present = definition_of(jobs_of([TASK], entries_of(["zero"]))[0])["fingerprint"]
     fits = dataclasses.asdict(dataclasses.replace(made, fingerprint=present))
-    older = dataclasses.asdict(dataclasses.replace(made, fingerprint=present | {"turbine": "x", "canary": {}}))
+    older = dataclasses.asdict(dataclasses.replace(made, fingerprint=present | {"turbine": "x", "code": "y"}))
     said, run_jobs = [], benchmark_runs.run_jobs
     monkeypatch.setattr(benchmark_runs, "run_jobs", lambda *a: said.append(capsys.readouterr().err) or run_jobs(*a))
     for number, reference in enumerate((fits, older, None)):
@@ -432,8 +437,8 @@ def test_runs_that_will_have_no_score_are_warned_of_before_the_first(sweeps, mon
         capsys.readouterr()  # what came after the warning
     assert said[0] == ""
     assert said[1].startswith(
-        "warning: runs of load-reduction-15 will have no score: the reference numbers were made with another "
-        "turbine, behavior (controllers/"
+        "warning: runs of load-reduction-15 will have no score: the reference numbers were made with another code, "
+        "turbine; "
     )
     assert "benchmark reference --task load-reduction-15 makes them again" in said[1]
     assert said[2].startswith("warning: the task load-reduction-15-v3 has no reference numbers yet")

@@ -9,8 +9,8 @@ from wt_gym.base import canary as storage
 from wt_gym.base.canary import CANARY, TOLERANCE, cached_canary, canary_differences, canary_text, differing
 from wt_gym.control.controllers.additions import ResidualPitch
 from wt_gym.envs.canary import canary_of, environment_canary
-from wt_gym.envs.ending import Limits
-from wt_gym.envs.fault_draws import FaultDraws
+from wt_gym.envs.faults import FaultTerm
+from wt_gym.envs.terminations import Limits
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.store import RunStore, run_digest
 from wt_gym.turbines import load_turbine
@@ -41,8 +41,8 @@ def rewarded_termination(monkeypatch):
 
 
 def larger_faults(monkeypatch):
-    size = FaultDraws._size
-    monkeypatch.setattr(FaultDraws, "_size", lambda self, kind, share, sign: size(self, kind, 0.5 + 0.5 * share, sign))
+    size = FaultTerm._size
+    monkeypatch.setattr(FaultTerm, "_size", lambda self, kind, share, sign: size(self, kind, 0.5 + 0.5 * share, sign))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from wt_gym.bridges.openfast import PointLidar
 from wt_gym.control import Lidar
 from wt_gym.control.bladed.records import channels_read, new_swap, write_lidar
 from wt_gym.control.controllers import WithLidar
-from wt_gym.envs.readers import LIDAR_NOISE, lidar_noise
+from wt_gym.envs.lidar import LIDAR_NOISE, lidar_noise
 from wt_gym.experiment.agents import ObservedSignals
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow

@@ -224,35 +224,11 @@ def test_names_put_it_on_the_inside_of_the_base(turbine):
 def test_what_makes_no_sense_is_refused(turbine):
     with pytest.raises(ValueError, match="nearest gate of the lidar, 63 m"):
         make_controller("lidar", turbine, filter_length=0.6)
-    with pytest.raises(ValueError, match=r"filter_length .* must be a number above 0"):
-        make_controller("lidar", turbine, filter_length=0.0)
-    with pytest.raises(ValueError, match=r"delay .* must be a number of at least 0 s"):
-        make_controller("lidar", turbine, delay=-1.0)
-    with pytest.raises(ValueError, match=r"lidar .* must be a Lidar"):
-        make_controller("lidar", turbine, lidar=3)
+    make_controller("lidar", turbine, filter_length=0.5)  # the gate may lie at the lag
     with pytest.raises(ValueError, match="has a damper as generator"):
         make_controller("lidar", with_damper(load_turbine("gebhardt_45m")))
     with pytest.raises(TypeError, match="whose pitch can be shifted"):
         LidarFeedforward.of_turbine(turbine, Combined(DisconController(), ForeAftDamper.of_turbine(turbine)))
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"wavenumber": 0.0}, "wavenumber must be positive and finite"),
-        ({"wavenumber": math.inf}, "wavenumber must be positive and finite"),
-        ({"wavenumber": 0.0099}, "nearest gate of the lidar, 100 m"),
-        ({"delay": math.inf}, "delay and gain must be finite and not negative"),
-        ({"gain": -0.1}, "delay and gain must be finite and not negative"),
-        ({"lidar": "gates"}, "lidar must be a wt_gym.control.Lidar"),
-    ],
-)
-def test_a_feed_forward_out_of_range_is_refused(changes, message):
-    given = dict(base=DisconController(), winds=[4.0, 25.0], pitch=[0.0, 0.4], lidar=Lidar((100.0, 200.0)))
-    made = LidarFeedforward(**given, wavenumber=0.01, delay=0.0, gain=0.0)  # the ends of the ranges are allowed
-    assert made.channels == ("generator_speed", "rotor_speed", "lidar_1", "lidar_2")
-    with pytest.raises(ValueError, match=message):
-        LidarFeedforward(**({"wavenumber": 0.01} | given | changes))
 
 
 def test_readings_are_those_of_the_lidar_in_the_inflow(turbine):

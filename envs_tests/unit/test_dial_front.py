@@ -5,7 +5,7 @@ import pytest
 from dial_front import PARTS, cost_parts, hypervolume, nadir
 
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
-from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.dial import DIAL_NAMES
 
 
 def test_volumes_of_boxes_and_their_union():

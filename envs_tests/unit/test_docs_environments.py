@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from wt_gym.envs.options import EnvOptions, env_arguments
-from wt_gym.envs.options.wind import KINDS
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
+from wt_gym.envs.wind_sampler import KINDS
 from wt_gym.tasks import TASKS
 from wt_gym.wind import TurbulenceBox, TurbulentInflow
 from wt_gym.wind.files import write_bts

@@ -10,7 +10,7 @@ import task_scores as SCRIPT
 from task_scores import RANDOM, STUDIES, Part, Study, measure, score_table
 
 from wt_gym.analysis.results import Wind
-from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import GUSTS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import evaluation
 from wt_gym.experiment.robustness import FAULT_CONDITIONS, NOMINAL
 from wt_gym.tasks import TASKS

@@ -11,14 +11,15 @@ import pytest
 from wt_gym.control import ActionMap, AgentSetpoint, Demand, Lidar
 from wt_gym.control.controllers import YawByDeadBand
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.control.controllers.supervisor import STATES
-from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.envs.observable import OBSERVATION_GROUPS, Observable
-from wt_gym.envs.observations import Observer
-from wt_gym.envs.options.dial import DIAL_NAMES
-from wt_gym.envs.power_reference import AHEAD
-from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext
-from wt_gym.envs.start import Trail
+from wt_gym.control.design import rotor_inertia
+from wt_gym.envs.channels import OBSERVATION_GROUPS, Computed, FromSignals, InFixedFrame, Observable
+from wt_gym.envs.dial import DIAL_NAMES, DialCourse, DialOptions, DialTerm
+from wt_gym.envs.lidar import LidarTerm
+from wt_gym.envs.observations import ObservationOptions, Observer
+from wt_gym.envs.power_reference import AHEAD, GridOptions, PowerReference, PowerReferenceTerm
+from wt_gym.envs.running_record import Trail
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.turbines import load_turbine
 
@@ -31,6 +32,7 @@ SINGLES = (
 )  # fmt: skip
 CHOICE = (*OBSERVATION_GROUPS, *SINGLES)
 LINEAR = LinearOptimalPitch.of_turbine(TURBINE)
+CONTROLLER = make_controller("discon+linear_pitch+yaw+supervisor", TURBINE)
 SUPERVISOR = SimpleNamespace(state_index=2, mean_wind=9.5, set_point=0.9, load=0.4)
 DEMANDED = (4e6, 3.9e6, 3.7e6, 3.2e6)
 
@@ -49,54 +51,64 @@ def turning():
     return drive
 
 
-def context(now):
+class Scene:
+    """Operation of a turbine whose readings are given; it has all that a controller can have."""
+
     demand, base = Demand(np.array([0.1, 0.2, 0.3]), 0.0, 3e4), Demand(np.full(3, 0.15), 0.0, 2e4)
     setpoint = AgentSetpoint([0.01, 0.02, 0.03], 0.0, 4e3)
-    return ObservationContext(
-        now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]), None, turning(),
-        np.arange(6.0 * len(LINEAR.bins) + 17.0), supervisor=SUPERVISOR, demanded_power=DEMANDED,
-        dial=(0.5, 2.0, 0.5),
-    )  # fmt: skip
+    supervisor, yaw_drive, residual = SUPERVISOR, None, None
+    reference = PowerReference("series", (0.0, 2.0, 5.0, 10.0), DEMANDED)
+    demanded_power = DEMANDED[0]
+
+    def __init__(self, controller=None):
+        self.controller, self.instruments, self.now = controller, None, signals()
+        self.yaw_drive, self.signals = turning(), {"time": 0.0}
+        self.dial = DialTerm(DialOptions(weights="simplex"), ["power"], self)
+        self.dial.course = DialCourse((0.0,), ((0.5, 2.0, 0.5),))
+
+    def readings(self):
+        return self.now
+
+    def seen(self):
+        return np.array([9.0, 10.0, 11.0])
+
+    def known_disturbances(self):
+        return np.arange(6.0 * len(LINEAR.bins) + 17.0)
+
+    def features(self):
+        terms = self.dial, PowerReferenceTerm(TURBINE, GridOptions(reference="steps")), LidarTerm(0.0, LIDAR)
+        return {name: channels for term in terms for name, channels in term.groups().items()}
 
 
-def observable():
-    """With all that a controller can have."""
-    return Observable(
-        TURBINE, ACTION, LIDAR, yaw_drive=turning(), linear=LINEAR, supervisor=SUPERVISOR, follows_power=True,
-        has_dial=True,
-    )  # fmt: skip
+def made(choice, controller=None, features=None, **options):
+    """Observer of a scene."""
+    scene = Scene(controller)
+    return Observer(TURBINE, ACTION, scene, ObservationOptions(**options), choice, features=features or {}), scene
 
 
 @pytest.fixture(scope="module")
 def observer():
-    return Observer(
-        TURBINE,
-        ACTION,
-        CHOICE,
-        lidar=LIDAR,
-        yaw_drive=turning(),
-        linear=LINEAR,
-        supervisor=SUPERVISOR,
-        follows_power=True,
-        has_dial=True,
-    )
+    return made(CHOICE, CONTROLLER, Scene().features())[0]
 
 
 def observed(observer):
     """Physical values by name after a start and a step of 0.2 s."""
-    observer.reset(context(signals(0)))
-    observer.advance(signals(1), 0.2)
+    scene, action = observer._operation, np.linspace(-1.0, 1.0, ACTION.size)
+    scene.now = signals(0)
+    observer.reset(action)
+    scene.now = signals(1)
+    observer.advance(0.2)
     values, kept = {}, observer.layout.normalize
     try:
         observer.layout.normalize = lambda found: (values.update(zip(observer.layout.names, found, strict=True)), ())
-        observer.observe(context(signals(1)), np.random.default_rng(0))
+        observer.observe(action, np.random.default_rng(0))
     finally:
         observer.layout.normalize = kept
     return values
 
 
 def test_each_channel_is_read_from_what_it_names(observer):
-    before, now, case, values = signals(0), signals(1), context(signals(1)), observed(observer)
+    before, now, case, values = signals(0), signals(1), Scene(), observed(observer)
     for name in ("rotor_speed", "generator_power", "tip_out_of_plane_2", "tower_top_side_side", "pitch_2",
                  "nacelle_acceleration_fore_aft", "tower_base_side_side_moment"):  # fmt: skip
         assert values[name] == now[name]
@@ -116,7 +128,7 @@ def test_each_channel_is_read_from_what_it_names(observer):
     ]
     names = ("linear_pitch_mean", "linear_pitch_yaw", "linear_pitch_share", "linear_pitch_schedule")
     assert [values[name] for name in names] == [6 * n, 6 * n + 2, 6 * n + 3, 6 * n + 4]
-    assert [values[f"previous_{name}"] for name in ACTION.names] == case.action.tolist()
+    assert [values[f"previous_{name}"] for name in ACTION.names] == np.linspace(-1.0, 1.0, ACTION.size).tolist()
     assert values["azimuth_sin"] == math.sin(now["azimuth"])
     assert values["azimuth_cos"] == math.cos(now["azimuth"])
     assert [values["dead_band_error"], values["dead_band_turning"]] == [-0.2, -1.0]
@@ -134,26 +146,20 @@ def test_each_channel_is_read_from_what_it_names(observer):
 
 
 def test_every_channel_has_a_reader_and_another_name():
-    _, channels = observable().choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, Scene().features(), CONTROLLER).choose(CHOICE)
     assert len({one.channel.name for one in channels}) == len(channels) > 40
     assert {type(one.reader) for one in channels} == {FromSignals, InFixedFrame, Computed}
     for one in channels:
         if isinstance(one.reader, FromSignals):
             assert one.reader.name == one.channel.name
     assert [one.channel.name for one in channels if one.circular] == ["yaw_error", "dead_band_error"]
-    needy = {one.channel.name: one.reader.needs for one in channels if isinstance(one.reader, Computed)}
-    assert [name for name, needs in needy.items() if needs in ("estimator", "lidar")] == [
-        "rotor_wind", "lidar_1", "lidar_2", "lidar_3", "power_headroom",
-    ]  # fmt: skip
-    assert all(
-        (needs == "disturbances") == name.startswith(("disturbance_", "linear_", "model_"))
-        for name, needs in needy.items()
-    )
+    estimating = [one.channel.name for one in channels if getattr(one.reader, "estimates", False)]
+    assert estimating == ["rotor_wind", "power_headroom"]
 
 
 def test_parities_of_signals_are_those_of_the_simulator():
     parities = {channel.name: channel.parity for channel in channel_table(3)}
-    _, channels = observable().choose(CHOICE)
+    _, channels = Observable(TURBINE, ACTION, Scene().features(), CONTROLLER).choose(CHOICE)
     found = {one.channel.name: one.channel.parity for one in channels}
     assert {name: parities[name] for name in found if name in parities} == {
         name: parity for name, parity in found.items() if name in parities
@@ -174,7 +180,7 @@ def test_the_measurable_group_has_no_channel_that_a_turbine_does_not_measure():
         ("rate", "individual", ("1", "2", "3"), 0),
     ):
         action = ActionMap(TURBINE, 0.2, mode, pitch, None, None, (8.0, 16.0), 0.0)
-        groups, channels = Observable(TURBINE, action, LIDAR).choose(("measurable",))
+        groups, channels = Observable(TURBINE, action).choose(("measurable",))
         names = [one.channel.name for one in channels]
         blades = {f"{name}_{b}" for name in ("pitch", "pitch_rate", "pitch_demand") for b in (1, 2, 3)}
         moments = {f"root_{kind}_moment_{part}" for kind in ("flap", "edge") for part in parts}
@@ -186,7 +192,7 @@ def test_the_measurable_group_has_no_channel_that_a_turbine_does_not_measure():
 
 
 def test_groups_that_overlap_give_each_channel_once():
-    _, channels = Observable(TURBINE, ACTION, LIDAR).choose(("measurable", "fixed_frame", "rotor", "pitch_2"))
+    _, channels = Observable(TURBINE, ACTION).choose(("measurable", "fixed_frame", "rotor", "pitch_2"))
     names = [one.channel.name for one in channels]
     assert len(set(names)) == len(names)
     assert names[:2] == ["rotor_speed", "generator_speed"]
@@ -200,8 +206,8 @@ def test_a_copy_observes_the_same(observer):
 
 
 def test_what_is_not_asked_for_needs_nothing():
-    plain = Observer(TURBINE, ACTION, ("rotor",))
-    assert not plain.sees_lidar
+    plain, _ = made(("rotor",))
+    assert plain._single == plain._several == []
     assert plain._sensors.estimator is None
 
 
@@ -213,14 +219,16 @@ LOADS = ("root_flap_moment_1", "root_flap_moment_tilt", "root_edge_moment_mean",
 
 def washed(steps, tau=20.0, trail=None, dt=0.1, offsets=None):
     """Physical values of `LOADS` and of the rotor speed behind a washout, one row an instant."""
-    observer = Observer(TURBINE, ACTION, (*LOADS, "rotor_speed"), washout=tau)
-    layout, rows = observer.layout, []
+    observer, scene = made((*LOADS, "rotor_speed"), washout=tau)
+    scene.instruments = None if offsets is None else SimpleNamespace(offset=offsets)
+    layout, rows, action = observer.layout, [], np.zeros(ACTION.size)
     for k, now in enumerate(steps):
+        scene.now = now
         if k == 0:
-            observer.reset(context(now), trail, offsets)
+            observer.reset(action, trail)
         else:
-            observer.advance(now, dt)
-        found, _ = observer.observe(context(now), np.random.default_rng(0))
+            observer.advance(dt)
+        found, _ = observer.observe(action, np.random.default_rng(0))
         rows.append([layout.value(found.astype(float), name) for name in layout.names])
     return np.array(rows)
 
@@ -289,7 +297,7 @@ def test_a_washout_starts_from_the_means_of_what_was_recorded_before():
 
 
 def test_a_washed_channel_says_so_and_has_no_offset():
-    _, channels = Observable(TURBINE, ACTION, LIDAR, washout=15.0).choose(("measurable", "fixed_frame", "tower"))
+    _, channels = Observable(TURBINE, ACTION, washout=15.0).choose(("measurable", "fixed_frame", "tower"))
     for one in channels:
         name = one.channel.name
         is_cyclic = name in {

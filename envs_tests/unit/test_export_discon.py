@@ -12,7 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envs_tests.unit.exported_library import INTERVAL, Exported, numbers_read, random_readings, sanitized
+from envs_tests.unit.exported_library import (
+    INTERVAL,
+    Exported,
+    lost,
+    numbers_read,
+    pitches,
+    random_readings,
+    sanitized,
+    together,
+    torques,
+)  # fmt: skip
 from wt_gym.bridges.openfast import write_model
 from wt_gym.commands.export import main
 from wt_gym.control import Demand, Lidar
@@ -20,9 +30,8 @@ from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import Combined, make_controller
 from wt_gym.control.controllers.controller import lidar_of
 from wt_gym.control.controllers.linear_optimal import LinearDesign, save_design
-from wt_gym.deployment.export.controller_parts import controller_parts
-from wt_gym.deployment.export.discon import export_discon
-from wt_gym.deployment.export.source import PARAMETERS
+from wt_gym.deployment.export.discon import PARAMETERS, export_discon
+from wt_gym.deployment.export.parts import controller_parts
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.catalogue import turbine_file
 from wt_gym.turbines.openfast_text import InputFile
@@ -78,6 +87,17 @@ def side_by_side(controller, library, parameters, turbine, readings):
         yield expected, found
 
 
+@pytest.fixture
+def load(exported):
+    """Loads the library of a controller, with its own parameter file or another one."""
+
+    def load(choice, held=None, file=None, name="nrel_5mw", drive=None, **options):
+        _, library, parameters, _ = exported(choice, name, **({} if drive is None else {"drive": drive}))
+        return Exported(library, load_turbine(name), parameters if file is None else file, held, **options)
+
+    return load
+
+
 @pytest.mark.parametrize(("choice", "name"), CONTROLLERS)
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_random_readings_give_the_demands_of_the_controller(choice, name, seed, exported):
@@ -131,44 +151,43 @@ def test_a_demanded_power_is_followed_as_by_the_controller(choice, name, exporte
                 share = rng.choice([0.0, 0.1, 1.2, *rng.uniform(0.3, 1.0, 4)])
             yield signals | {"demanded_power": turbine.drivetrain.rated_power * share}
 
-    torques = []
+    asked_for = []
     for expected, found in side_by_side(make_controller(choice, turbine), library, parameters, turbine, asked()):
         assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-6, abs=1e-3)
-        torques.append(found.generator_torque)
-    assert np.ptp(torques) > 0.5 * max(torques)
+        asked_for.append(found.generator_torque)
+    assert np.ptp(asked_for) > 0.5 * max(asked_for)
 
 
 WHOLE = "constrained_ipc:level=0.02,fade=False"
+DAMPERS = "discon+tower_dampers:fade=False"
 
 
-def recorded(count, seed=3, dt=DT, name="nrel_5mw"):
-    turbine = load_turbine(name)
-    return turbine, list(random_readings(turbine, count, seed, dt))
+def recorded(count, seed=3, **changes):
+    """The NREL 5-MW and drawn readings, some of them at a value."""
+    turbine = load_turbine("nrel_5mw")
+    return turbine, [now | changes for now in random_readings(turbine, count, seed, DT)]
 
 
 def run(ours, signals, dt=DT, first=0):
     """Demands of a library over readings."""
-    demands = []
-    for k, now in enumerate(signals):
-        ours.read(now)
-        demands.append(ours.call((first + k) * dt, dt))
-    return demands
+    return together((ours, signals), dt=dt, first=first)[0]
 
 
-def pitches(demands):
-    return np.array([demand.pitch for demand in demands])
+def same(found, expected, pitch=1e-6, torque=1e-5):
+    """Whether demands are alike."""
+    np.testing.assert_allclose(pitches(found), pitches(expected), atol=pitch)
+    np.testing.assert_allclose(torques(found), torques(expected), rtol=torque)
 
 
-def test_it_acts_at_its_own_step_whatever_that_of_the_caller(exported):
+def test_it_acts_at_its_own_step_whatever_that_of_the_caller(load):
     """Called eight times a step it acts on the readings of every eighth call, also after ten hours.
 
     But for the second call of all, with whose readings it starts anew.
     """
-    turbine, signals = recorded(100)
-    _, library, parameters, _ = exported(WHOLE)
-    coarse = pitches(run(Exported(library, turbine, parameters), signals))
+    _, signals = recorded(100)
+    coarse = pitches(run(load(WHOLE), signals))
     for begin in (0.0, 36000.0):
-        ours, fine = Exported(library, turbine, parameters), []
+        ours, fine = load(WHOLE), []
         for k, now in enumerate(signals):
             for part in range(8):
                 ours.read(now if part == 0 or 8 * k + part == 1 else signals[(k + 50) % 100])
@@ -176,58 +195,36 @@ def test_it_acts_at_its_own_step_whatever_that_of_the_caller(exported):
         assert np.array_equal(np.array(fine), np.repeat(coarse, 8, axis=0))
 
 
-def test_calls_that_are_farther_apart_make_several_steps(exported):
-    turbine, signals = recorded(50)
-    _, library, parameters, _ = exported("discon")
+def test_calls_that_are_farther_apart_make_several_steps(load):
+    _, signals = recorded(50)
     twice = [signals[max(2 * ((k + 1) // 2), 0)] for k in range(40)]  # 0, then each of the others twice
-    fine = run(Exported(library, turbine, parameters), twice)
-    coarse = run(Exported(library, turbine, parameters), signals[:40:2], dt=2 * DT)
-    assert np.array_equal(pitches(fine)[::2], pitches(coarse))
+    coarse = run(load("discon"), signals[:40:2], dt=2 * DT)
+    assert np.array_equal(pitches(run(load("discon"), twice))[::2], pitches(coarse))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e12])
-def test_a_missing_reading_rests_individual_pitch_and_is_said_once(value, exported):
+def test_a_missing_reading_rests_individual_pitch_and_is_said_once(value, load):
     """The blades come back to those of the base controller within the time that the limit of the rate allows."""
     turbine, signals = recorded(400)
-    _, library, parameters, _ = exported(WHOLE)
-    _, plain, of_plain, _ = exported("discon")
-    ours, base = Exported(library, turbine, parameters), Exported(plain, turbine, of_plain)
-    said = []
-    for k, now in enumerate(signals):
-        ours.read(now)
-        if k >= 200:
-            ours.swap[30] = value  # out-of-plane moment of blade 2
-        base.read(now)
-        found, alone = ours.call(k * DT, DT), base.call(k * DT, DT)
-        assert np.isfinite(found.pitch).all()
-        if ours.flag:
-            said.append((k, ours.flag, ours.message))
-        if k == 199:
-            assert np.ptp(found.pitch) > 0.01
-        if k >= 200 + 4.0 / 1.5 / DT:
-            assert found.pitch == pytest.approx(np.clip(alone.pitch, turbine.pitch.min_pitch, None), abs=1e-7)
-            assert found.generator_torque == alone.generator_torque
+    spoil = lost(31, since=200, value=value)  # out-of-plane moment of blade 2
+    found, alone, said = together((load(WHOLE), signals), (load("discon"), signals), spoil=spoil)
+    assert np.isfinite(pitches(found)).all()
+    assert np.ptp(found[199].pitch) > 0.01
+    back = 200 + math.ceil(4.0 / 1.5 / DT)
+    wanted = np.clip(pitches(alone[back:]), turbine.pitch.min_pitch, None)
+    np.testing.assert_allclose(pitches(found[back:]), wanted, atol=1e-7)
+    assert np.array_equal(torques(found[back:]), torques(alone[back:]))
     assert [(k, flag) for k, flag, _ in said] == [(200, 1)]
     assert "out-of-plane moment of blade 2 (record 31)" in said[0][2]
 
 
-def test_the_rotor_speed_stands_in_for_that_of_the_generator_and_the_azimuth_goes_on(exported):
-    turbine, signals = recorded(100)
-    _, library, parameters, _ = exported(WHOLE)
-    whole, missing = Exported(library, turbine, parameters), Exported(library, turbine, parameters)
-    for k, now in enumerate(signals):
-        now = now | {
-            "rotor_speed": 1.2,
-            "generator_speed": 1.2 * turbine.drivetrain.gear_ratio,
-            "azimuth": 0.12 * k % 6,
-        }
-        whole.read(now | {"azimuth": 0.12 * k})
-        missing.read(now | {"azimuth": 0.12 * k})
-        if k > 10:
-            missing.swap[19] = math.nan
-        expected, found = whole.call(k * DT, DT), missing.call(k * DT, DT)
-        assert found.pitch == pytest.approx(expected.pitch, abs=1e-5)
-        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
+def test_the_rotor_speed_stands_in_for_that_of_the_generator_and_the_azimuth_goes_on(load):
+    ratio = load_turbine("nrel_5mw").drivetrain.gear_ratio
+    _, signals = recorded(100, rotor_speed=1.2, generator_speed=1.2 * ratio)
+    signals = [now | {"azimuth": 0.12 * k} for k, now in enumerate(signals)]
+    flights = (load(WHOLE), signals), (load(WHOLE), signals)
+    found, expected, _ = together(*flights, spoil=lost(20, since=11))
+    same(found, expected, pitch=1e-5)
 
 
 def drawn_design(path, knots, interval=DT, fade=0.05):
@@ -257,93 +254,62 @@ def test_linear_pitch_of_any_design_is_that_of_the_controller(knots, interval, n
     assert moved > 0.01
 
 
-def test_a_missing_reading_rests_linear_pitch(exported, tmp_path):
-    turbine, signals = recorded(400)
-    design = drawn_design(tmp_path / "drawn.npz", (0.2,), fade=0.001)
-    _, library, parameters, _ = exported(f"linear_optimal:file={design}")
-    _, plain, of_plain, _ = exported("side_side_damper")
-    ours, base = Exported(library, turbine, parameters), Exported(plain, turbine, of_plain)
-    apart, said = [], []
-    for k, now in enumerate(signals):
-        now = now | {"rotor_speed": turbine.drivetrain.rated_rotor_speed}
-        ours.read(now)
-        base.read(now)
-        if k >= 200:
-            ours.swap[30] = math.nan  # out-of-plane moment of blade 2
-        apart.append(abs(ours.call(k * DT, DT).pitch - base.call(k * DT, DT).pitch).max())
-        if ours.flag:
-            said.append((k, ours.message))
+def test_a_missing_reading_rests_linear_pitch(load, tmp_path):
+    _, signals = recorded(400, rotor_speed=load_turbine("nrel_5mw").drivetrain.rated_rotor_speed)
+    ours = load(f"linear_optimal:file={drawn_design(tmp_path / 'drawn.npz', (0.2,), fade=0.001)}")
+    flights = (ours, signals), (load("side_side_damper"), signals)
+    found, alone, said = together(*flights, spoil=lost(31, since=200))  # out-of-plane moment of blade 2
+    apart = abs(pitches(found) - pitches(alone)).max(axis=1)
     assert max(apart[100:200]) > 0.01
     assert max(apart[200 + math.ceil(2 * 0.07 / 0.05 / DT) :]) < 1e-6
-    assert [k for k, _ in said] == [200]
+    assert [k for k, *_ in said] == [200]
 
 
-DAMPERS = "discon+tower_dampers:fade=False"
-
-
-def test_accelerations_may_come_along_the_nacelle_instead(exported, tmp_path):
+def test_accelerations_may_come_along_the_nacelle_instead(exported, load, tmp_path):
     """As Bladed gives them: the same demands as of those along axes that do not yaw, and no yaw is needed."""
     turbine, signals = recorded(300)
-    _, library, parameters, _ = exported(DAMPERS)
-    text = Path(parameters).read_text(encoding="utf-8")
+    text = Path(exported(DAMPERS)[2]).read_text(encoding="utf-8")
     assert "\nacceleration_axes = 0.0 " in text
     along = tmp_path / "nacelle.in"
     along.write_text(text.replace("acceleration_axes = 0.0", "acceleration_axes = 1"), encoding="utf-8")
-    held = start_demand(signals[0], turbine)
-    ours, nacelle = Exported(library, turbine, parameters, held), Exported(library, turbine, along, held)
-    apart = 0.0
-    for k, now in enumerate(signals):
-        ours.read(now)
-        nacelle.read(now)
-        apart = max(apart, abs(ours.swap[52] - now["nacelle_acceleration_fore_aft"]))
-        nacelle.swap[52] = now["nacelle_acceleration_fore_aft"]
-        nacelle.swap[53] = now["nacelle_acceleration_side_side"]
-        nacelle.swap[36] = math.nan
-        expected, found = ours.call(k * DT, DT), nacelle.call(k * DT, DT)
-        assert nacelle.flag == 0, nacelle.message
-        assert found.pitch == pytest.approx(expected.pitch, abs=1e-6)
-        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-6)
-    assert apart > 1.0  # the nacelle stood askew
+    held, apart = start_demand(signals[0], turbine), []
+
+    def turned(k, swap):
+        own = [signals[k][f"nacelle_acceleration_{name}"] for name in ("fore_aft", "side_side")]
+        apart.append(abs(swap[52] - own[0]))
+        swap[52:54], swap[36] = own, math.nan
+
+    found, expected, said = together(
+        (load(DAMPERS, held, along), signals), (load(DAMPERS, held), signals), spoil=turned
+    )
+    assert said == []
+    same(found, expected, torque=1e-6)
+    assert max(apart) > 1.0  # the nacelle stood askew
 
 
-def test_a_start_with_the_readings_of_the_second_call_is_one_from_the_demand_before_the_first(exported):
+def test_a_start_with_the_readings_of_the_second_call_is_one_from_the_demand_before_the_first(load):
     """The library's own answer to the first call stands in the records then, and is not what was demanded before."""
     turbine, signals = recorded(30)
-    _, library, parameters, _ = exported(WHOLE)
     held = start_demand(signals[0], turbine)
-    once, twice = Exported(library, turbine, parameters, held), Exported(library, turbine, parameters, held)
-    expected = pitches(run(once, signals))
-    twice.read(signals[0])
-    twice.call(0.0, DT / 8)
-    twice.read(signals[0])
-    found = [twice.call(DT / 8, DT / 8).pitch]
-    found += [demand.pitch for demand in run(twice, signals[1:], first=1)]
-    assert np.array_equal(np.array(found), expected)
+    expected, twice, found = run(load(WHOLE, held), signals), load(WHOLE, held), []
+    for k in range(2):
+        twice.read(signals[0])
+        found = [twice.call(k * DT / 8, DT / 8)]
+    found += run(twice, signals[1:], first=1)
+    assert np.array_equal(pitches(found), pitches(expected))
 
 
-@pytest.mark.parametrize("lost", [37, 53, 54])
-def test_dampers_rest_without_one_of_the_readings_of_the_acceleration(lost, exported):
-    turbine, signals = recorded(600)
-    signals = [now | {"yaw": 1.0} for now in signals]
-    _, library, parameters, _ = exported(DAMPERS)
-    _, plain, of_plain, _ = exported("discon")
+@pytest.mark.parametrize("record", [37, 53, 54])
+def test_dampers_rest_without_one_of_the_readings_of_the_acceleration(record, load):
+    turbine, signals = recorded(600, yaw=1.0)
     held = start_demand(signals[0], turbine)
-    ours, base = Exported(library, turbine, parameters, held), Exported(plain, turbine, of_plain, held)
-    apart, said = [], []
-    for k, now in enumerate(signals):
-        ours.read(now)
-        base.read(now)
-        if k >= 150:
-            ours.swap[lost - 1] = math.nan
-        found, alone = ours.call(k * DT, DT), base.call(k * DT, DT)
-        most = turbine.drivetrain.max_generator_torque
-        apart.append(abs(found.generator_torque - alone.generator_torque) / most)
-        if ours.flag:
-            said.append((k, ours.message))
+    flights = (load(DAMPERS, held), signals), (load("discon", held), signals)
+    found, alone, said = together(*flights, spoil=lost(record, since=150))
+    apart = abs(torques(found) - torques(alone)) / turbine.drivetrain.max_generator_torque
     assert max(apart[50:150]) > 1e-3
     assert max(apart[550:]) < 1e-6
-    assert [k for k, _ in said] == [150]
-    assert f"(record {lost})" in said[0][1]
+    assert [k for k, *_ in said] == [150]
+    assert f"(record {record})" in said[0][2]
 
 
 GENERATOR, ROTOR = 20, 21
@@ -351,113 +317,72 @@ SPEEDS = {GENERATOR: "generator speed (record 20)", ROTOR: "rotor speed (record 
 
 
 def in_full_wind(turbine, count):
-    """Readings of a turbine that holds its rated power at a pitch of 0.2 rad."""
+    """Readings of a turbine that holds its rated power at a pitch of 0.2 rad, and its demand before the first."""
     speed = turbine.drivetrain.rated_rotor_speed
     held = next(random_readings(turbine, 1, 0, DT)) | {f"pitch_{b}": 0.2 for b in (1, 2, 3)} | {"wind_x": 18.0}
-    for k in range(count):
-        now = speed * (1.0 + 0.005 * math.sin(0.3 * k))
-        yield held | {"rotor_speed": now, "generator_speed": now * turbine.drivetrain.gear_ratio}
+    turns = [speed * (1.0 + 0.005 * math.sin(0.3 * k)) for k in range(count)]
+    ratio = turbine.drivetrain.gear_ratio
+    signals = [held | {"rotor_speed": now, "generator_speed": now * ratio} for now in turns]
+    return signals, replace(start_demand(held, turbine), pitch=np.full(3, 0.2))
+
+
+def without_speeds(load, count, last_seen, spoil):
+    """What a library says that loses speeds; its demands are those of one that sees the readings of a call for ever."""
+    signals, held = in_full_wind(load_turbine("nrel_5mw"), count)
+    seen = [signals[min(k, last_seen)] for k in range(count)]
+    found, expected, said = together((load("discon", held), signals), (load("discon", held), seen), spoil=spoil)
+    same(found, expected)
+    assert pitches(found).min() > 0.1
+    return said
 
 
 @pytest.mark.parametrize("value", [math.nan, -math.inf, 1e6])
-@pytest.mark.parametrize("lost", [(GENERATOR,), (ROTOR,), (GENERATOR, ROTOR)])
-def test_a_controller_goes_on_without_speed_readings(lost, value, exported):
+@pytest.mark.parametrize("records", [(GENERATOR,), (ROTOR,), (GENERATOR, ROTOR)])
+def test_a_controller_goes_on_without_speed_readings(records, value, load):
     """One speed stands in for the other, as good as it; without both the last one is held, and that is said."""
-    turbine = load_turbine("nrel_5mw")
-    _, library, parameters, _ = exported("discon")
-    signals = list(in_full_wind(turbine, 200))
-    held = replace(start_demand(signals[0], turbine), pitch=np.full(3, 0.2))
-    ours, whole = (Exported(library, turbine, parameters, held) for _ in range(2))
-    said = []
-    for k, now in enumerate(signals):
-        ours.read(now)
-        # without both readings the controller sees what it saw last
-        whole.read(signals[99] if k >= 100 and len(lost) == 2 else now)
-        if k >= 100:
-            ours.swap[[record - 1 for record in lost]] = value
-        found, expected = ours.call(k * DT, DT), whole.call(k * DT, DT)
-        assert found.pitch == pytest.approx(expected.pitch, abs=1e-6)
-        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
-        assert min(found.pitch) > 0.1
-        if ours.flag:
-            said.append((k, ours.flag, ours.message))
-    if lost == (ROTOR,):
+    both = len(records) == 2
+    said = without_speeds(load, 200, 99 if both else 200, lost(*records, since=100, value=value))
+    if records == (ROTOR,):
         assert said == []  # nobody reads it
         return
     ((k, flag, message),) = said
     assert (k, flag) == (100, 1)
     assert SPEEDS[GENERATOR] in message
-    assert (SPEEDS[ROTOR] in message) == (len(lost) == 2)
-    assert ("its last value is held" if len(lost) == 2 else "the rotor speed stands in for it") in message
+    assert (SPEEDS[ROTOR] in message) == both
+    assert ("its last value is held" if both else "the rotor speed stands in for it") in message
 
 
-def test_the_last_speed_is_held_when_the_one_that_stands_in_is_lost_too(exported):
-    turbine = load_turbine("nrel_5mw")
-    _, library, parameters, _ = exported("discon")
-    signals = list(in_full_wind(turbine, 150))
-    held = replace(start_demand(signals[0], turbine), pitch=np.full(3, 0.2))
-    ours, whole = (Exported(library, turbine, parameters, held) for _ in range(2))
-    said = []
-    for k, now in enumerate(signals):
-        ours.read(now)
-        whole.read(signals[min(k, 99)])
-        ours.swap[[record - 1 for record, since in ((GENERATOR, 50), (ROTOR, 100)) if k >= since]] = math.nan
-        found, expected = ours.call(k * DT, DT), whole.call(k * DT, DT)
-        assert found.pitch == pytest.approx(expected.pitch, abs=1e-6)
-        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
-        if ours.flag:
-            said.append((k, ours.message))
-    assert [k for k, _ in said] == [50, 100]
-    assert SPEEDS[ROTOR] in said[1][1]
-    assert "its last value is held" in said[1][1]
+def test_the_last_speed_is_held_when_the_one_that_stands_in_is_lost_too(load):
+    def spoil(k, swap):
+        lost(GENERATOR, since=50)(k, swap)
+        lost(ROTOR, since=100)(k, swap)
+
+    said = without_speeds(load, 150, 99, spoil)
+    assert [k for k, *_ in said] == [50, 100]
+    assert SPEEDS[ROTOR] in said[1][2]
+    assert "its last value is held" in said[1][2]
 
 
-@pytest.mark.parametrize("lost", [(GENERATOR,), (GENERATOR, ROTOR)])
-def test_without_the_generator_speed_nothing_starts(lost, exported):
-    turbine = load_turbine("nrel_5mw")
-    _, library, parameters, _ = exported("discon")
-    ours = Exported(library, turbine, parameters)
-    ours.read(next(in_full_wind(turbine, 1)))
-    ours.swap[[record - 1 for record in lost]] = math.nan
-    ours.call(0.0, DT)
-    assert ours.flag == -1
-    assert all(SPEEDS[record] in ours.message for record in lost)
-    assert "nothing to start from" in ours.message
+def test_a_rotor_speed_that_is_missing_from_the_first_call_on_stands_in_for_nothing(load):
+    def spoil(k, swap):
+        lost(ROTOR)(k, swap)
+        lost(GENERATOR, since=50)(k, swap)
+
+    assert [(k, flag) for k, flag, _ in without_speeds(load, 100, 49, spoil)] == [(50, 1)]
 
 
-def test_a_rotor_speed_that_is_missing_from_the_first_call_on_stands_in_for_nothing(exported):
-    turbine = load_turbine("nrel_5mw")
-    _, library, parameters, _ = exported("discon")
-    signals = list(in_full_wind(turbine, 100))
-    held = replace(start_demand(signals[0], turbine), pitch=np.full(3, 0.2))
-    ours, whole = (Exported(library, turbine, parameters, held) for _ in range(2))
-    for k, now in enumerate(signals):
-        ours.read(now)
-        whole.read(signals[min(k, 49)])
-        ours.swap[20] = math.nan
-        if k >= 50:
-            ours.swap[19] = math.nan
-        found, expected = ours.call(k * DT, DT), whole.call(k * DT, DT)
-        assert found.pitch == pytest.approx(expected.pitch, abs=1e-6)
-        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
-        assert ours.flag == int(k == 50)
+@pytest.mark.parametrize("records", [(GENERATOR,), (GENERATOR, ROTOR)])
+def test_without_the_generator_speed_nothing_starts(records, load):
+    signals, _ = in_full_wind(load_turbine("nrel_5mw"), 1)
+    _, ((_, flag, message),) = together((load("discon"), signals), spoil=lost(*records))
+    assert flag == -1
+    assert all(SPEEDS[record] in message for record in records)
+    assert "nothing to start from" in message
 
 
-def test_what_the_controller_starts_from_must_be_there(exported):
-    turbine, signals = recorded(1)
-    _, library, parameters, _ = exported("discon")
-    ours = Exported(library, turbine, parameters)
-    ours.read(signals[0])
-    ours.swap[19] = math.nan
-    ours.call(0.0, DT)
-    assert ours.flag == -1
-    assert "generator speed (record 20)" in ours.message
-
-
-def test_collective_pitch_only_is_said_where_blades_are_pitched_one_by_one(exported):
-    turbine, signals = recorded(2)
-    _, library, parameters, _ = exported(WHOLE)
-    ours = Exported(library, turbine, parameters, individual=False)
+def test_collective_pitch_only_is_said_where_blades_are_pitched_one_by_one(load):
+    _, signals = recorded(2)
+    ours = load(WHOLE, individual=False)
     first = run(ours, signals[:1])
     assert ours.flag == 1
     assert "record 28 must be 1" in ours.message
@@ -466,27 +391,18 @@ def test_collective_pitch_only_is_said_where_blades_are_pitched_one_by_one(expor
     assert ours.flag == 0
 
 
-def test_parameters_can_be_changed_in_the_file(exported, tmp_path):
+def test_parameters_can_be_changed_in_the_file(exported, load, tmp_path):
     turbine, signals = recorded(200)
     _, library, parameters, _ = exported("discon")
     text = Path(parameters).read_text(encoding="utf-8")
     changed = tmp_path / "slow.in"
     changed.write_text(text.replace("corner_frequency = ", "corner_frequency = 2.5 # was "), encoding="utf-8")
+    controller = make_controller("discon:corner_frequency=2.5", turbine)
+    found = [ours for _, ours in side_by_side(controller, library, changed, turbine, signals)]
     held = start_demand(signals[0], turbine)
-    ours, controller = (
-        Exported(library, turbine, changed, held),
-        make_controller("discon:corner_frequency=2.5", turbine),
-    )
-    found = []
-    for k, now in enumerate(signals):
-        read = ours.read(now)
-        if k == 0:
-            controller.start(read, held)
-        found.append(ours.call(k * DT, DT).pitch)
-        assert found[-1] == pytest.approx(controller.step(read, DT).pitch, abs=2e-7)
-    unchanged = run(Exported(library, turbine, "", held), signals)  # without a file as it was exported
-    assert np.array_equal(pitches(unchanged), pitches(run(Exported(library, turbine, parameters, held), signals)))
-    assert abs(pitches(unchanged) - np.array(found)).max() > 1e-3
+    unchanged = pitches(run(load("discon", held, ""), signals))  # without a file as it was exported
+    assert np.array_equal(unchanged, pitches(run(load("discon", held), signals)))
+    assert abs(unchanged - pitches(found)).max() > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -499,20 +415,16 @@ def test_parameters_can_be_changed_in_the_file(exported, tmp_path):
         ("proportional_gain = 1 2", "there are more"),
         ("proportional_gain", "must be 'name = value'"),
         ("= 3", "must be 'name = value'"),
+        (None, "must be readable"),
     ],
 )
-def test_a_parameter_file_with_an_error_ends_the_simulation(line, message, exported, tmp_path):
-    turbine, signals = recorded(1)
-    _, library, *_ = exported("discon")
-    (tmp_path / "wrong.in").write_text(line + "\n", encoding="utf-8")
-    ours = Exported(library, turbine, tmp_path / "wrong.in")
-    run(ours, signals)
+def test_a_parameter_file_with_an_error_ends_the_simulation(line, message, load, tmp_path):
+    if line is not None:
+        (tmp_path / "wrong.in").write_text(line + "\n", encoding="utf-8")
+    ours = load("discon", file=tmp_path / "wrong.in")
+    run(ours, recorded(1)[1])
     assert ours.flag == -1
     assert re.search(message, ours.message)
-    ours = Exported(library, turbine, tmp_path / "none.in")
-    run(ours, signals)
-    assert ours.flag == -1
-    assert "must be readable" in ours.message
 
 
 def written_numbers(count):
@@ -562,47 +474,45 @@ def test_numbers_have_a_point_where_the_locale_has_a_comma(exported, tmp_path):
 
 
 @pytest.mark.parametrize("length", [0.0, -1.0, math.nan, 4.0e9])
-def test_a_parameter_file_is_read_when_its_length_is_not_given(length, exported, tmp_path):
+def test_a_parameter_file_is_read_when_its_length_is_not_given(length, load, tmp_path):
     """The name ends with its null then; an unreadable one ends the simulation and is not passed over."""
     turbine, signals = recorded(100)
-    _, library, *_ = exported("discon")
     changed = tmp_path / "slow.in"
     changed.write_text("corner_frequency = 0.5\n", encoding="utf-8")
     held = start_demand(signals[0], turbine)
-    ours, whole = (Exported(library, turbine, changed, held) for _ in range(2))
-    ours.swap[49] = length
+    ours, whole, none = (load("discon", held, file) for file in (changed, changed, tmp_path / "none.in"))
+    ours.swap[49] = none.swap[49] = length
     assert np.array_equal(pitches(run(ours, signals)), pitches(run(whole, signals)))
-    none = Exported(library, turbine, tmp_path / "none.in", held)
-    none.swap[49] = length
     run(none, signals[:1])
     assert none.flag == -1
     assert "none.in must be readable" in none.message
 
 
+def called(library, time, status):
+    """Save or read a checkpoint."""
+    library.call(time, DT, status=status)
+    assert (library.flag, library.message) == (0, "")
+
+
 @pytest.mark.parametrize("choice", ["tsr_tracking+ipc+yaw:dead_band=0.05", WHOLE])
-def test_a_checkpoint_brings_another_instance_to_the_same_place(choice, exported):
-    turbine, signals = recorded(300)
-    _, library, parameters, _ = exported(choice)
-    ours, other = Exported(library, turbine, parameters), Exported(library, turbine, parameters)
+def test_a_checkpoint_brings_another_instance_to_the_same_place(choice, load):
+    _, signals = recorded(300)
+    ours, other = load(choice), load(choice)
     run(ours, signals[:150])
     swap = ours.swap.copy()
-    ours.call(14.9, DT, status=-8)
-    assert (ours.flag, ours.message) == (0, "")
+    called(ours, 14.9, -8)
     assert np.array_equal(swap[3:], ours.swap[3:])
     expected = run(ours, signals[150:], first=150)
-    folder = other.library.output_name.rpartition("/")[0]
-    shutil.copy(f"{ours.library.output_name}.14900.checkpoint", folder)
+    shutil.copy(f"{ours.library.output_name}.14900.checkpoint", other.library.output_name.rpartition("/")[0])
     other.swap[:] = swap
-    other.call(14.9, DT, status=-9)
-    assert (other.flag, other.message) == (0, "")
+    called(other, 14.9, -9)
     assert np.array_equal(pitches(run(other, signals[150:], first=150)), pitches(expected))
 
 
-def test_a_checkpoint_can_be_named_in_place_of_the_parameter_file(exported, tmp_path):
+def test_a_checkpoint_can_be_named_in_place_of_the_parameter_file(exported, load, tmp_path):
     """As OpenFAST does; the parameter file itself is never written."""
-    turbine, signals = recorded(200)
-    _, library, parameters, _ = exported(WHOLE)
-    ours, other = Exported(library, turbine, parameters), Exported(library, turbine, parameters)
+    _, signals = recorded(200)
+    ours, other, parameters = load(WHOLE), load(WHOLE), exported(WHOLE)[2]
     text, name = Path(parameters).read_bytes(), str(tmp_path / "run.160.dll.chkp")
     other.call(0.0, DT, status=-8)
     assert Path(parameters).read_bytes() == text
@@ -611,22 +521,18 @@ def test_a_checkpoint_can_be_named_in_place_of_the_parameter_file(exported, tmp_
     for one, status in ((ours, -8), (other, -9)):
         one.swap[:] = swap
         one.input_file, one.swap[49] = name, len(name) + 1
-        one.call(9.9, DT, status=status)
-        assert (one.flag, one.message) == (0, "")
+        called(one, 9.9, status)
         one.input_file, one.swap[49] = str(parameters), len(str(parameters)) + 1
-    expected = run(ours, signals[100:], first=100)
-    assert np.array_equal(pitches(run(other, signals[100:], first=100)), pitches(expected))
+    expected, found, _ = together((ours, signals[100:]), (other, signals[100:]), first=100)
+    assert np.array_equal(pitches(found), pitches(expected))
     other.input_file, other.swap[49] = f"{name}.none", len(name) + 6
     other.call(9.9, DT, status=-9)
     assert other.flag == -1
     assert "run.160.dll.chkp.none could not be read" in other.message
 
 
-def test_a_checkpoint_that_is_none_is_refused(exported):
-    turbine, _ = recorded(1)
-    _, library, parameters, _ = exported("discon")
-    _, another, of_another, _ = exported(WHOLE)
-    ours, other = Exported(library, turbine, parameters), Exported(another, turbine, of_another)
+def test_a_checkpoint_that_is_none_is_refused(load):
+    ours, other = load("discon"), load(WHOLE)
     other.call(0.0, DT, status=-9)
     assert other.flag == -1
     assert "could not be read" in other.message
@@ -638,11 +544,10 @@ def test_a_checkpoint_that_is_none_is_refused(exported):
     assert "must be one of this controller" in other.message
 
 
-def test_a_first_call_with_another_status_starts_and_the_last_one_holds(exported):
-    turbine, signals = recorded(20)
-    _, library, parameters, _ = exported(WHOLE)
-    expected = run(Exported(library, turbine, parameters), signals)
-    ours, found = Exported(library, turbine, parameters), []
+def test_a_first_call_with_another_status_starts_and_the_last_one_holds(load):
+    _, signals = recorded(20)
+    expected = run(load(WHOLE), signals)
+    ours, found = load(WHOLE), []
     for k, now in enumerate(signals):
         ours.read(now)
         found.append(ours.call(k * DT, DT, status=1))
@@ -652,42 +557,28 @@ def test_a_first_call_with_another_status_starts_and_the_last_one_holds(exported
     assert ours.flag == 0
 
 
-def test_drives_in_the_library_keep_the_limits_of_the_turbine(exported):
+def test_drives_in_the_library_keep_the_limits_of_the_turbine(load):
     """With drives of its own the pitch is that of a command at the greatest rate, and the torque moves evenly."""
     turbine, signals = recorded(300)
-    _, library, parameters, _ = exported(WHOLE, drive=True)
-    _, bare, of_bare, _ = exported(WHOLE)
-    held = start_demand(signals[0], turbine)
-    ours, plain = Exported(library, turbine, parameters, held), Exported(bare, turbine, of_bare, held)
-    parts, angles, torques = 8, [], []
-    command, expected, rate = held.pitch, held.pitch, np.zeros(3)
-    for k, now in enumerate(signals):
-        plain.read(now)
-        demand = plain.call(k * DT, DT)
-        for part in range(parts):
-            ours.read(now)
-            found = ours.call(k * DT + part * DT / parts, DT / parts)
-            angles.append(found.pitch)
-            torques.append(found.generator_torque)
+    held, parts = start_demand(signals[0], turbine), 8
+    found = run(load(WHOLE, held, drive=True), np.repeat(signals, parts), dt=DT / parts)
+    command, expected, rate, most = held.pitch, held.pitch, np.zeros(3), turbine.pitch.max_rate
+    for k, demand in enumerate(run(load(WHOLE, held), signals)):
         # the drive of the simulator: its rate goes from that of the last command to that of this one within the step
-        assert angles[-parts] == pytest.approx(expected, abs=1e-6)
-        before, most = rate, turbine.pitch.max_rate
+        assert found[parts * k].pitch == pytest.approx(expected, abs=1e-6)
+        before = rate
         rate = np.clip((np.clip(demand.pitch, 0.0, turbine.pitch.max_pitch) - command) / DT, -most, most)
-        expected = expected + 0.5 * DT * (before + rate)
-        command = command + DT * rate
-    rates = np.diff(np.array(angles), axis=0) / (DT / parts)
-    assert abs(rates).max() <= turbine.pitch.max_rate * 1.001
-    assert abs(rates).max() > 0.9 * turbine.pitch.max_rate
-    assert abs(np.diff(torques)).max() <= turbine.drivetrain.max_torque_rate * DT / parts * 1.001
+        expected, command = expected + 0.5 * DT * (before + rate), command + DT * rate
+    rates = abs(np.diff(pitches(found), axis=0) / (DT / parts)).max()
+    assert 0.9 * most < rates <= most * 1.001
+    assert abs(np.diff(torques(found))).max() <= turbine.drivetrain.max_torque_rate * DT / parts * 1.001
 
 
-def test_drives_do_not_drift_where_steps_of_the_caller_fit_none_of_the_controller(exported):
+def test_drives_do_not_drift_where_steps_of_the_caller_fit_none_of_the_controller(load):
     turbine, signals = recorded(200)
-    _, library, parameters, _ = exported(WHOLE, drive=True)
     held = start_demand(signals[0], turbine)
-    even, odd = Exported(library, turbine, parameters, held), Exported(library, turbine, parameters, held)
-    expected = pitches(run(even, signals))
-    found, k, dt = [], 0, 0.03
+    expected = pitches(run(load(WHOLE, held, drive=True), signals))
+    odd, found, k, dt = load(WHOLE, held, drive=True), [], 0, 0.03
     for call in range(round(200 * DT / dt)):
         time = call * dt
         if time >= DT * k - 0.5 * dt:  # the readings of the step that is due
@@ -737,20 +628,8 @@ def test_what_cannot_be_exported_is_refused_with_what_can(choice, message, tmp_p
 
 
 def test_the_command_names_files_and_compiles_for_the_turbine(tmp_path, capsys):
-    main(
-        [
-            "tsr_tracking",
-            "--to",
-            "discon",
-            "--out",
-            str(tmp_path),
-            "--turbine",
-            "iea_22mw",
-            "--interval",
-            "0.05",
-            "--drive",
-        ]
-    )
+    words = ["--turbine", "iea_22mw", "--interval", "0.05", "--drive"]
+    main(["tsr_tracking", "--to", "discon", "--out", str(tmp_path), *words])
     names = [line.rpartition("/")[2] for line in capsys.readouterr().out.splitlines()]
     assert [name.rpartition(".")[2] for name in names] == ["c", "so", "in", "md"]
     assert "\ndrive = 1.0 " in (tmp_path / "tsr_tracking.in").read_text(encoding="utf-8")
@@ -780,15 +659,9 @@ def test_every_parameter_of_a_file_is_one_of_the_table(exported):
 
 
 @pytest.mark.parametrize(
-    "choice",
-    [
-        "discon",
-        "tsr_tracking+ipc+yaw:dead_band=0.05",
-        "constrained_ipc+tower_dampers+yaw",
-        "linear_optimal",
-        "tuned_lidar",
-    ],
-)
+    "choice", ["discon", "tsr_tracking+ipc+yaw:dead_band=0.05", "constrained_ipc+tower_dampers+yaw", "linear_optimal",
+               "tuned_lidar"],
+)  # fmt: skip
 def test_sanitizers_find_nothing(choice, exported, tmp_path):
     source, _, parameters, _ = exported(choice)
     sanitized(source, parameters, tmp_path)
@@ -808,25 +681,18 @@ def steady_readings(turbine, count, rng, gusts=True):
         yield base | {f"lidar_{k + 1}": float(value) for k, value in enumerate(row)}
 
 
-def with_and_without(exported, count, spoil, seed=2):
+def with_and_without(load, count, spoil=None):
     """Pitch of a library with a lidar and of one without on spoiled readings, and what the first said."""
     turbine, lidar = load_turbine("nrel_5mw"), Lidar.for_rotor(load_turbine("nrel_5mw").rotor_diameter)
-    readings = list(steady_readings(turbine, count, np.random.default_rng(seed)))
-    held, pairs, said = start_demand(readings[0], turbine), [], []
-    ours = Exported(*exported(WITH_LIDAR)[1:2], turbine, exported(WITH_LIDAR)[2], held, lidar=lidar)
-    plain = Exported(*exported("discon")[1:2], turbine, exported("discon")[2], held)
-    for k, signals in enumerate(readings):
-        for one in (ours, plain):
-            one.read(signals)
-        spoil(k, ours.swap)
-        pairs.append([one.call(k * DT, DT).pitch[0] for one in (ours, plain)])
-        if ours.flag:
-            said.append((k, ours.flag, ours.message))
-    return np.array(pairs), said
+    readings = list(steady_readings(turbine, count, np.random.default_rng(2)))
+    held = start_demand(readings[0], turbine)
+    flights = (load(WITH_LIDAR, held, lidar=lidar), readings), (load("discon", held), readings)
+    one, other, said = together(*flights, spoil=spoil)
+    return np.stack([pitches(one)[:, 0], pitches(other)[:, 0]], axis=1), said
 
 
-def test_the_pitch_follows_the_wind_ahead_once_it_has_come(exported):
-    pairs, said = with_and_without(exported, 400, lambda k, swap: None)
+def test_the_pitch_follows_the_wind_ahead_once_it_has_come(load):
+    pairs, said = with_and_without(load, 400)
     apart = abs(pairs[:, 0] - pairs[:, 1])
     assert said == []
     assert apart[:100].max() < 1e-7  # the air of the farthest gate takes 189 m / 16 m/s
@@ -838,104 +704,78 @@ def test_the_pitch_follows_the_wind_ahead_once_it_has_come(exported):
     [(2006, math.nan), (2005, math.inf), (2007, -99.0), (2008, math.nan), (2009, -20.0), (2003, 0.0), (2003, math.nan),
      (2002, 60.0), (129, 2000.0), (129, 2010.0), (37, math.nan)],
 )  # fmt: skip
-def test_without_the_lidar_the_rest_of_the_controller_goes_on(record, value, exported):
+def test_without_the_lidar_the_rest_of_the_controller_goes_on(record, value, load):
     """Nothing is shifted from then on, which is said once; the demands are those of the pitch that is reached."""
-
-    def spoil(k, swap):
-        if k >= 200:
-            swap[record - 1] = value
-
-    def spoil_all(k, swap):
-        if k >= 200:
-            swap[2004:2007] = math.nan
-
-    pairs, said = with_and_without(exported, 400, spoil)
-    expected, _ = with_and_without(exported, 400, spoil_all)
+    pairs, said = with_and_without(load, 400, lost(record, since=200, value=value))
+    expected, _ = with_and_without(load, 400, lost(2005, 2006, 2007, since=200))
     assert [(k, flag) for k, flag, _ in said] == [(200, 1)]
     assert ("nacelle yaw (record 37)" if record == 37 else "lidar (record 2005)") in said[0][2]
     assert np.array_equal(pairs, expected)
     steps = np.diff(pairs[:, 0] - pairs[:, 1])
     assert abs(steps[150:199]).max() > 1e-4
-    whole, _ = with_and_without(exported, 400, lambda k, swap: None)
+    whole, _ = with_and_without(load, 400)
     assert abs(whole[:, 0] - pairs[:, 0])[250:].max() > 1e-3
 
 
-def test_a_lidar_that_never_reads_leaves_the_controller_without(exported):
-    pairs, said = with_and_without(exported, 300, lambda k, swap: swap.__setitem__(slice(2000, 2500), 0.0))
+def test_a_lidar_that_never_reads_leaves_the_controller_without(load):
+    pairs, said = with_and_without(load, 300, lost(*range(2001, 2501), value=0.0))
     assert np.array_equal(pairs[:, 0], pairs[:, 1])
     assert [k for k, *_ in said] == [0]
 
 
-def test_a_short_gap_hardly_matters_and_a_long_one_is_a_new_start(exported):
-    def gap(first, last):
-        def spoil(k, swap):
-            if first <= k < last:
-                swap[2004] = math.nan
-
-        return spoil
-
-    whole, _ = with_and_without(exported, 500, gap(0, 0))
-    short, _ = with_and_without(exported, 500, gap(200, 203))
+def test_a_short_gap_hardly_matters_and_a_long_one_is_a_new_start(load):
+    whole, short, long, alone = (
+        with_and_without(load, 500, lost(2005, since=200, until=end))[0] for end in (200, 203, 250, 500)
+    )
     apart = abs(short[:, 0] - whole[:, 0])
     assert apart[:200].max() == 0.0
     assert 0.0 < apart.max() < 0.2 * abs(whole[:, 0] - whole[:, 1]).max()
-    long, _ = with_and_without(exported, 500, gap(200, 250))
     steps = np.diff(long[:, 0] - long[:, 1])
-    alone, _ = with_and_without(exported, 500, gap(200, 500))
     assert np.array_equal(long[:340], alone[:340])  # 5 s, then the air of 189 m again
     assert abs(steps[400:]).max() > 1e-4
 
 
-def test_points_are_told_by_where_they_are_and_speeds_along_beams_are_scaled(exported, tmp_path):
+def test_points_are_told_by_where_they_are_and_speeds_along_beams_are_scaled(exported, load, tmp_path):
     """Four beams in each of three gates and another gate, in any order, with the nacelle turned."""
     turbine = load_turbine("nrel_5mw")
     lidar = Lidar.for_rotor(turbine.rotor_diameter)
-    _, library, parameters, _ = exported(WITH_LIDAR)
-    scaled = tmp_path / "along.in"
-    factor = 1.0 / math.cos(lidar.half_angle)
-    scaled.write_text(
-        Path(parameters).read_text(encoding="utf-8").replace("speed_factor = 1.0", f"speed_factor = {factor!r}"),
-        encoding="utf-8",
-    )
+    scaled, factor = tmp_path / "along.in", 1.0 / math.cos(lidar.half_angle)
+    text = Path(exported(WITH_LIDAR)[2]).read_text(encoding="utf-8")
+    scaled.write_text(text.replace("speed_factor = 1.0", f"speed_factor = {factor!r}"), encoding="utf-8")
     rng, yaw = np.random.default_rng(3), 0.7
     readings = [now | {"yaw": yaw} for now in steady_readings(turbine, 300, rng)]
-    held = start_demand(readings[0], turbine)
-    ours, plain = Exported(library, turbine, scaled, held), Exported(library, turbine, parameters, held, lidar=lidar)
-    order = rng.permutation(16)
-    for k, signals in enumerate(readings):
-        plain.read(signals)
-        ours.read(signals)
+    held, order = start_demand(readings[0], turbine), rng.permutation(16)
+
+    def beams(k, swap):
         speeds, places = [], []
         for gate, distance in enumerate((*lidar.ranges, 300.0)):
-            mean = signals[f"lidar_{gate + 1}"] if gate < 3 else 99.0
+            mean = readings[k][f"lidar_{gate + 1}"] if gate < 3 else 99.0
             for beam, side in enumerate(np.array([[0.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0]])):
                 speeds.append((mean + (0.5, -0.5, 1.5, -1.5)[beam]) / factor)
                 level, up = distance * math.tan(lidar.half_angle) * side
                 x = -distance * math.cos(yaw) - level * math.sin(yaw)
                 places.append((x, -distance * math.sin(yaw) + level * math.cos(yaw), 90.0 + up))
-        ours.swap[2000:2004] = 3.0, 4.0, 4.0, 0.0
-        ours.swap[2004 : 2004 + 64] = np.concatenate([np.array(speeds)[order], *np.array(places)[order].T])
-        found, expected = ours.call(k * DT, DT), plain.call(k * DT, DT)
-        assert ours.flag == 0, ours.message
-        assert found.pitch == pytest.approx(expected.pitch, abs=2e-7)
-    assert abs(found.pitch[0] - readings[0]["pitch_1"]) > 1e-3
+        swap[2000:2004] = 3.0, 4.0, 4.0, 0.0
+        swap[2004 : 2004 + 64] = np.concatenate([np.array(speeds)[order], *np.array(places)[order].T])
+
+    flights = (load(WITH_LIDAR, held, scaled), readings), (load(WITH_LIDAR, held, lidar=lidar), readings)
+    found, expected, said = together(*flights, spoil=beams)
+    assert said == []
+    np.testing.assert_allclose(pitches(found), pitches(expected), atol=2e-7)
+    assert abs(found[-1].pitch[0] - readings[0]["pitch_1"]) > 1e-3
 
 
 def test_a_lidar_with_more_gates_than_there_are_records_is_refused(tmp_path, monkeypatch):
     turbine = load_turbine("nrel_5mw")
     many = Lidar(tuple(60.0 + k for k in range(125)))
     with pytest.raises(ValueError, match="a lidar on the Bladed interface must have at most 124 gates, got 125"):
-        BladedController(turbine, exported_file(tmp_path), lidar=many)
+        BladedController(turbine, export_discon("discon", tmp_path)["files"][1], lidar=many)
     controller = make_controller("lidar", turbine, lidar=many)
     with pytest.raises(ValueError, match=r"a lidar to be exported must have at most 124 gates, .* got 125"):
         controller_parts(controller, turbine, DT)
     late = make_controller("lidar:delay=11.0", turbine)
     with pytest.raises(ValueError, match=r"delay of a lidar's feed-forward must be at most 10 s .* got 11\.0 s"):
         controller_parts(Combined(late), turbine, DT)
-
-
-def exported_file(folder):
-    return export_discon("discon", folder)["files"][1]
 
 
 def test_the_page_tells_what_is_read_of_a_lidar(exported):

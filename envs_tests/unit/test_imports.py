@@ -158,7 +158,7 @@ def test_private_names_stay_in_their_modules():
     """Names with an underscore may change without a look at other modules."""
     paths = [
         *modules().values(),
-        *(path for name in ("scripts", "envs_tests/physics") for path in (ROOT / name).rglob("*.py")),
+        *(path for name in ("scripts", "envs_tests/physics/cases") for path in (ROOT / name).rglob("*.py")),
     ]
     wrong = [
         f"{path.relative_to(ROOT)}:{line} imports {name}"

@@ -9,7 +9,7 @@ import pytest
 
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
 from wt_gym.commands.loadcases import main
-from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment import environments, execute, loadcase_runs
 from wt_gym.experiment.execute import SerialExecutor, Tally
 from wt_gym.experiment.loadcase_report import load_case_tables, write_load_case_report

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wt_gym
+import wt_gym.control.controllers.names
 from wt_gym.base.options import Options, add_options, chosen_options, option, option_record, options_of
 
 

@@ -12,7 +12,7 @@ from power_bounds import RotorHull, disc_speeds, energy_bound, tracking_bound
 
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.rotor import rotor_table
-from wt_gym.envs.rewards.power import efficiency
+from wt_gym.envs.power import efficiency
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.control.actions import ACTION_MODES
-from wt_gym.envs.observations import OBSERVATION_GROUPS
-from wt_gym.envs.options.faults import FAULT_KINDS
+from wt_gym.envs.channels import OBSERVATION_GROUPS
+from wt_gym.envs.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import GUSTS
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import load_turbine

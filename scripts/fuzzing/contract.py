@@ -11,7 +11,7 @@ from gymnasium.error import ResetNeeded
 
 from fuzzing.energy import EnergyAccount
 from wt_gym.base.errors import ActionError
-from wt_gym.envs.costs import COST_NAMES
+from wt_gym.envs.terminations import COST_NAMES
 
 if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv

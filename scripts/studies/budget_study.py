@@ -30,8 +30,8 @@ from scipy.stats import binomtest
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.base.files import write_text_whole
 from wt_gym.envs import SafetyFilter
-from wt_gym.envs.costs import violated
-from wt_gym.envs.options.environment import registered_arguments
+from wt_gym.envs.options import registered_arguments
+from wt_gym.envs.terminations import violated
 from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, TrainedAgent, model_digests, read_record
 
 if TYPE_CHECKING:

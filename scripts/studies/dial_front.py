@@ -28,7 +28,7 @@ from wt_gym.analysis.results import Wind
 from wt_gym.base.files import write_text_whole
 from wt_gym.commands.train import configuration
 from wt_gym.commands.train import parse_arguments as parse_training
-from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning.pretraining.pretrain import FRONT_SETTINGS

@@ -33,7 +33,7 @@ from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.files import shipped_folder, write_text_whole
 from wt_gym.commands.program import stoppable, user_errors
-from wt_gym.envs.options.faults import FAULT_KINDS
+from wt_gym.envs.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
 from wt_gym.experiment.comparison import half_width
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
@@ -117,7 +117,7 @@ class Study:
     @property
     def env_id(self) -> str:
         """Id of the task."""
-        return TASKS[self.task].ids[-1]
+        return TASKS[self.task].id
 
 
 def _winds(speeds: Iterable[float], n_seeds: int) -> tuple[Wind, ...]:

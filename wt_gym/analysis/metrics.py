@@ -37,7 +37,7 @@ _ROTOR_TIME = 5.0
 """Time constant with which the available power is smoothed [s]."""
 
 IDLE_ATTRIBUTE = "idle_time_s"
-"""Attribute of recorded signals: `wt_gym.envs.idling.IdleClock.total` [s]."""
+"""Attribute of recorded signals: `wt_gym.envs.terminations.IdleClock.total` [s]."""
 
 TOWER_DIRECTIONS = 12
 """Directions over half a turn in which the bending of the tower base is looked at."""

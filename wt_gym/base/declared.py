@@ -25,9 +25,9 @@ class Rule:
         return Rule(lambda value: value is None or self.fits(value), f"None or {self.allowed}", self.names)
 
 
-def count(value: object, least: int = 0) -> bool:
+def count(value: Any, least: int = 0) -> bool:
     """Whether a value is a whole number, no truth value, of at least the least."""
-    return isinstance(value, numbers.Integral) and not isinstance(value, bool) and int(value) >= least
+    return not isinstance(value, bool) and isinstance(value, numbers.Integral) and int(value) >= least
 
 
 def whole(least: int) -> Rule:
@@ -52,7 +52,7 @@ def number(low: float, high: float = math.inf, *, above: bool = False, below: bo
         allowed = f"in {'(' if above else '['}{low:g}, {high:g}{')' if below else ']'}"
 
     def fits(value: Any) -> bool:
-        if not isinstance(value, numbers.Real) or isinstance(value, bool):
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
             return False
         x = float(value)
         return low <= x <= high and math.isfinite(x) and not (above and x == low) and not (below and x == high)
@@ -66,12 +66,12 @@ def one_of(*names: str) -> Rule:
     return Rule(lambda value: isinstance(value, str) and value in names, allowed, names)
 
 
-def check_fields(record: object, rules: Mapping[str, Rule], error: type[ValueError]) -> None:
+def check_fields(record: object, rules: Mapping[str, Rule], error: type[Exception]) -> None:
     """Check a record by a table of rules; a key has the names of one field or more, with spaces between.
 
     Raises
     ------
-    ValueError
+    Exception
         Of the class given, about the first field that breaks its rule: its name, value and what is allowed.
     """
     for names, rule in rules.items():
@@ -81,7 +81,7 @@ def check_fields(record: object, rules: Mapping[str, Rule], error: type[ValueErr
                 raise broken(record, name, rule.allowed, error, rule.names)
 
 
-def broken(record: object, name: str, allowed: str, error: type[ValueError], known: Iterable[str] = ()) -> ValueError:
+def broken(record: object, name: str, allowed: str, error: type[Exception], known: Iterable[str] = ()) -> Exception:
     """The error of a field that has a value which is not allowed."""
     value = getattr(record, name)
     near = did_you_mean(value, known) if isinstance(value, str) else ""

@@ -54,6 +54,8 @@ __all__ = [
     "Option",
     "Options",
     "add_options",
+    "as_pair",
+    "as_tuple",
     "check_duration",
     "check_flag",
     "check_mapping",
@@ -61,6 +63,7 @@ __all__ = [
     "check_number",
     "check_whole_steps",
     "chosen_options",
+    "not_empty",
     "option",
     "option_record",
     "options_of",
@@ -368,7 +371,8 @@ def _declared(cls: Any) -> tuple[Option, ...]:
             text = one.type.__name__ if isinstance(one.type, type) else str(one.type)
             annotation, kind = text.replace(" ", ""), said.kind or _kind_text(text, said)
             values = said.__dict__ | {
-                "name": one.name, "flat": said.flat or one.name, "kind": kind, "annotation": annotation,
+                "name": one.name, "flat": said.flat or f"{cls.prefix}{one.name}", "kind": kind,
+                "annotation": annotation,
             }  # fmt: skip
             found.append(Option(**values))
     return tuple(found)
@@ -417,6 +421,10 @@ class Options:
     """Classes whose objects have a form in JSON, their arguments, by the fields that take them."""
     error: ClassVar[type[ValueError]] = ValueError
     """Class of the errors about values."""
+    prefix: ClassVar[str] = ""
+    """Beginning of the flat names of fields that have none of their own."""
+    switch: ClassVar[str] = ""
+    """Field without which, where it is None, the others have no meaning."""
     _declared: ClassVar[tuple[Option, ...]]
     _given: frozenset[str]
 
@@ -444,7 +452,10 @@ class Options:
 
     def __repr__(self) -> str:
         """Say what was given."""
-        given = [f"{name}={value!r:.100}".replace("\n", " ") for name, value in self.given.items()]
+        given = [
+            f"{name}={repr(value) if isinstance(value, Options) else shown(value)}"
+            for name, value in self.given.items()
+        ]
         return f"{type(self).__name__}({', '.join(given)})"
 
     @property
@@ -609,6 +620,23 @@ def plain_value(name: str, value: Any) -> Any:
     if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
         return {key: plain_value(f"{name}[{key!r}]", part) for key, part in value.items()}
     raise ValueError(f"{name} must be a number, a text, a list or a mapping for a form in JSON, got {shown(value)}")
+
+
+def as_pair(value: float | tuple[float, float]) -> tuple[float, float]:
+    """Low and high end of a number or of two in order, as the `Option.check` of such an option."""
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def as_tuple(value: str | tuple[str, ...]) -> tuple[str, ...]:
+    """Several names of one or several, as the `Option.check` of such an option."""
+    return (value,) if isinstance(value, str) else tuple(value)
+
+
+def not_empty(value: T) -> T:
+    """Refuse a sequence or a mapping of nothing, as the `Option.check` of such an option."""
+    if not value:
+        raise ValueError(f"must have at least one, got {shown(value)}")
+    return value
 
 
 def check_number(name: str, value: Any, unit: str = "", *, finite: bool = True) -> float:

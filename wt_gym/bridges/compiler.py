@@ -43,13 +43,6 @@ def find_compiler(target: str | None = None) -> list[str]:
     ----------
     target : str, optional
         Of `TARGETS`; by default this machine.
-
-    Raises
-    ------
-    ValueError
-        For another target.
-    CompilerError
-        If there is none.
     """
     if target is not None and target not in TARGETS:
         raise ValueError(f"the target must be one of {', '.join(TARGETS)}, got {target!r}")
@@ -74,11 +67,6 @@ def compile_library(source: Path, library: Path, target: str | None = None, flag
         See `find_compiler`.
     flags : tuple of str
         More options of the compiler.
-
-    Raises
-    ------
-    CompilerError
-        If there is no compiler, or it refuses the source.
     """
     command = [*find_compiler(target), *_FLAGS, *flags, "-o", str(library), str(source)]
     if target is None or not target.startswith("windows"):

@@ -110,13 +110,7 @@ class SetPoints:
 
 
 def read_numbers(message: bytes) -> list[float]:
-    """Numbers of a message in the order of `READINGS` and in ROSCO's units; what is left out is not a number.
-
-    Raises
-    ------
-    MessageError
-        If it is not text, holds anything but numbers, or not as many as ROSCO sends.
-    """
+    """Numbers of a message in the order of `READINGS` and in ROSCO's units; what is left out is not a number."""
     text = message.partition(b"\0")[0].decode("ascii", errors="replace")
     words = [word.strip() for word in text.split(",")]
     if len(words) != len(READINGS):
@@ -131,13 +125,7 @@ def read_numbers(message: bytes) -> list[float]:
 
 
 def read_message(message: bytes) -> Message:
-    """Read what a turbine sends; a reading that is left out or no number is nan.
-
-    Raises
-    ------
-    MessageError
-        If it is not one of ROSCO's, or has no number of a turbine, no status or no time.
-    """
+    """Read what a turbine sends; a reading that is left out or no number is nan."""
     values = read_numbers(message)
     given, status, time = values[:3]
     if not (given.is_integer() and 0 <= given <= _GREATEST_ID):
@@ -154,11 +142,6 @@ def write_set_points(points: SetPoints) -> bytes:
     """Write what a turbine is to get.
 
     ROSCO's client does not end the text itself, so the message ends with a null; it has room for 357 characters.
-
-    Raises
-    ------
-    ValueError
-        If a set point is not finite.
     """
     if not all(map(math.isfinite, astuple(points))):
         raise ValueError(f"set points must be finite, got {points}")
@@ -245,13 +228,6 @@ class RoscoServer:
         -------
         int
             Messages answered.
-
-        Raises
-        ------
-        wt_gym.base.errors.ServerError
-            If no message comes for too long.
-        ValueError
-            If the number of turbines is below 1.
         """
         if turbines < 1:
             raise ValueError(f"turbines must be 1 or more, got {turbines!r}")

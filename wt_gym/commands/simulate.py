@@ -95,9 +95,9 @@ COLUMNS = (
 
 def check(arguments: argparse.Namespace) -> None:
     """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
-    from wt_gym.envs.arguments import check_duration
-    from wt_gym.envs.options.wind import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
-    from wt_gym.envs.simulators import simulator_maker
+    from wt_gym.base.options import check_duration
+    from wt_gym.envs.operation import simulator_maker
+    from wt_gym.envs.wind_sampler import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
     from wt_gym.simulation.fidelity import fidelity
 
     check_duration("--duration", arguments.duration, LEAST_DURATION)
@@ -206,7 +206,7 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
 
 def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Recorder:
     """Run one wind; what was simulated is written where a file is given, of a stopped run too."""
-    from wt_gym.envs.simulators import simulator_maker
+    from wt_gym.envs.operation import simulator_maker
     from wt_gym.experiment.execute import ProgressLine
     from wt_gym.experiment.run import run_baseline
     from wt_gym.simulation import Recorder

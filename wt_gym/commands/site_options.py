@@ -86,7 +86,7 @@ def with_options(
         Added to the site among ``kwargs``.
     wind : sequence, optional
     simulator : str or mapping
-        See `wt_gym.envs.simulators.simulator_maker`.
+        See `wt_gym.envs.operation.simulator_maker`.
 
     Raises
     ------

@@ -10,8 +10,8 @@ from __future__ import annotations
 import logging
 import math
 import re
-from dataclasses import astuple, fields
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import astuple, dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,9 +21,9 @@ from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers.additions import ResidualPitch
 from wt_gym.control.controllers.names import load_class
 from wt_gym.control.sensors import harmonic_of_blades, to_blades
-from wt_gym.envs.observations import RESIDUAL_GROUPS, Observer
-from wt_gym.envs.options.environment import flat_arguments, registered_arguments
-from wt_gym.envs.readers import ObservationContext
+from wt_gym.envs.channels import RESIDUAL_GROUPS
+from wt_gym.envs.observations import Observer
+from wt_gym.envs.options import flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.agents import load_agent, load_model
 from wt_gym.experiment.environments import training_arguments
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.bridges.rosco import Answers
-    from wt_gym.control.controllers import Name
+    from wt_gym.control.controllers.names import Name
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
 
@@ -222,16 +222,25 @@ def _finite(value: float) -> float:
     return value if math.isfinite(value) else 0.0
 
 
-class _Turbine:
-    """One turbine under an agent.
+@dataclass
+class _Measured:
+    """Readings, demand and set points of a served turbine, in place of the operation that an observer reads."""
 
-    Parameters
-    ----------
-    message : Message
-        The first one.
-    lead : float, optional
-        See `ServedAgent`.
-    """
+    signals: Signals
+    demand: Demand
+    residual: ResidualPitch
+    setpoint: AgentSetpoint | None = None
+    base: None = None
+    controller: None = None
+    instruments: None = None
+
+    def readings(self) -> Signals:
+        """Readings at the present instant."""
+        return self.signals
+
+
+class _Turbine:
+    """One turbine under an agent, from its first message on."""
 
     def __init__(self, message: Message, agent: Agent, env: WindTurbineEnv, lead: float | None):
         layout, options = env.layout, env.options
@@ -240,15 +249,14 @@ class _Turbine:
         self._lead, self._drive = lead, env.turbine.pitch
         self._residual = ResidualPitch(None, options.controller.residual_washout, self._action.n_mean)
         observed = options.observations
-        self._observer = Observer(
-            env.turbine, self._action, observed.channels or RESIDUAL_GROUPS, 0.0, layout.delay, observed.history,
-            residual=self._residual, washout=observed.washout,
-        )  # fmt: skip
         self._needed = _needed(layout.observation.names, self._action.turns_with_rotor, self._n_blades)
         values, _ = new_values(self._n_blades)
         # all else is zero, so that flapwise is out of plane, and all wind along x
         self._signals = Signals(values, self._n_blades)
         self._nothing = Demand(np.zeros(self._n_blades), 0.0, 0.0)
+        self._measured = _Measured(self._signals, self._nothing, self._residual)
+        choice = observed.channels or RESIDUAL_GROUPS
+        self._observer = Observer(env.turbine, self._action, self._measured, observed, choice, 0.0, layout.delay)
         self._rng = np.random.default_rng(0)  # of noise, of which there is none
         self._clock = MessageClock(message.time)
         self._azimuth = self._speed = 0.0
@@ -329,16 +337,11 @@ class _Turbine:
 
     def _begin(self) -> None:
         """Start agent and filters at the present offsets."""
-        self._before = self._setpoint = AgentSetpoint(self._present, 0.0, 0.0)
+        self._before = self._setpoint = self._measured.setpoint = AgentSetpoint(self._present, 0.0, 0.0)
         self._last = np.zeros(self._action.size)
         self._state: Any = None
         self._acted_at, self._steps = self._clock.time, 0
-        self._observer.reset(self._context())
-
-    def _context(self) -> ObservationContext:
-        return ObservationContext(
-            self._signals, self._nothing, self._setpoint, None, self._last, residual=self._residual
-        )
+        self._observer.reset(self._last)
 
     def _move(self, hold: float) -> None:
         """Let the agent act as many times as control steps begin, and move the offsets to what it asks for."""
@@ -352,13 +355,14 @@ class _Turbine:
         """Begin a control step."""
         if self._steps > 0:
             self._acted_at += self._control_dt
-            self._observer.advance(self._signals, self._control_dt)
-        observation, _ = self._observer.observe(self._context(), self._rng)
+            self._observer.advance(self._control_dt)
+        observation, _ = self._observer.observe(self._last, self._rng)
         action, self._state = self._agent.predict(
             observation, state=self._state, episode_start=np.array([self._steps == 0]), deterministic=True
         )
         self._last = self._action.validate(action)
         self._before, self._setpoint = self._setpoint, self._action.decode(self._last, self._setpoint)
+        self._measured.setpoint = self._setpoint
         self._steps += 1
 
     def _points(self, hold: float) -> SetPoints:
@@ -380,16 +384,6 @@ class _Turbine:
 _DEGREES = tuple(field.name for field in (*READINGS, *SET_POINTS) if field.unit == "deg")
 
 
-class GivesSetPoints(Protocol):
-    """What ROSCO's server takes as a wind-farm controller."""
-
-    def update_setpoints(
-        self, turbine_id: int, current_time: float, measurements: Mapping[str, float], /
-    ) -> Mapping[str, float]:
-        """Set points by ROSCO's names and in its units from readings by its names; what is left out is neutral."""
-        ...
-
-
 def readings_by_name(message: Message) -> dict[str, float]:
     """Readings by ROSCO's names and in its units."""
     values: list[float] = []
@@ -400,32 +394,19 @@ def readings_by_name(message: Message) -> dict[str, float]:
 
 
 class OwnSetPoints:
-    """Set points of a class with ``update_setpoints(id, time, measurements)``, one object for all turbines.
+    """Set points of a class of the user, as ROSCO's server takes it as a wind-farm controller; one for all turbines.
 
-    Parameters
-    ----------
-    make : callable
-        Makes the object.
-
-    Raises
-    ------
-    wt_gym.base.errors.ControllerError
-        If it has no such method.
+    Its ``update_setpoints(id, time, measurements)`` gives set points by ROSCO's names and in its units from readings by
+    its names; what is left out is neutral. ``make`` makes the object.
     """
 
     def __init__(self, make: Callable[[], Any]):
-        self._own: GivesSetPoints = make()
+        self._own = make()
         if not callable(getattr(self._own, "update_setpoints", None)):
             raise ControllerError(f"{self._own!r} must have update_setpoints(id, time, measurements)")
 
     def answer(self, message: Message) -> SetPoints:
-        """Set points for a turbine from its readings.
-
-        Raises
-        ------
-        wt_gym.base.errors.ControllerError
-            If one has another name, or is not finite.
-        """
+        """Set points for a turbine from its readings."""
         given = self._own.update_setpoints(message.turbine_id, message.time, readings_by_name(message))
         names = {field.name: own.name for field, own in zip(SET_POINTS, fields(SetPoints), strict=True)}
         if unknown := [name for name in given if name not in names]:
@@ -455,18 +436,7 @@ def missing_channels(layout: EnvLayout) -> list[str]:
 
 
 def check_expressible(env: WindTurbineEnv) -> None:
-    """Refuse what cannot act through ROSCO's interface.
-
-    Parameters
-    ----------
-    env : WindTurbineEnv
-        That an agent acts in.
-
-    Raises
-    ------
-    wt_gym.base.errors.ControllerError
-        With all reasons.
-    """
+    """Refuse agents of an environment that cannot act through ROSCO's interface, with all reasons."""
     layout, action, reasons = env.layout, env.layout.action, []
     if layout.turbine.n_blades > MOST_BLADES:
         reasons.append(f"it has set points for at most {MOST_BLADES} blades, the turbine has {layout.turbine.n_blades}")
@@ -502,19 +472,10 @@ def rounding(time: float) -> float:
 
 
 class MessageClock:
-    """Time and interval of messages.
+    """Time and interval of messages, whose times have seven digits: exact where they come at even intervals.
 
-    Parameters
-    ----------
-    time : float
-        Of the first message [s].
-
-    Attributes
-    ----------
-    time : float
-        Of the last message [s].
-    interval : float or None
-        Between messages [s]; None before the second one.
+    ``time`` is that of the last message, at first of the first one [s], and ``interval`` that between messages [s],
+    None before the second one.
     """
 
     def __init__(self, time: float):
@@ -524,11 +485,8 @@ class MessageClock:
 
     def continues(self, time: float, longest: float) -> bool:
         """Whether a time lies behind the last one by at most so much [s], as far as its digits tell."""
-        return (
-            -2.0 * rounding(time)
-            <= time - self.time
-            <= max(longest, 10.0 * (self.interval or 0.0)) + 2.0 * rounding(time)
-        )
+        near = 2.0 * rounding(time)
+        return -near <= time - self.time <= max(longest, 10.0 * (self.interval or 0.0)) + near
 
     def tick(self, time: float) -> bool:
         """Take the time of a message; whether the interval is a new one."""

@@ -14,13 +14,12 @@ import numpy as np
 from wt_gym.base.canary import Canary, cached_canary, canary_text
 from wt_gym.base.errors import InflowError, SimulationError
 from wt_gym.control import Demand
-from wt_gym.control.controllers import WithDemandedPower, make_controller, readings_of
-from wt_gym.envs.fault_draws import FaultDraws
-from wt_gym.envs.options.faults import FAULT_KINDS, GRID_KINDS, SIZES, FaultOptions
-from wt_gym.envs.options.wind import WindOptions
+from wt_gym.control.controllers import WithDemandedPower, readings_of
+from wt_gym.control.controllers.names import make_controller
+from wt_gym.envs.faults import FAULT_KINDS, GRID_KINDS, SIZES, FaultOptions, FaultTerm
 from wt_gym.envs.record_store import user_record_digest
 from wt_gym.envs.running_record import time_scale
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind.inflow import fill_velocity
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.turbines import Turbine
 
-__all__ = ["MakeEnv", "canary_of", "control_step", "environment_canary"]
+__all__ = ["canary_of", "control_step", "environment_canary"]
 
 MakeEnv: TypeAlias = "Callable[..., Any]"
 """Makes a `wt_gym.envs.turbine_env.WindTurbineEnv` of its arguments: that class, which stands above this module."""
@@ -150,9 +149,9 @@ def _faults(turbine: Turbine) -> dict[str, Iterable[float]]:
     """Drawn faults of each kind: place among the kinds, blade, time and size."""
     kinds, rng, rows = (*FAULT_KINDS, *GRID_KINDS), np.random.default_rng(4), []
     for sizes in SIZES:
-        draws = FaultDraws(turbine, FaultOptions(kinds=kinds, sizes=sizes, time=(5.0, 20.0)))
+        draws = FaultTerm(turbine, FaultOptions(kinds=kinds, sizes=sizes, time=(5.0, 20.0)))
         for kind in (None, None, *kinds):
-            fault = draws.draw(rng, kind)
+            fault = draws.drawn(rng, kind)
             rows.append((kinds.index(fault.kind), fault.blade, fault.time, fault.size))
     return dict(zip(("fault kind", "fault blade", "fault time", "fault size"), zip(*rows, strict=True), strict=True))
 

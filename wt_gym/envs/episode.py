@@ -34,8 +34,6 @@ class EpisodeStep(NamedTuple):
         After the step.
     reward : float or numpy.ndarray
         Its terms with ``vector_reward``.
-    terminated, truncated : bool
-    info : dict
     """
 
     action: np.ndarray

@@ -1,77 +1,66 @@
-"""How an episode begins: its wind, its faults and the state of the turbine, drawn or as the options of a reset say."""
+"""The beginning of an episode: the order of its draws, its wind and the state of the turbine.
+
+The side-side motion of a tower is damped so little that it lasts for minutes. In turbulence an episode therefore starts
+with an instant of a record of the running turbine (`wt_gym.envs.running_record`): rotor speed, pitch, torque, azimuth,
+the motion of tower and blades, and the memory of the base controller. The wake is that of a steady state with the mean
+thrust before (`wt_gym.simulation.Simulator.reset`). At fidelities whose structure is not that of the record the blades
+follow their loads, and the tower swings in its first modes as the recorded one. The wind before the start of the
+episode decides on the instant. A rotor that turns in the other sense than the recorded one starts as its mirror image
+in the mirrored wind.
+"""
 
 from __future__ import annotations
 
+import logging
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from multiprocessing import parent_process
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.base.errors import did_you_mean
+from wt_gym.base.options import check_number, shown
 from wt_gym.control import OperatingPoint
 from wt_gym.control.operating_point import starting_point
-from wt_gym.envs.arguments import check_number, shown
-from wt_gym.envs.start import Start, steady_start
+from wt_gym.envs.record_store import find_record
+from wt_gym.envs.running_record import WINDOWS, Start, rotor_wind, time_scale
+from wt_gym.envs.terms import Beginning, Plant, Request
 from wt_gym.simulation.drivetrain.drives import available_torque
-from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
-from wt_gym.wind.inflow import start_speed
+from wt_gym.simulation.drivetrain.faults import checked_faults
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.wind import MirroredInflow
+from wt_gym.wind.inflow import PointInflow, start_speed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from wt_gym.control.controllers.controller import StartsTurbine
-    from wt_gym.envs.dial import DialCourse, DialDraws
-    from wt_gym.envs.fault_draws import DrawnFault, FaultDraws
-    from wt_gym.envs.power_reference import PowerReference, PowerReferenceDraws
-    from wt_gym.envs.running_start import RunningStart
-    from wt_gym.envs.variation import DrawnVariation
+    from wt_gym.envs.terms import Term
     from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
+    from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
-__all__ = ["RESET_OPTIONS", "Beginning", "EpisodeStarts"]
+__all__ = ["DRAW_ORDER", "EpisodeStarts", "RunningStart"]
 
+DRAW_ORDER = ("variation", "wind", "start", "power_reference", "fault", "dial")
+"""Order of the draws of an episode: another one would give every seed another episode."""
+_FEATURES = {"power_reference": "power_reference", "fault": "fault_kinds", "dial": "dial_weights"}
+"""Options of a reset that belong to a feature, by the argument of the environment that turns it on."""
 _WIND = ("wind_speed", "wind_seed", "time_offset")
 _POINT = ("rotor_speed", "pitch", "generator_torque")
 _NUMBERS = (*_POINT, "azimuth", "yaw")
 RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
-    "faults", "start_number",
-    "power_reference", "dial", "fault",
+    "faults", "start_number", *_FEATURES,
 )  # fmt: skip
 _FIRST_START = 40_000_000
 """Seed of the random numbers of a numbered beginning, beside its number."""
-
-
-@dataclass(frozen=True)
-class Beginning:
-    """What an episode begins with.
-
-    Attributes
-    ----------
-    wind : EpisodeWind
-    start : Start
-    yaw : float
-        Of the nacelle [rad].
-    faults : tuple
-    drawn : DrawnVariation, optional
-        What the episode has of a variation.
-    reference : PowerReference, optional
-        What a grid operator asks for.
-    dial : DialCourse, optional
-        Factors on the weights of the reward.
-    fault : DrawnFault, optional
-        What of the faults of the environment breaks; its faults are among ``faults``.
-    """
-
-    wind: EpisodeWind
-    start: Start
-    yaw: float
-    faults: tuple[DriveFault | SensorBias, ...]
-    drawn: DrawnVariation | None = None
-    reference: PowerReference | None = None
-    dial: DialCourse | None = None
-    fault: DrawnFault | None = None
+_log = logging.getLogger(__name__)
+_STEADY = 1e-3
+"""Range of the wind before the start, over its mean, up to which it is steady."""
+_HIGHEST = 0.97
+"""Rotor speed over that at which an episode ends, beyond which none begins."""
 
 
 class EpisodeStarts:
@@ -79,55 +68,52 @@ class EpisodeStarts:
 
     Parameters
     ----------
-    turbine : Turbine
-    winds : WindSampler
+    terms : mapping
+        Terms of the environment by name; those with a ``draw`` have their turn in `DRAW_ORDER`.
     running : RunningStart or None
         Starts of the running turbine; None where all are steady.
     count : int, optional
-        Of the beginnings that are drawn from; None: every one is another.
+        Number of the beginnings that are drawn from; None: every one is another.
     starter : StartsTurbine, optional
         Of the base controller: in winds in which it does not run a turbine for long, the turbine starts parked.
-    references : PowerReferenceDraws, optional
-        Draws what a grid operator asks for.
-    dials : DialDraws, optional
-        Draws the factors on the weights of the reward.
-    breakages : FaultDraws, optional
-        Draws what breaks.
     """
 
     def __init__(
         self,
         turbine: Turbine,
         winds: WindSampler,
+        terms: Mapping[str, Term],
         running: RunningStart | None,
         count: int | None = None,
         starter: StartsTurbine | None = None,
-        references: PowerReferenceDraws | None = None,
-        dials: DialDraws | None = None,
-        breakages: FaultDraws | None = None,
     ):
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
-        self._starter, self._references, self._dials = starter, references, dials
-        self._breakages = breakages
+        self._starter = starter
+        draws: dict[str, Any] = {name: term.draw for name, term in terms.items() if hasattr(term, "draw")}
+        draws |= {"wind": self._draw_wind, "start": self._draw_start}
+        self._draws = [draws[name] for name in DRAW_ORDER if name in draws]
+        self._off = {option: argument for option, argument in _FEATURES.items() if option not in draws}
 
     def draw(
         self,
         rng: np.random.Generator,
         options: dict[str, Any] | None,
         length: float | None,
-        draw: Callable[[int | None], DrawnVariation | None] | None = None,
+        seed: int = 0,
+        seeded: bool = False,
     ) -> Beginning:
         """Draw a beginning.
 
         Parameters
         ----------
-        rng : numpy.random.Generator
         options : dict, optional
             Of the reset.
         length : float, optional
             Of the episode, where it is known [s].
-        draw : callable, optional
-            Draws a variation, for a numbered beginning that of its number.
+        seed : int
+            Of the generator.
+        seeded : bool
+            The reset gave the seed.
 
         Raises
         ------
@@ -136,111 +122,76 @@ class EpisodeStarts:
         wt_gym.base.errors.InflowError
             If a wind is asked for that cannot be had.
         """
-        given = _checked(options)
-        numbered, number = self._numbered(rng, given)
-        beginning = self._drawn(numbered, number, given, length, draw)
-        # of the random numbers of the episode: a numbered beginning comes with any factors
-        return replace(beginning, dial=self._dial(rng, given))
-
-    def _drawn(
-        self,
-        rng: np.random.Generator,
-        number: int | None,
-        given: dict[str, Any],
-        length: float | None,
-        draw: Callable[[int | None], DrawnVariation | None] | None,
-    ) -> Beginning:
-        """Beginning without its dial."""
-        drawn = None if draw is None else draw(number)
-        faults = checked_faults(given.get("faults", ()), self._turbine.n_blades)
-        yaw = check_number("yaw", given.get("yaw", 0.0), "rad")
-        chosen = {name: given[name] for name in _WIND if name in given}
-        winds = self._winds if drawn is None else drawn.sampler(self._winds)
-        if "inflow" in given:
-            wind = winds.given(given["inflow"], **chosen)
-        else:
-            wind = winds.sample(rng, **chosen, length=length, heading=yaw)
-        azimuth = rng.uniform(0.0, 2.0 * math.pi)
-        if drawn is not None:
-            wind = drawn.turned(wind)
-            faults = (*faults, *drawn.faults)
-        start = self._start(rng, wind, given, yaw, azimuth)
-        reference, fault = self._reference(rng, wind, given), self._fault(rng, given)
-        if fault is not None:
-            faults = (*faults, *fault.faults)
-        iced = fault is not None and fault.ice is not None
-        if iced or (drawn is not None and drawn.structural):  # the motion of a structure belongs to it
+        chosen = _checked(options)
+        for option, argument in self._off.items():
+            if chosen.get(option) is not None:
+                raise ValueError(
+                    f"{option} must be left out of a reset without {argument} of the environment, got "
+                    f"{shown(chosen[option])}"
+                )
+        numbered, number = self._numbered(rng, chosen.get("start_number"))
+        request = Request(
+            numbered, rng, seed, seeded, number, chosen, length, self._winds, Plant(self._turbine),
+            check_number("yaw", chosen.get("yaw", 0.0), "rad"),
+            checked_faults(chosen.get("faults", ()), self._turbine.n_blades),
+        )  # fmt: skip
+        for draw in self._draws:
+            draw(request)
+        plant, start = request.plant, request.start
+        if plant.number >= 0 or plant.ice is not None:  # the motion of a structure belongs to it
             start = replace(start, motion=None)
-        return Beginning(wind, start, yaw, faults, drawn, reference, fault=fault)
+        return Beginning(request.wind, start, request.yaw, request.faults, plant, request.drawn)
 
-    def _fault(self, rng: np.random.Generator, given: dict[str, Any]) -> DrawnFault | None:
-        """What breaks in the episode."""
-        chosen = given.get("fault")
-        if self._breakages is not None:
-            return self._breakages.draw(rng, chosen)
-        if chosen is not None:
-            raise ValueError(
-                f"fault must be left out of a reset without fault_kinds of the environment, got {shown(chosen)}"
-            )
-        return None
-
-    def _reference(self, rng: np.random.Generator, wind: EpisodeWind, given: dict[str, Any]) -> PowerReference | None:
-        """What a grid operator asks for in the episode."""
-        chosen = given.get("power_reference")
-        if self._references is not None:
-            return self._references.draw(rng, wind, chosen)
-        if chosen is not None:
-            raise ValueError(
-                f"power_reference must be left out of a reset without a power_reference of the environment, got "
-                f"{shown(chosen)}"
-            )
-        return None
-
-    def _dial(self, rng: np.random.Generator, given: dict[str, Any]) -> DialCourse | None:
-        """Factors on the weights of the reward in the episode."""
-        chosen = given.get("dial")
-        if self._dials is not None:
-            return self._dials.draw(rng, chosen)
-        if chosen is not None:
-            raise ValueError(
-                f"dial must be left out of a reset without dial_weights of the environment, got {shown(chosen)}"
-            )
-        return None
-
-    def _numbered(self, rng: np.random.Generator, given: dict[str, Any]) -> tuple[np.random.Generator, int | None]:
+    def _numbered(self, rng: np.random.Generator, choice: Any) -> tuple[np.random.Generator, int | None]:
         """Random numbers of one of the beginnings and its number, where there are so many and no more."""
-        chosen, count = given.get("start_number"), self._count
+        count = self._count
         if count is None:
-            if chosen is not None:
-                raise ValueError(f"start_number must be left out without starts, got {chosen!r}")
+            if choice is not None:
+                raise ValueError(f"start_number must be left out without starts, got {choice!r}")
             return rng, None
         drawn = int(rng.integers(count))  # also where one is chosen: what is drawn later stays as it is
-        if chosen is not None and not (isinstance(chosen, int | np.integer) and 0 <= chosen < count):
-            raise ValueError(f"start_number must be a whole number from 0 to {count - 1}, got {shown(chosen)}")
-        number = drawn if chosen is None else int(chosen)
+        if choice is not None and not (isinstance(choice, int | np.integer) and 0 <= choice < count):
+            raise ValueError(f"start_number must be a whole number from 0 to {count - 1}, got {shown(choice)}")
+        number = drawn if choice is None else int(choice)
         return np.random.default_rng((_FIRST_START, number)), number
 
-    def _start(
-        self, rng: np.random.Generator, wind: EpisodeWind, given: dict[str, Any], yaw: float, azimuth: float
-    ) -> Start:
-        """Start of the running turbine in the wind of the episode, or a steady one where there is none or one is asked.
+    def _draw_wind(self, request: Request) -> None:
+        """Draw the wind of an episode."""
+        options = request.options
+        chosen = {name: options[name] for name in _WIND if name in options}
+        if "inflow" in options:
+            request.wind = request.winds.given(options["inflow"], **chosen)
+        else:
+            request.wind = request.winds.sample(
+                request.rng, **chosen, length=request.length, heading=request.yaw
+            )  # fmt: skip
+
+    def _draw_start(self, request: Request) -> None:
+        """Draw the start of the running turbine, or a steady one where there is none or an option fixes it.
 
         A steady start has the operating point of the wind, or what the options of the reset say.
         """
-        parked = self._parked(wind)
-        if self.running is not None and not parked and not any(name in given for name in _POINT):
-            chosen = float(given["azimuth"]) if "azimuth" in given else None
-            start = self.running.draw(wind, yaw, rng, chosen)
+        options = request.options
+        azimuth = request.rng.uniform(0.0, 2.0 * math.pi)
+        for turn in request.turns:
+            request.wind = turn(request.wind)
+        wind = request.wind
+        if self.running is not None and not self._parked(wind) and not any(name in options for name in _POINT):
+            chosen = float(options["azimuth"]) if "azimuth" in options else None
+            start = self.running.draw(wind, request.yaw, request.rng, chosen)
             if start is not None:
-                return start
+                request.start = start
+                return
         point = self._point(wind)
-        speed, pitch = float(given.get("rotor_speed", point.rotor_speed)), float(given.get("pitch", point.pitch))
+        speed, pitch = float(options.get("rotor_speed", point.rotor_speed)), float(options.get("pitch", point.pitch))
         torque = min(point.generator_torque, available_torque(self._turbine.drivetrain, speed))
-        torque, azimuth = float(given.get("generator_torque", torque)), float(given.get("azimuth", azimuth))
-        return steady_start(speed, pitch, torque, azimuth, self._turbine.n_blades)
+        request.start = Start(
+            speed, np.full(self._turbine.n_blades, pitch), float(options.get("generator_torque", torque)),
+            float(options.get("azimuth", azimuth)),
+        )  # fmt: skip
 
     def _parked(self, wind: EpisodeWind) -> bool:
-        """Whether the controller lets the turbine stand in the wind of the start."""
+        """The controller lets the turbine stand in the wind of the start."""
         return self._starter is not None and not self._starter.runs_in(start_speed(wind.inflow))
 
     def _point(self, wind: EpisodeWind) -> OperatingPoint:
@@ -254,9 +205,92 @@ def _checked(options: dict[str, Any] | None) -> dict[str, Any]:
     """Options of a reset with checked numbers."""
     if options is not None and not isinstance(options, dict):
         raise ValueError(f"the options of reset must be a dict, got {shown(options)}")
-    given = dict(options or {})
-    for name in given:
+    chosen = dict(options or {})
+    for name in chosen:
         if name not in RESET_OPTIONS:
             near = did_you_mean(name, RESET_OPTIONS, ".")
             raise ValueError(f"reset has no option {name!r}{near} Its options are {', '.join(RESET_OPTIONS)}")
-    return given | {name: check_number(name, given[name], finite=False) for name in _NUMBERS if name in given}
+    return chosen | {name: check_number(name, chosen[name], finite=False) for name in _NUMBERS if name in chosen}
+
+
+class RunningStart:
+    """Starts of a turbine that runs under a controller in turbulence.
+
+    Parameters
+    ----------
+    fidelity : str or Fidelity
+        Of the episodes.
+    overspeed_limit : float
+        Rotor speed over rated at which an episode ends.
+    level : float
+        Demanded power over the power that the wind allows [-].
+    """
+
+    def __init__(
+        self,
+        turbine: Turbine,
+        fidelity: str | Fidelity,
+        overspeed_limit: float,
+        level: float = 1.0,
+    ):
+        self._turbine, self._fidelity, self._level = turbine, fidelity, level
+        self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
+
+    def draw(self, wind: EpisodeWind, yaw: float, rng: np.random.Generator, azimuth: float | None) -> Start | None:
+        """Draw a start.
+
+        Parameters
+        ----------
+        yaw : float
+            Nacelle yaw [rad].
+        rng : numpy.random.Generator
+            One number is drawn of it.
+        azimuth : float, optional
+            Of blade 1 [rad]; by default that of the record.
+
+        Returns
+        -------
+        Start or None
+            None where the wind has not changed before the start, blows below cut-in or above cut-out, or is like none
+            in which the turbine was recorded, and where there is no record of the turbine.
+        """
+        number, speed = float(rng.random()), self._speed(wind, yaw)
+        if speed is None or not self._turbine.cut_in <= speed <= self._turbine.cut_out:
+            return None
+        result = find_record(self._turbine, self._level)
+        if result is None:
+            _report_missing(self._turbine.name)
+            return None
+        file, record = result
+        mirrored = file.mirrors(self._turbine)
+        inflow, yaw = (MirroredInflow.of(wind.inflow), -yaw) if mirrored else (wind.inflow, yaw)
+        start = record.start(self._turbine, inflow, speed, yaw, number, azimuth, self._fastest)
+        if start is not None and mirrored:
+            start = start.mirrored(self._turbine.n_blades)
+        same_model = fidelity_of(self._fidelity) == fidelity_of(file.fidelity)
+        return start if same_model or start is None else replace(start, motion=None)
+
+    def _speed(self, wind: EpisodeWind, yaw: float) -> float | None:
+        """Mean speed of the turbulence before the start [m/s]; None where the wind does not change, or has no past.
+
+        Of turbulence made here it is that of the episode. Other winds are asked: those that are known to have a wind
+        at any time.
+        """
+        if not isinstance(wind.inflow, PointInflow):
+            return None
+        times = -time_scale(self._turbine) * np.linspace(0.0, WINDOWS[-1], 25)
+        speeds = np.array([rotor_wind(wind.inflow, self._turbine, yaw, time)[0] for time in times.tolist()])
+        if np.ptp(speeds) <= _STEADY * abs(speeds.mean()):
+            return None
+        return wind.wind_speed if wind.wind_seed >= 0 else float(speeds.mean())
+
+
+@cache
+def _report_missing(name: str) -> None:
+    """Once, and not by worker processes too."""
+    if parent_process() is None:
+        _log.warning(
+            "episodes of %s start at the operating point of the wind, with the tower at rest: there is no record of it "
+            "running in turbulence, which 'wt-gym record' makes",
+            name,
+        )

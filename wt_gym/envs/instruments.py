@@ -1,12 +1,4 @@
-"""Instruments that are late, noisy and shifted: one set of readings at every step of the simulator.
-
-All readers at an instant, base controller, lidar and agent, read the same numbers. Noise is white in
-time and drawn for every instrument, of level 1 as that of the observation channels with the same name; wind speed and
-vane are read before the filters of anemometer and vane. Offsets last for an episode: those of strain gauges,
-accelerometers, positions and the wind at the nacelle (`DRIFTING`). Encoders (rotor and generator speed, azimuth, pitch)
-and electrical readings have noise and no offset. Late readings are late together, azimuth and lidar among them; the
-clock is not. Signals that no channel of the observation reads are exact, but late.
-"""
+"""instr"""
 
 from __future__ import annotations
 
@@ -17,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.base.angles import wrapped
+from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import ODD, channel_table
 
@@ -28,7 +21,54 @@ if TYPE_CHECKING:
     from wt_gym.control import Channel
     from wt_gym.turbines import Turbine
 
-__all__ = ["DRIFTING", "InstrumentTable", "Instruments"]
+__all__ = ["DRIFTING", "InstrumentTable", "Instruments", "PitchGain"]
+
+TIME_CONSTANT = 10.0
+"""Of the mean about which deviations are multiplied [s]."""
+
+
+class PitchGain:
+    """Blades that move by a factor times the deviation of their demands from the recent mean.
+
+    Parameters
+    ----------
+    gain : float
+        g [-].
+
+    Attributes
+    ----------
+    mean : float
+        Filtered mean of the demands on all blades [rad].
+    """
+
+    def __init__(self, gain: float):
+        if not gain > 0.0:
+            raise ValueError(f"the gain of the pitch must be positive, got {gain!r}")
+        self.gain, self._mean = gain, LowPass(TIME_CONSTANT)
+
+    @property
+    def mean(self) -> float:
+        """Filtered mean of the demands on all blades [rad]."""
+        return self._mean.value
+
+    def start(self, pitch: NDArray[np.float64]) -> None:
+        """Start in steady state at pitch angles [rad]."""
+        self._mean.reset(float(np.mean(pitch)))
+
+    def moved(self, demand: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+        """Angles that the drives go to for a demand on each blade in a step of length dt [rad, s]."""
+        mean = self._mean.update(float(np.add.reduce(demand)) / len(demand), dt)
+        out: NDArray[np.float64] = mean + self.gain * (demand - mean)
+        return out
+
+    def read(self, signals: Signals) -> Signals:
+        """Signals as the encoders of the blades give them; the given ones stay as they are."""
+        read = Signals(signals.values.copy(), signals.n_blades)
+        for name in ("pitch", "pitch_command"):
+            read.set(name, self.mean + (signals[name] - self.mean) / self.gain)
+        read.set("pitch_rate", signals["pitch_rate"] / self.gain)
+        return read
+
 
 WIND_SPEED = "wind_speed"
 DRIFTING = (
@@ -46,10 +86,9 @@ class InstrumentTable:
 
     Parameters
     ----------
-    turbine : Turbine
     channels : mapping
         Channel of the observation by the name of the signal that it reads, "wind_speed" and the means of the blades
-        (``root_flap_moment_mean``) among them (`wt_gym.envs.observable.Observable.of_signals`).
+        (``root_flap_moment_mean``) among them (`wt_gym.envs.channels.Observable.of_signals`).
     lidar_noise : float
         Of a reading of the lidar [m/s].
 
@@ -104,7 +143,6 @@ class Instruments:
 
     Parameters
     ----------
-    table : InstrumentTable
     level : float
         Of the noise [-].
     delay : int

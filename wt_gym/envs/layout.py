@@ -28,7 +28,6 @@ class ObservationLayout:
 
     Attributes
     ----------
-    channels : tuple of Channel
     names : tuple of str
     low, high : numpy.ndarray, float32, shape (n,)
         Bounds of the normalized values.
@@ -76,7 +75,6 @@ class ObservationLayout:
         ----------
         observation : numpy.ndarray, shape (..., n)
             As given by the environment, not scaled any further by a wrapper.
-        name : str
 
         Returns
         -------
@@ -125,9 +123,6 @@ class EnvLayout:
 
     Attributes
     ----------
-    turbine : Turbine
-    observation : ObservationLayout
-    action : ActionMap
     control_dt : float
         [s]
     delay : int

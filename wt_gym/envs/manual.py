@@ -1,10 +1,22 @@
-"""The documentation of the environment, as ``help(WindTurbineEnv)`` shows it; that of its arguments is the options'."""
+"""The environment in words: the documentation of its class, and ten lines on one that was made."""
 
 from __future__ import annotations
 
-from wt_gym.envs.options.environment import documentation
+import textwrap
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["ARGUMENTS", "HEAD", "NOTES", "manual"]
+from wt_gym.envs.operation import OWN
+from wt_gym.envs.options import documentation
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.tasks import task_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from gymnasium.envs.registration import EnvSpec
+
+__all__ = ["ARGUMENTS", "HEAD", "NOTES", "describe", "manual"]
 
 HEAD = """A wind turbine in the wind, to be controlled by blade pitch, nacelle yaw and generator torque.
 
@@ -103,7 +115,7 @@ the tower base, mean, tilt and yaw of any signal of the blades, for example ``"r
 ``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more; with ``sensors="all"`` the base
 controller reads the same instruments. ``sensor_washout`` passes loads, deflections and accelerations, but not
 tilt and yaw of flapwise ones, through a high-pass filter, after which their offset is zero. ``variation`` draws
-plant, sensors and wind for every episode, ``fault_kinds`` what breaks in it (`wt_gym.envs.fault_draws`).
+plant, sensors and wind for every episode, ``fault_kinds`` what breaks in it (`wt_gym.envs.faults`).
 ``env.unwrapped.layout`` holds names, units, scales and ranges for every turbine and choice of arguments;
 `wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
 
@@ -143,7 +155,7 @@ than the penalty; and without a discount an idling turbine, feathered and withou
 
 In turbulence the turbine runs, by default (``start="running"``): rotor speed, pitch, generator torque, azimuth and
 the swinging tower are those of an instant of a record of the turbine under the baseline in turbulence, after winds
-like those before the start (`wt_gym.envs.running_start`). A base controller that is the baseline, or is built on
+like those before the start (`wt_gym.envs.running_record`). A base controller that is the baseline, or is built on
 it, has the memory of that instant; another one starts from its demand. The package has records of the turbines of
 the catalog, ``wt-gym record`` makes those of others, and a turbine without a record starts as with
 ``start="steady"``. With ``start="steady"``, in steady winds, gusts and winds below cut-in and above cut-out, it
@@ -185,10 +197,10 @@ Truncated: ``episode_length`` is over. Either way the environment can be reset a
 ``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
 ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
 control step and all blades), ``idle_time`` [s], for which the turbine has made no power although the wind over the
-rotor lies between cut-in and cut-out and nothing has stopped it (`wt_gym.envs.idling`), ``reward_terms`` (dict,
+rotor lies between cut-in and cut-out and nothing has stopped it (`wt_gym.envs.terminations`), ``reward_terms`` (dict,
 after a step), ``saturated`` (tuple of channel names), and for constrained learning, after a step, ``cost``, the sum
-of ``costs`` (dict, see `wt_gym.envs.costs`); with a dial, ``dial`` (dict of the present factors). After a reset with
-a ``variation``, ``variation`` (dict of what was drawn), with ``fault_kinds``, ``fault`` (dict). With a
+of ``costs`` (dict, see `wt_gym.envs.terminations`); with a dial, ``dial`` (dict of the present factors). After a reset
+with a ``variation``, ``variation`` (dict of what was drawn), with ``fault_kinds``, ``fault`` (dict). With a
 ``power_reference``, ``demanded_power`` [W]; with a voltage dip, ``grid_voltage`` over nominal; with a supervisor,
 ``state`` (text, of `wt_gym.control.controllers.STATES`).
 ``env.unwrapped.signals`` has every signal of the simulator.
@@ -238,3 +250,112 @@ def manual() -> str:
     """Give the documentation of the class."""
     parameters = f"Parameters\n----------\n{documentation('')}\n"
     return f"{HEAD}\n## Arguments\n{ARGUMENTS}\n{parameters}{_ATTRIBUTES}\nNotes\n-----{NOTES}"
+
+
+_WIDTH, _INDENT = 120, 14
+
+
+def describe(env: Any, spec: EnvSpec | None, count: int = 1) -> str:
+    """Text about an environment, of about ten lines; nothing is simulated for it.
+
+    Parameters
+    ----------
+    spec : EnvSpec or None
+        Definition that it or its vector environment was made of.
+    count : int
+        Number of turbines.
+    """
+    rows = [
+        ("task", ("" if count == 1 else f"{count} turbines, ") + _task(env, spec)),
+        ("turbine", _turbine(env)),
+        ("wind", _wind(env)),
+        ("controller", _controller(env)),
+        ("conditions", _conditions(env)),
+        ("actions", _actions(env)),
+        ("observations", f"{len(env.layout.observation)}: {_short(env.layout.observation.names)}"),
+        ("reward", ", ".join(term.name for term in env.reward_terms)),
+        ("episode", _episode(env)),
+    ]
+    return "\n".join(_row(name, text) for name, text in rows if text)
+
+
+def _row(name: str, text: str) -> str:
+    """Name and text, which continues below its own beginning."""
+    first, rest = f"{name:{_INDENT}}", " " * _INDENT
+    return textwrap.fill(text, _WIDTH, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
+
+
+def _task(env: Any, spec: EnvSpec | None) -> str:
+    """Id with the goal of its task; the class where there is no id."""
+    if spec is None:
+        return type(env).__name__
+    task = task_of(spec.id)
+    return spec.id if task is None else f"{spec.id}: {task.goal}"
+
+
+def _turbine(env: Any) -> str:
+    turbine = env.turbine
+    return (
+        f"{turbine.title}, {turbine.drivetrain.rated_power / 1e6:.4g} MW, rotor {turbine.rotor_diameter:.4g} m, hub "
+        f"{turbine.hub_height:.4g} m"
+    )
+
+
+def _wind(env: Any) -> str:
+    low, high = env.wind.speeds
+    speeds = f"{low:.4g} m/s" if low == high else f"{low:.4g} to {high:.4g} m/s"
+    return f"{env.wind.label}, {speeds} at hub height"
+
+
+def _controller(env: Any) -> str:
+    """Base controller, where one runs: its name, or the class of an object."""
+    if env.controller is None:
+        return "none: the actions are the demands"
+    base = env.options.controller.base
+    name = base if isinstance(base, str) else type(env.controller).__name__
+    return f"{name}, {'changed by the actions' if env.layout.action.mode == 'residual' else 'beside the actions'}"
+
+
+def _conditions(env: Any) -> str:
+    """Faults, variation, power reference and dial, where there are any."""
+    options = env.options
+    parts = [
+        "" if options.faults.kinds is None else f"faults: {', '.join(options.faults.kinds)}",
+        f"variation: {', '.join(options.variation.varies)}" if options.variation.varies else "",
+        "" if options.grid.reference is None else "a power reference",
+        "" if options.dial.weights is None else "a dial on the weights of the reward",
+    ]
+    return "; ".join(part for part in parts if part)
+
+
+def _actions(env: Any) -> str:
+    action = env.layout.action
+    units = set(action.units)
+    names = [
+        name if len(units) == 1 else f"{name} [{unit}]" for name, unit in zip(action.names, action.units, strict=True)
+    ]
+    unit = f" [{units.pop()}]" if len(units) == 1 else ""
+    return f"{action.size}, {action.mode}, every {env.control_dt:g} s: {', '.join(names)}{unit}"
+
+
+def _short(names: Iterable[str]) -> str:
+    """Names in a line, neighbors that differ by their last word alone as one: ``pitch_1/2/3``."""
+    parts: list[str] = []
+    before = None
+    for name in names:
+        stem, _, last = name.rpartition("_")
+        if stem and stem == before:
+            parts[-1] += f"/{last}"
+        else:
+            parts.append(name)
+        before = stem
+    return ", ".join(parts)
+
+
+def _episode(env: Any) -> str:
+    longest = env.length.longest(env.spec, env.outer_steps)
+    length = "without a limit of time" if longest is None else f"{longest:g} s"
+    choice = env.options.simulator
+    name = choice if isinstance(choice, str) else choice["name"] if isinstance(choice, Mapping) else "your own"
+    simulator = "" if name == OWN else f", simulator {name}"
+    return f"{length}, start {env.options.start}, fidelity {fidelity_of(env.fidelity).name}{simulator}"

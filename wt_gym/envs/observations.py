@@ -1,10 +1,10 @@
-"""The observation: which quantities an agent measures, over which range and scale, with noise, delay and memory."""
+"""The observation: options, and the observer, which measures with noise, delay, washout and memory."""
 
 from __future__ import annotations
 
-import copy
 import math
 from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
@@ -12,112 +12,158 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from wt_gym.base.angles import wrapped
+from wt_gym.base.options import Options, as_tuple, option, option_record, shown
 from wt_gym.control import Lidar
 from wt_gym.control.controllers.tsr_tracking import WindEstimator
-from wt_gym.envs.arguments import shown
+from wt_gym.envs.channels import (
+    DEFAULT_GROUPS,
+    Computed,
+    FromSignals,
+    InFixedFrame,
+    Observable,
+    Observed,
+    Sensors,
+    Situation,
+)
 from wt_gym.envs.layout import ObservationLayout
-from wt_gym.envs.observable import DEFAULT_GROUPS, OBSERVATION_GROUPS, RESIDUAL_GROUPS, Observable
 from wt_gym.envs.observation_kernels import read_signals
-from wt_gym.envs.options.observations import MOST_READINGS
-from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext, Observed, Sensors
+from wt_gym.envs.terms import Stateful
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from wt_gym.control import ActionMap
-    from wt_gym.control.controllers.additions import ResidualPitch, YawByDeadBand
-    from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
-    from wt_gym.control.controllers.supervisor import Supervisor
-    from wt_gym.envs.readers import Quantity
-    from wt_gym.envs.start import Trail
+    from wt_gym.envs.running_record import Trail
     from wt_gym.turbines import Turbine
 
-__all__ = ["DEFAULT_GROUPS", "MOST_READINGS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observer"]
+__all__ = ["MOST_READINGS", "ObservationOptions", "Observer"]
 
-_MEMORY = ("_sensors", "_readings", "_lasting")
+MOST_READINGS = 1000
+"""Most readings in an observation, and most control steps by which they are late: 200 s at the usual step of 0.2 s."""
 
 
-class Observer:
-    """Turns what is the case into observations.
+def _checked_lidar(lidar: Any) -> Lidar:
+    if not isinstance(lidar, Lidar):
+        raise ValueError(f"must be a wt_gym.control.Lidar or None, got {shown(lidar)}")
+    return lidar
+
+
+@option_record
+class ObservationOptions(Options):
+    """Channels of an observation, and how sensors read them."""
+
+    title = "observations"
+    objects = {"lidar": Lidar}  # noqa: RUF012 - of the class, as its base says
+
+    channels: str | tuple[str, ...] | None = option(
+        "Groups and channels to observe, in any order, or one; default: those of the action mode, see above",
+        default=None,
+        flat="observation",
+        kind="str or sequence of str, optional",
+        check=as_tuple,
+    )
+    noise: float = option(
+        "Level of white measurement noise: 0 none, 1 typical instruments",
+        default=0.0,
+        flat="sensor_noise",
+        unit="-",
+        low=0.0,
+    )
+    delay: float = option(
+        f"Time by which readings are late, a multiple of ``control_dt`` and at most {MOST_READINGS} of them; with "
+        '``sensors="all"`` of the simulator\'s step',
+        default=0.0,
+        flat="sensor_delay",
+        unit="s",
+        low=0.0,
+    )
+    washout: float | None = option(
+        "Time constant of a first-order high-pass filter on loads, deflections and accelerations: what lasts of them, "
+        "as the offset of a strain gauge or the difference of two simulators, is not observed. Tilt and yaw of "
+        "flapwise moments and tip deflections do not pass it. An episode starts with the mean of the time before, "
+        "where that is recorded",
+        default=None,
+        flat="sensor_washout",
+        unit="s",
+        low=0.0,
+        above=True,
+    )
+    history: int = option(
+        "Readings in an observation: the present one, then those of the steps before",
+        default=1,
+        low=1,
+        high=MOST_READINGS,
+    )
+    sensors: str | None = option(
+        "Whose readings are noisy, late and shifted: the agent's alone, channel by channel, or one set of readings at "
+        "every step of the simulator, which the base controller and its lidar read too, as on a turbine "
+        '(`wt_gym.envs.instruments`). Default: "all" with a variation of plant, sensors or wind, else "agent"',
+        default=None,
+        choices=("agent", "all"),
+    )
+    lidar: Lidar | None = option(
+        'Ranges and cone of the group "lidar", a mapping has the arguments of `wt_gym.control.Lidar`, with '
+        "``apart=True`` for a channel of each beam. Where the base controller reads a lidar, all else must be as "
+        "there; default: the lidar that the base controller reads, if it does, else `wt_gym.control.Lidar.for_rotor`",
+        default=None,
+        kind="Lidar or mapping, optional",
+        check=_checked_lidar,
+    )
+
+
+class Observer(Stateful):
+    """Turns the situation after a step into an observation.
 
     Parameters
     ----------
-    turbine : Turbine
     action : ActionMap
         Collective maps give one pitch, others one a blade.
+    operation : wt_gym.envs.operation.Operation
+        With the base controller, whose states can then be observed; or an object with its readings and set points.
     choice : sequence of str
-        Groups (`OBSERVATION_GROUPS`) and single channels, in any order; groups come in the order of that tuple, then
-        single channels as named.
+        Groups (`wt_gym.envs.channels.OBSERVATION_GROUPS`) and single channels, in any order; groups come in the order
+        of that tuple, then single channels as named.
     noise_level : float
         Factor on the noise of every sensor; zero for none.
     delay : int
         Control steps by which every reading is late, up to `MOST_READINGS`.
-    history : int
-        Readings in an observation, up to `MOST_READINGS`: this one, then those before it.
-    lidar : Lidar, optional
-    residual : ResidualPitch, optional
-        What residual pitch passes, if anything; what acts of it can then be observed.
-    washout : float, optional
-        Time constant of the high-pass filter on loads, deflections and accelerations [s].
-    yaw_drive : YawByDeadBand, optional
-        Dead-band control of the base controller, whose state can then be observed.
-    linear : LinearOptimalPitch, optional
-        That of the base controller, if it has one; what it knows of the disturbances can then be observed.
-    supervisor : Supervisor, optional
-        That of the base controller, if it has one; its state can then be observed.
-    follows_power : bool
-        Whether a grid operator asks for a power, which can then be observed.
-    has_dial : bool
-        Whether there is a dial, which can then be observed.
+    features : mapping
+        Channels of features by the group that they make.
 
     Attributes
     ----------
-    sees_lidar : bool
-        Whether there is a channel of the lidar.
-    sees_disturbances : bool
-        Whether there is a channel of the disturbances.
     washed : tuple of str
         Channels behind the high-pass filter.
 
     Raises
     ------
     ValueError
-        If a group or channel is unknown or none is given, or noise, delay or history is out of range.
+        If a group or channel is unknown or none is given, or the delay is too long.
     """
+
+    remembered = ("_sensors", "_readings", "_lasting")
 
     def __init__(
         self,
         turbine: Turbine,
         action: ActionMap,
+        operation: Any,
+        options: ObservationOptions,
         choice: Sequence[str] = DEFAULT_GROUPS,
         noise_level: float = 0.0,
         delay: int = 0,
-        history: int = 1,
-        lidar: Lidar | None = None,
-        residual: ResidualPitch | None = None,
-        washout: float | None = None,
-        yaw_drive: YawByDeadBand | None = None,
-        linear: LinearOptimalPitch | None = None,
-        supervisor: Supervisor | None = None,
-        follows_power: bool = False,
-        has_dial: bool = False,
+        features: Mapping[str, list[Observed]] | None = None,
     ):
-        if not 0.0 <= noise_level < math.inf:
-            raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
-        if not 1 <= history <= MOST_READINGS or history != int(history):
-            raise ValueError(f"history must be a whole number of readings, 1 to {MOST_READINGS}, got {history!r}")
         if not 0 <= delay <= MOST_READINGS:
             raise ValueError(f"sensor_delay must be 0 to {MOST_READINGS} control steps, got {delay}")
-        if lidar is not None and not isinstance(lidar, Lidar):
-            raise ValueError(f"lidar must be a wt_gym.control.Lidar or None, got {shown(lidar)}")
-        self._turbine, self._noise_level = turbine, noise_level
-        self._delay, self._history = int(delay), int(history)
-        self.lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
+        self._turbine, self._operation, self._noise_level = turbine, operation, noise_level
+        self._delay, self._history, self._washout = int(delay), options.history, options.washout
+        controller, residual = operation.controller, operation.residual
         self.groups, observed = Observable(
-            turbine, action, self.lidar, residual, washout, yaw_drive, linear, supervisor, follows_power, has_dial
-        ).choose(choice)
+            turbine, action, features, controller, residual, options.washout
+        ).choose(choice)  # fmt: skip
         channels = [one.channel for one in observed]
         layers = [channels] + [
             [replace(c, name=f"{c.name}@{k}", description=f"{c.description}, {k} steps ago") for c in channels]
@@ -127,7 +173,6 @@ class Observer:
         turning = EVEN if turbine.rotation == "clockwise" else ODD
         # that of the image, of the same random numbers
         self._noise = np.array([c.noise * (turning if c.parity == ODD else EVEN) for c in channels])
-        self._washout = washout
         self._prepare(observed)
 
     def _prepare(self, observed: list[Observed]) -> None:
@@ -142,90 +187,102 @@ class Observer:
         self._cyclic_at, self._cyclic_part, first = np.array(cyclic, dtype=np.int64).reshape(-1, 3).T.copy()
         self._cyclic_from = first[:, None] + np.arange(self._turbine.n_blades)
         computed = [(k, reader) for k, reader in read if isinstance(reader, Computed)]
-        self._functions = [(k, reader.function, reader.index) for k, reader in computed]
-        needs = {reader.needs for _, reader in computed}
-        self.sees_lidar, self.sees_disturbances = "lidar" in needs, "disturbances" in needs
+        self._single = [(k, reader.function) for k, reader in computed if reader.index is None]
+        several = [(k, reader.function, reader.index) for k, reader in computed if reader.index is not None]
+        self._several = [  # each function is called once
+            (function, [(k, place) for k, other, place in several if other == function])
+            for function in dict.fromkeys(function for _, function, _ in several)
+        ]
         # another turbine's table takes a while to make
-        self._sensors = Sensors(WindEstimator.of_turbine(self._turbine) if "estimator" in needs else None)
+        estimates = any(reader.estimates for _, reader in computed)
+        self._sensors = Sensors(WindEstimator.of_turbine(self._turbine) if estimates else None)
+        self._situation = Situation(self._operation, self._sensors)
         self._directions = [k for k, one in enumerate(observed) if one.circular]
         self._size = len(observed)
         self.washed = tuple(one.channel.name for one in observed if one.washed)
         self._washed = np.array([k for k, one in enumerate(observed) if one.washed], dtype=np.int64)
         self._means = [_mean_reader(observed[k]) for k in self._washed.tolist()]
 
-    def memory(self) -> dict[str, Any]:
-        """Give what the sensors remember within an episode, a copy, for `recall`."""
-        return copy.deepcopy({name: self.__dict__[name] for name in _MEMORY})
-
-    def recall(self, memory: dict[str, Any]) -> None:
+    def recall(self, memory: Mapping[str, Any]) -> None:
         """Continue with a memory."""
-        self.__dict__.update(copy.deepcopy(memory))
+        super().recall(memory)
+        self._situation.sensors = self._sensors
 
     # ---- readings ----
 
-    def reset(self, context: ObservationContext, trail: Trail | None = None, offsets: np.ndarray | None = None) -> None:
+    def reset(self, action: np.ndarray, trail: Trail | None = None) -> None:
         """Start the filters in steady state.
 
         Parameters
         ----------
-        context : ObservationContext
+        action : numpy.ndarray, shape (n_act,)
+            Before the first one.
         trail : Trail, optional
             Earlier signals, whose means the washout takes.
-        offsets : numpy.ndarray, shape (n_signals,), optional
-            Of the sensors, in the units of the signals.
         """
-        self._sensors.reset(context.signals)
-        context = replace(context, offsets=offsets)
-        self._lasting = self._means_before(context, trail) if len(self._washed) else np.empty(0)
+        situation, operation = self._situation, self._operation
+        situation.signals, situation.action = operation.readings(), action
+        situation.offsets = None if operation.instruments is None else operation.instruments.offset
+        self._sensors.reset(situation.signals)
+        self._lasting = self._means_before(trail) if len(self._washed) else np.empty(0)
         self._readings: deque[np.ndarray] = deque(maxlen=self._delay + self._history)
 
-    def _means_before(self, context: ObservationContext, trail: Trail | None) -> np.ndarray:
-        """What lasts of the washed channels at the start (n_washed,): means weighted as the filter weighs.
+    def _means_before(self, trail: Trail | None) -> np.ndarray:
+        """Means of the washed channels at the start (n_washed,), weighted as the filter weighs.
 
         A channel that the trail does not hold starts from what is measured now.
         """
-        present = self._means_of(context)
+        situation, now = self._situation, self._situation.signals
+        present = self._means_now()
         if trail is None or not len(trail.signals):
             return present
-        n_blades = context.signals.n_blades
-        read = trail.signals if context.offsets is None else trail.signals + context.offsets
-        rows = [replace(context, signals=Signals(row, n_blades)) for row in read]
-        means = np.array([self._means_of(row) for row in rows])
+        read = trail.signals if situation.offsets is None else trail.signals + situation.offsets
+        rows = []
+        for row in read:
+            situation.signals = Signals(row, now.n_blades)
+            rows.append(self._means_now())
+        situation.signals = now
+        means = np.array(rows)
         ages = trail.spacing * np.arange(len(rows), 0, -1)
         weights = np.exp(-ages / cast("float", self._washout))
         found = weights @ means / weights.sum()
         return np.where(np.isfinite(found), found, present)
 
-    def _means_of(self, context: ObservationContext) -> np.ndarray:
-        """Washed channels in a situation (n_washed,), of a blade as the mean of the blades."""
-        values = self._read(context)[self._washed]
+    def _means_now(self) -> np.ndarray:
+        """Washed channels in the situation (n_washed,), of a blade as the mean of the blades."""
+        values = self._read()[self._washed]
         for k, mean in enumerate(self._means):
             if mean is not None:
-                values[k] = mean(self._sensors, context)
+                values[k] = mean(self._situation)
         return values
 
-    def _read(self, context: ObservationContext) -> np.ndarray:
+    def _read(self) -> np.ndarray:
         """Physical values of all channels (n_own,)."""
-        values, signals = np.empty(self._size), context.signals
+        situation = self._situation
+        values, signals = np.empty(self._size), situation.signals
         read_signals(
             signals.values, self._from, self._at, self._cyclic_from, self._cyclic_part, signals["azimuth"],
             self._cyclic_at, values,
         )  # fmt: skip
-        sensors = self._sensors
-        for k, function, index in self._functions:
-            values[k] = function(sensors, context, index)
+        for k, function in self._single:
+            values[k] = function(situation)
+        for function, places in self._several:
+            several = function(situation)
+            for k, place in places:
+                values[k] = several[place]
         return values
 
-    def advance(self, signals: Signals, dt: float) -> None:
-        """Let the filters take the signals of a step of length ``dt`` [s]."""
-        self._sensors.advance(signals, dt)
+    def advance(self, dt: float) -> None:
+        """Let the filters take the readings of a step of length ``dt`` [s]."""
+        self._sensors.advance(self._operation.readings(), dt)
 
-    def observe(self, context: ObservationContext, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
+    def observe(self, action: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
         """Measure once a control step.
 
         Parameters
         ----------
-        context : ObservationContext
+        action : numpy.ndarray, shape (n_act,)
+            That led here.
         rng : numpy.random.Generator
             Source of the measurement noise.
 
@@ -235,7 +292,8 @@ class Observer:
         saturated : tuple of str
             Sensors at the end of their range.
         """
-        values = self._read(context)
+        self._situation.signals, self._situation.action = self._operation.readings(), action
+        values = self._read()
         if self._noise_level > 0:
             values += self._noise_level * self._noise * rng.standard_normal(self._size)
             for k in self._directions:
@@ -257,7 +315,7 @@ class Observer:
         values[self._washed] = found - self._lasting
 
 
-def _mean_reader(observed: Observed) -> Callable[[Sensors, ObservationContext], float] | None:
+def _mean_reader(observed: Observed) -> Callable[[Situation], float] | None:
     """Reader of the mean that a washed channel starts from; None: of the channel itself."""
     name, reader = observed.channel.name, observed.reader
     stem, _, number = name.rpartition("_")
@@ -270,17 +328,16 @@ def _mean_reader(observed: Observed) -> Callable[[Sensors, ObservationContext], 
     return partial(_mean_of_blades, cast("Computed", reader).function)
 
 
-def _offset(name: str, _: Sensors, context: ObservationContext) -> float:
-    """Of a sensor whose true mean is zero."""
-    if context.offsets is None:
+def _offset(name: str, situation: Situation) -> float:
+    """Offset of a sensor whose true mean is zero."""
+    if situation.offsets is None:
         return 0.0
-    return float(Signals(context.offsets, context.signals.n_blades)[name])
+    return float(Signals(situation.offsets, situation.signals.n_blades)[name])
 
 
-def _mean_of_signal(name: str, _: Sensors, context: ObservationContext) -> float:
-    return float(context.signals[name].mean())
+def _mean_of_signal(name: str, situation: Situation) -> float:
+    return float(situation.signals[name].mean())
 
 
-def _mean_of_blades(function: Quantity, sensors: Sensors, context: ObservationContext) -> float:
-    n_blades = context.signals.n_blades
-    return sum(function(sensors, context, b) for b in range(n_blades)) / n_blades
+def _mean_of_blades(function: Callable[[Situation], Sequence[float]], situation: Situation) -> float:
+    return sum(function(situation)) / situation.signals.n_blades

@@ -1,4 +1,4 @@
-"""The power that a grid operator asks for: drawn courses, and those of the user.
+"""The power that a grid operator asks for: options, drawn courses and those of the user, channels, reward term.
 
 A drawn course is a level, over the power that the mean wind of the episode allows (at most rated), and what moves
 about it by no more than a span:
@@ -18,24 +18,35 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 
-from wt_gym.envs.options.grid import checked_reference
-from wt_gym.envs.rewards.power import available_power
+from wt_gym.base.errors import did_you_mean
+from wt_gym.base.options import Options, as_pair, option, option_record, options_of, shown
+from wt_gym.control import Channel
+from wt_gym.control.design import rotor_inertia
+from wt_gym.envs.channels import Computed, Observed
+from wt_gym.envs.power import available_power, efficiency
+from wt_gym.envs.terms import Term
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Self
-
-    from wt_gym.envs.options.grid import GridOptions
+    from wt_gym.envs.channels import Situation
+    from wt_gym.envs.operation import Operation
+    from wt_gym.envs.terms import Request, Transition
     from wt_gym.envs.wind_sampler import EpisodeWind
+    from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
-__all__ = ["AHEAD", "DRAWN", "RAMP_RATE", "PowerReference", "PowerReferenceDraws"]
+__all__ = [
+    "AHEAD", "DRAWN", "RAMP_RATE", "REFERENCE_KINDS", "GridOptions", "PowerReference", "PowerReferenceTerm",
+    "PowerTracking", "regulation_signal",
+]  # fmt: skip
 
 AHEAD = (2.0, 5.0, 10.0)
 """Times for which the reference is known in advance [s]: a schedule, not a regulation signal, is."""
@@ -51,6 +62,101 @@ FAST, SLOW = 2.0 * math.pi / 60.0, 2.0 * math.pi / 900.0
 """Corner frequencies of a regulation signal [rad/s]: of its low-pass and its high-pass filter."""
 _DEVIATION = 0.5
 """Standard deviation of a regulation signal before it is cut off, over the span [-]."""
+REFERENCE_KINDS = ("reserve", "steps", "ramps", "regulation")
+"""Courses of the power reference that are drawn for each episode."""
+MOVING_KINDS = ("steps", "ramps", "regulation")
+"""Those of them that have a span."""
+LEAST_LEVEL = 0.2
+"""Least power that is asked for, over what the mean wind allows [-]."""
+_ROUNDING = 1e-9
+
+
+def _checked_reference(reference: Any) -> Any:
+    """Choice of courses: names as a tuple, a path as it is, rows as a tuple of pairs."""
+    if isinstance(reference, os.PathLike) or (isinstance(reference, str) and reference.endswith(".csv")):
+        return os.fspath(reference)
+    names = (reference,) if isinstance(reference, str) else reference
+    allowed = (
+        f"must be among {', '.join(REFERENCE_KINDS)}, a .csv file, or finite rows of time [s] that does not fall and "
+        "power [W], got "
+    )
+    if isinstance(names, list | tuple) and len(names) and all(isinstance(name, str) for name in names):
+        if wrong := [name for name in names if name not in REFERENCE_KINDS]:
+            raise ValueError(f"{allowed}{wrong[0]!r}{did_you_mean(wrong[0], REFERENCE_KINDS)}")
+        return tuple(names)
+    try:
+        rows = np.asarray(reference, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        rows = np.empty(0)
+    if rows.ndim != 2 or rows.shape[0] < 1 or rows.shape[1] != 2 or not np.isfinite(rows).all():
+        raise ValueError(allowed + shown(reference))
+    if (np.diff(rows[:, 0]) < 0.0).any():
+        raise ValueError(allowed + shown(reference))
+    if (least := float(rows[:, 1].min())) <= 0.0:
+        raise ValueError(
+            f"must have powers above 0 W, got {least:g} W: controllers follow a demand no lower than 20 % of rated "
+            "power, and 0 in record 13 of the Bladed interface means that nothing is demanded"
+        )
+    return tuple(map(tuple, rows.tolist()))
+
+
+@option_record
+class GridOptions(Options):
+    """Demand of a grid operator: a power reference, see `wt_gym.envs.power_reference`."""
+
+    title = "grid"
+    switch = "reference"
+
+    reference: str | os.PathLike[str] | Sequence[Any] | np.ndarray | None = option(
+        'Power that is asked for. ``"reserve"``, a constant one; ``"steps"``, ``"ramps"``; ``"regulation"``, a '
+        "band-limited signal of an automatic generation control; several of them: each episode draws one; or "
+        "your own course: rows of time [s] and positive power [W] with linear interpolation and the ends held, as an "
+        "array or as a CSV file (``.csv``). None: nothing is asked for",
+        default=None,
+        flat="power_reference",
+        kind="str, path, sequence or array, optional",
+        check=_checked_reference,
+    )
+    level: float | tuple[float, float] = option(
+        "Mean of a drawn course over the power that the mean wind of the episode allows, at most rated power; a range "
+        "is drawn from",
+        default=(0.8, 0.9),
+        flat="power_reference_level",
+        unit="-",
+        low=LEAST_LEVEL,
+        high=1.0,
+        check=as_pair,
+    )
+    span: float = option(
+        "Greatest deviation of a drawn course from its mean, over the same power; the course stays within "
+        f"{LEAST_LEVEL:g} and 1",
+        default=0.1,
+        flat="power_reference_span",
+        unit="-",
+        low=0.0,
+    )
+    interval: float = option(
+        "Mean time between steps, and between the beginnings of ramps",
+        default=20.0,
+        flat="power_reference_interval",
+        unit="s",
+        low=1.0,
+    )
+
+    def check(self) -> None:
+        """Refuse a span with which a course would leave its limits."""
+        self.check_span(self.reference)
+
+    def check_span(self, reference: Any) -> None:
+        """Refuse a span with which a course of a reference would leave its limits."""
+        if not isinstance(reference, tuple) or not set(reference) & set(MOVING_KINDS):
+            return
+        low, high = as_pair(self.level)
+        if low - self.span < LEAST_LEVEL - _ROUNDING or high + self.span > 1.0 + _ROUNDING:
+            raise ValueError(
+                f"power_reference_span must keep the course within {LEAST_LEVEL:g} and 1, got {self.span!r} about "
+                f"levels of {low:g} to {high:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -73,6 +179,15 @@ class PowerReference:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # never changes
+
+    @property
+    def key(self) -> Self:
+        """Tells it from others."""
+        return self
+
+    def equip(self, operation: Operation) -> None:
+        """Put it into the operation of a turbine."""
+        operation.reference = self
 
     def at(self, time: float) -> float:
         """Power at a time [W]; before the first point and behind the last one theirs."""
@@ -107,7 +222,7 @@ def _rows_of_file(path: str) -> Any:
     bad = next((line for line in lines if len(line) != 2 or not _numeric(line)), None)
     if bad is not None or not lines:
         raise ValueError(f"power_reference: {path} must hold rows of time [s] and power [W], got {bad or 'none'}")
-    return checked_reference([[float(value) for value in line] for line in lines])
+    return _REFERENCE.checked([[float(value) for value in line] for line in lines])
 
 
 def _numeric(line: list[str]) -> bool:
@@ -117,12 +232,14 @@ def _numeric(line: list[str]) -> bool:
         return False
 
 
-class PowerReferenceDraws:
-    """Draws the power reference of episodes.
+_REFERENCE = options_of(GridOptions)[0]
+
+
+class PowerReferenceTerm(Term):
+    """Power reference of an environment.
 
     Parameters
     ----------
-    turbine : Turbine
     options : GridOptions
         With a reference.
 
@@ -134,17 +251,20 @@ class PowerReferenceDraws:
         If a file has no meaning.
     """
 
+    option = "power_reference"
+
     def __init__(self, turbine: Turbine, options: GridOptions):
         self._turbine, self._options = turbine, options
-        self._given = self._choice(options.reference)
+        self._choice = self._courses(options.reference)
 
-    def _choice(self, reference: Any) -> PowerReference | tuple[str, ...]:
-        checked = checked_reference(reference)
+    def _courses(self, reference: Any) -> PowerReference | tuple[str, ...]:
+        """Course of the user, or names of those that are drawn."""
+        checked = _REFERENCE.checked(reference)
         self._options.check_span(checked)
         if isinstance(checked, str):
             checked = _rows_of_file(checked)
         if isinstance(checked[0], str):
-            return checked
+            return cast("tuple[str, ...]", checked)
         return PowerReference.of_rows(checked)
 
     def mean_share(self, wind_speed: float) -> float:
@@ -153,8 +273,8 @@ class PowerReferenceDraws:
         Of drawn courses that is the middle of the levels times what the wind allows, of a course of the user the mean
         of its powers, whatever the wind.
         """
-        if isinstance(self._given, PowerReference):
-            mean = float(np.mean(self._given.powers))
+        if isinstance(self._choice, PowerReference):
+            mean = float(np.mean(self._choice.powers))
         else:
             mean = float(np.mean(self._options.level)) * self._full(wind_speed)
         return mean / self._turbine.drivetrain.rated_power
@@ -163,8 +283,13 @@ class PowerReferenceDraws:
         """What a mean wind [m/s] allows, never nothing: a demand of 0 W is none in the Bladed interface [W]."""
         return available_power(self._turbine, max(wind_speed, LEAST_WIND))
 
-    def draw(self, rng: np.random.Generator, wind: EpisodeWind, chosen: Any = None) -> PowerReference:
-        """Draw the reference of an episode.
+    def draw(self, request: Request) -> None:
+        """Draw the reference of an episode."""
+        choice = request.options.get(self.option)
+        request.drawn["power_reference"] = self.drawn(request.rng, request.wind, choice)
+
+    def drawn(self, rng: np.random.Generator, wind: EpisodeWind, choice: Any = None) -> PowerReference:
+        """Reference of an episode.
 
         Parameters
         ----------
@@ -172,22 +297,22 @@ class PowerReferenceDraws:
             One number is drawn of it, whatever the kind.
         wind : EpisodeWind
             Its seed and speed decide too: the same random numbers give another reference in another wind.
-        chosen : object, optional
+        choice : object, optional
             In place of the reference of the options.
 
         Raises
         ------
         ValueError
-            If what is chosen has no meaning.
+            If the choice has no meaning.
         """
         seed = int(rng.integers(2**63))
-        given = self._given if chosen is None else self._choice(chosen)
-        if isinstance(given, PowerReference):
-            return given
+        courses = self._choice if choice is None else self._courses(choice)
+        if isinstance(courses, PowerReference):
+            return courses
         own = np.random.default_rng((seed, max(wind.wind_seed, -1) + 1, round(1e3 * float(wind.wind_speed))))
-        kind = given[int(own.integers(len(given)))]
+        kind = courses[int(own.integers(len(courses)))]
         full = self._full(float(wind.wind_speed))
-        low, high = cast("tuple[float, float]", self._options.level)
+        low, high = as_pair(self._options.level)
         level, span = full * own.uniform(low, high), full * self._options.span
         times, shares = self._course(kind, own, span)
         return PowerReference(kind, tuple(times), tuple((level + span * np.asarray(shares)).tolist()))
@@ -215,13 +340,64 @@ class PowerReferenceDraws:
             shares.append(level)
         return times, shares
 
+    def groups(self) -> dict[str, list[Observed]]:
+        """Demand, error and stores of energy, all of which a controller knows; the forecast of a schedule apart."""
+        turbine, drive = self._turbine, self._turbine.drivetrain
+        rated = drive.rated_power
+        half, factor = 0.5 * rotor_inertia(turbine), available_power(turbine, 1.0)
+        full = half * drive.rated_rotor_speed**2
+        demanded = ("W", 0.8 * rated, 0.15 * rated, 0.0, 2 * rated, 0.0)
+        rows: tuple[tuple[Channel, Any], ...] = (
+            (Channel("demanded_power", *demanded, "power that is asked for"), Computed(demanded_power, 0)),
+            (
+                Channel("power_error", "W", 0.0, 0.05 * rated, -2 * rated, 2 * rated, 5e-3 * rated,
+                        "electrical power less what is asked for"),
+                Computed(power_error),
+            ),
+            (
+                Channel("power_headroom", "W", 0.1 * rated, 0.25 * rated, -2 * rated, 2 * rated, 0.0,
+                        "power that the estimated wind allows less what is asked for"),
+                Computed(partial(power_headroom, factor, 1.5 * rated), estimates=True),
+            ),
+            (
+                Channel("rotor_energy", "J", full, 0.2 * full, 0.0, 4 * full, 2e-3 * full,
+                        "kinetic energy of rotor and generator"),
+                Computed(partial(rotor_energy, half)),
+            ),
+        )  # fmt: skip
+        forecast = [
+            Observed(
+                Channel(f"demanded_power_in_{ahead:g}_s", *demanded, f"power that is asked for in {ahead:g} s"),
+                Computed(demanded_power, k),
+            )
+            for k, ahead in enumerate(AHEAD, start=1)
+        ]
+        return {"power_reference": [Observed(*row) for row in rows], "power_forecast": forecast}
+
+
+def demanded_power(situation: Situation) -> list[float]:
+    """Power that is asked for, now and in the times `AHEAD` [W]."""
+    operation = situation.operation
+    return [operation.reference.at(operation.signals["time"] + ahead) for ahead in (0.0, *AHEAD)]
+
+
+def power_error(situation: Situation) -> float:
+    """Electrical power less what is asked for [W]."""
+    return float(situation.signals["generator_power"] - situation.operation.demanded_power)
+
+
+def rotor_energy(half_inertia: float, situation: Situation) -> float:
+    """Kinetic energy of rotor and generator [J]."""
+    return float(half_inertia * situation.signals["rotor_speed"] ** 2)
+
+
+def power_headroom(factor: float, most: float, situation: Situation) -> float:
+    """Power that the wind of the estimator allows less what is asked for [W]."""
+    return float(min(factor * situation.sensors.estimator.wind**3, most) - situation.operation.demanded_power)
+
 
 def regulation_signal(rng: np.random.Generator) -> tuple[list[float], list[float]]:
     """Draw a regulation signal.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
 
     Returns
     -------
@@ -246,3 +422,73 @@ def regulation_signal(rng: np.random.Generator) -> tuple[list[float], list[float
     deviation = math.sqrt(fast**4 * (1.0 + keep) / (1.0 - keep) ** 3)
     signal = np.clip(_DEVIATION / deviation * np.array(found[settled:]), -1.0, 1.0)
     return (REGULATION_STEP * np.arange(count)).tolist(), signal.tolist()
+
+
+class PowerTracking:
+    """Penalty on the tracking error, with the kinetic energy of the rotor as a store that is to be given back.
+
+    The rate is ``-w (sqrt(1 + x^2) - 1) - w f dF/dt / (s P_rated)`` with ``x = (P - P_demanded) / (s P_rated)`` at the
+    end of the step: quadratic for errors within the scale s, even beyond, the same above and below the reference.
+
+    - The error always counts, also where the wind allows less than what is asked for: a turbine that makes less than
+      it could loses as much for every joule then as in any lull. Being even, the penalty gives nothing for shifting
+      energy from one deficit to another, and torque that swings about the reference costs.
+    - F is how much kinetic energy of rotor and generator, times the efficiency of the drivetrain, is missing to that
+      of the start of the episode; never negative. That start may be above rated speed, where controllers hold a rotor
+      as a store: what they hold there is not to be sold either. Being a function of the state, ``F`` sums to what is
+      missing at the end: taking energy out of the rotor in a lull costs nothing if it comes back, an episode that ends
+      with a slower rotor pays f > 1 times what the deficit would have cost, and one that ends with a faster rotor gets
+      nothing for it.
+
+    Parameters
+    ----------
+    scale : float
+        s [-].
+    missing : float
+        f [-].
+    """
+
+    needs_reference = True
+
+    def __init__(self, weight: float = 0.0, scale: float = 0.05, missing: float = 1.1, name: str = "power_tracking"):
+        self.weight, self.scale, self.missing, self.name = weight, scale, missing, name
+        self._started = False
+
+    @property
+    def worst_rate(self) -> float:
+        """Lower bound of the rate [1/s].
+
+        It holds where power and demanded power lie between nothing and twice the rated power, and
+        whose rotor loses no more than that.
+        """
+        most = 2.0 / self.scale
+        return -self.weight * (math.hypot(1.0, most) - 1.0 + self.missing * most)
+
+    def reset(self, turbine: Turbine, signals: Signals) -> None:
+        """Start an episode."""
+        drivetrain = turbine.drivetrain
+        self._started = True
+        self._unit = self.scale * drivetrain.rated_power
+        self._half_inertia = 0.5 * rotor_inertia(turbine) * efficiency(turbine)
+        self._full = self._half_inertia * max(signals["rotor_speed"], 0.0) ** 2
+
+    def __call__(self, transition: Transition) -> float:
+        """Rate of reward [1/s].
+
+        Raises
+        ------
+        ValueError
+            If nothing is asked for.
+        """
+        if transition.demanded_power is None:
+            raise ValueError("the reward term power_tracking needs a power_reference, got an environment without")
+        if not self._started:
+            self.reset(transition.turbine, transition.before)
+        before, after = transition.before, transition.after
+        error = (after["generator_power"] - transition.demanded_power) / self._unit
+        grown = (self._lack(after["rotor_speed"]) - self._lack(before["rotor_speed"])) / (transition.dt * self._unit)
+        return -self.weight * (math.hypot(1.0, error) - 1.0 + self.missing * grown)
+
+    def _lack(self, rotor_speed: float) -> float:
+        """Kinetic energy that is missing [J]."""
+        return float(max(self._full - self._half_inertia * max(rotor_speed, 0.0) ** 2, 0.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -11,10 +11,13 @@ from matplotlib.figure import Figure
 
 from wt_gym.analysis.scene import Scene
 from wt_gym.base.picture_style import BLUE, GRAY, INK, plain
+from wt_gym.envs.terms import Term
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
+    from wt_gym.envs.operation import Operation
+    from wt_gym.envs.terms import Beginning, Transition
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
@@ -24,26 +27,27 @@ _WINDOW = 60.0
 _RPM = 30 / np.pi
 
 
-class Renderer:
+class Renderer(Term):
     """Draws an environment.
 
     Parameters
     ----------
-    turbine : Turbine
+    operation : Operation, optional
+        Of the environment.
     width, height : int
         Size of the picture in pixels.
     """
 
-    def __init__(self, turbine: Turbine, width: int = 960, height: int = 540):
+    def __init__(self, turbine: Turbine, operation: Operation | None = None, width: int = 960, height: int = 540):
         self._history: deque[tuple[float, ...]] = deque()
-        self._arguments = turbine, width, height
+        self._arguments = turbine, operation, width, height
         self._figure = Figure(figsize=(width / 100, height / 100), dpi=100, facecolor="white")
         self._canvas = FigureCanvasAgg(self._figure)
         self._build_scene(turbine)
         self._build_strips(turbine)
 
     def __getstate__(self) -> tuple[Any, ...]:
-        """What a copy or a pickle takes along: figures can be made again, but not all can be copied."""
+        """Leave out the figure, which can be made again, but not be copied."""
         return self._arguments, self._history
 
     def __setstate__(self, kept: tuple[Any, ...]) -> None:
@@ -52,9 +56,14 @@ class Renderer:
         Renderer.__init__(self, *arguments)
         self._history.extend(history)
 
-    def reset(self) -> None:
-        """Forget the course of the signals."""
+    def begin(self, _: Beginning) -> None:
+        """Start with the first signals of an episode."""
         self._history.clear()
+        self.record(cast("Operation", self._arguments[1]).signals)
+
+    def follow(self, transition: Transition) -> None:
+        """Take the signals after a step."""
+        self.record(transition.after)
 
     def record(self, signals: Signals) -> None:
         """Take the signals of an instant."""
@@ -66,13 +75,15 @@ class Renderer:
         while self._history[0][0] < row[0] - _WINDOW:
             self._history.popleft()
 
-    def memory(self) -> tuple[tuple[float, ...], ...]:
+    def memory(self) -> dict[str, Any]:
         """Give the course of the signals, for `recall`."""
-        return tuple(self._history)
+        return {"history": tuple(self._history)}
 
-    def recall(self, memory: Iterable[tuple[float, ...]]) -> None:
-        """Continue with a course of the signals."""
-        self._history = deque(memory)
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Continue with a course of the signals; without one the present signals begin it."""
+        self._history = deque(memory.get("history", ()))
+        if not self._history:
+            self.record(cast("Operation", self._arguments[1]).signals)
 
     def draw(self, geometry: Mapping[str, np.ndarray] | None) -> np.ndarray:
         """Draw the turbine and the recorded signals.

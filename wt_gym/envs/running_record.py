@@ -1,4 +1,4 @@
-"""Records of a turbine that runs under a controller in turbulence, and the instants of them that fit a wind.
+"""Start of a running turbine: instants of records of it under a controller in turbulence that fit the wind.
 
 With w the means of the rotor-effective wind over the windows `WINDOWS` before an instant, a linear fit z = B w + c of
 the instants at a wind speed tells how much of the motion z (`FOLLOWS`) the wind explains. Candidates are the instants
@@ -14,43 +14,172 @@ import copy
 import itertools
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from wt_gym.control import Demand
 from wt_gym.control.controllers import WithDemandedPower, checked_demand, readings_of
-from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of
+from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of, remember
 from wt_gym.control.operating_point import starting_point
 from wt_gym.control.sensors import to_blades, to_fixed_frame
-from wt_gym.envs.rewards import AVERAGED
-from wt_gym.envs.start import ControllerMemory, Start, Trail, kind_of
+from wt_gym.envs.fatigue import AVERAGED
 from wt_gym.simulation import Signals, Simulator
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, parities
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from wt_gym.control import Demand
     from wt_gym.control.controllers import Controller, Readings
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "PLAN",
-    "WINDOWS",
-    "ControllerForm",
-    "Instants",
-    "Record",
-    "RecordingPlan",
-    "RowLayout",
-    "StartRecorder",
-    "rotor_wind",
-    "time_scale",
+    "PLAN", "WINDOWS", "ControllerForm", "Instants", "Record", "RecordingPlan", "RowLayout", "Start",
+    "StartRecorder", "Trail", "kind_of", "rotor_wind", "time_scale",
 ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Trail:
+    """Signals at times before the start of an episode, the latest last.
+
+    Attributes
+    ----------
+    signals : numpy.ndarray, shape (n_times, n_channels)
+        Not a number where a signal is not recorded.
+    spacing : float
+        Between the times, and from the last one to the start [s].
+    """
+
+    signals: np.ndarray
+    spacing: float
+
+
+@dataclass(frozen=True)
+class ControllerMemory:
+    """Memory of a controller that ran before the start of an episode.
+
+    Attributes
+    ----------
+    kind : str
+        Module and name of its class.
+    memory : Memory
+        Parameters included.
+    changing : numpy.ndarray, shape (n_parts,), bool
+        Parts that are no parameters.
+    """
+
+    kind: str
+    memory: Memory
+    changing: NDArray[np.bool_]
+
+    def put(self, controller: Controller) -> None:
+        """Put it into a controller of that kind and with those parameters, or into such a base of it; into no other."""
+        inner: Any = controller
+        while inner is not None and kind_of(inner) != self.kind:
+            inner = getattr(inner, "base", None)
+        if inner is None:
+            return
+        values, sizes = memory_of(inner)
+        if not np.array_equal(sizes, self.memory.sizes):
+            return
+        # a number that the first step sets, as the step of a filter, is none before
+        fixed = np.repeat(~self.changing, sizes) & ~np.isnan(values)
+        if np.allclose(values[fixed], self.memory.values[fixed], rtol=1e-6, atol=0.0, equal_nan=True):
+            remember(inner, self.memory, self.changing)
+
+
+def kind_of(controller: Controller) -> str:
+    """Module and name of the class of a controller."""
+    return f"{type(controller).__module__}.{type(controller).__qualname__}"
+
+
+@dataclass(frozen=True)
+class Start:
+    """What an episode begins with.
+
+    Attributes
+    ----------
+    rotor_speed : float
+        [rad/s].
+    pitch : numpy.ndarray, shape (n_blades,)
+        [rad].
+    generator_torque : float
+        High-speed shaft [N m].
+    azimuth : float
+        Of blade 1 [rad].
+    tower_top : numpy.ndarray, shape (4,), optional
+        As `wt_gym.simulation.Simulator.reset` takes it; None: at rest in balance.
+    motion : numpy.ndarray, shape (n,), optional
+        Of the structure, as `wt_gym.simulation.Simulator.reset` takes it, where fidelity and azimuth are those of the
+        record.
+    wake_thrust : float, optional
+        Mean thrust of the air in the time before, to which the wake belongs [N].
+    deviations : dict
+        Of the running means of channels from their present values, by name.
+    memory : ControllerMemory, optional
+        Of the controller that ran before.
+    trail : Trail, optional
+        Signals before.
+    """
+
+    rotor_speed: float
+    pitch: np.ndarray
+    generator_torque: float
+    azimuth: float
+    tower_top: np.ndarray | None = None
+    motion: np.ndarray | None = None
+    wake_thrust: float | None = None
+    deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
+    memory: ControllerMemory | None = None
+    trail: Trail | None = None
+
+    def mirrored(self, n_blades: int) -> Start:
+        """Start of the mirror image of the turbine in the mirrored wind, see `wt_gym.simulation.channels`.
+
+        The motion stays: it is that of the clockwise image, as in snapshots. So does the memory of a controller that
+        acts on rotor and pitch alone.
+        """
+        signs = parities(n_blades)
+        of = Signals(signs, n_blades)
+        return replace(
+            self,
+            tower_top=None if self.tower_top is None else self.tower_top * TOWER_TOP_PARITIES,
+            deviations={name: deviation * of[name] for name, deviation in self.deviations.items()},
+            trail=None if self.trail is None else replace(self.trail, signals=self.trail.signals * signs),
+        )
+
+    def start(self, controller: Controller, readings: Readings, demand: Demand) -> None:
+        """Start a controller from the present demand, with the memory that fits it.
+
+        Parameters
+        ----------
+        readings : Readings
+            Of the present instant.
+        demand : Demand
+            Of the present instant.
+        """
+        controller.start(readings, demand)
+        if self.memory is not None:
+            self.memory.put(controller)
+
+    def averaged(self, signals: Signals) -> Signals:
+        """Signals with the running means in place of the present values of the loads.
+
+        What a load is above its mean is that of the record; in another wind both may be higher.
+        """
+        if not self.deviations:
+            return signals
+        averaged = Signals(signals.values.copy(), signals.n_blades)
+        for name, deviation in self.deviations.items():
+            averaged.set(name, signals[name] + deviation)
+        return averaged
 
 
 @dataclass(frozen=True)
@@ -166,8 +295,6 @@ class StartRecorder:
 
     Parameters
     ----------
-    turbine : Turbine
-    fidelity : str
     controller : Controller
         Is copied for each run.
     demanded_power : float, optional
@@ -326,8 +453,6 @@ class Record:
 
         Parameters
         ----------
-        turbine : Turbine
-        inflow : Inflow
         speed : float
             Mean of the wind [m/s].
         yaw : float

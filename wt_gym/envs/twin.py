@@ -1,26 +1,31 @@
-"""The controller alone in the wind of an episode: what it earns is taken off a relative reward.
+"""The controller alone in the wind of an episode: its rewards are taken off a relative reward.
 
-It always does the same from the same beginning, so what it earned is kept, for this process and for others, and a
-turbine under the controller alone is simulated only where nothing is known: beside the first episode from a beginning,
-and beyond the end of the longest one.
+It always does the same from the same beginning, so its rewards are stored, in memory and on disk for other processes,
+and a turbine under the controller alone is simulated only where nothing is stored: beside the first episode from a
+beginning, and beyond the end of the longest one.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
+import logging
 import pickle
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any, Protocol
+import threading
+import zipfile
+from array import array
+from collections import OrderedDict
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.base.canary import software
+from wt_gym.base.files import whole_file
+from wt_gym.base.user_cache import user_cache
 from wt_gym.control.controllers import parts_of
 from wt_gym.envs.canary import canary_of
 from wt_gym.envs.operation import make_simulator
-from wt_gym.envs.reward_store import Course, kept_course, new_course, store_course
-from wt_gym.envs.snapshot import TwinSnapshot
+from wt_gym.envs.terms import EnvSnapshot, Term
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind import (
@@ -33,78 +38,194 @@ from wt_gym.wind import (
 )
 
 if TYPE_CHECKING:
-    from wt_gym.envs.ending import Limits
-    from wt_gym.envs.episode_start import Beginning
-    from wt_gym.envs.layout import EnvLayout
-    from wt_gym.envs.operation import Operation
-    from wt_gym.envs.rewards import RewardTerm
-    from wt_gym.envs.snapshot import EnvSnapshot
-    from wt_gym.envs.start import Start
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from wt_gym.envs.running_record import Start
+    from wt_gym.envs.terms import Beginning, RewardTerm
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import EpisodeWind
-    from wt_gym.simulation.fidelity import Fidelity
-    from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow, TurbulenceBox
 
-__all__ = ["ControllerAlone", "Twin", "TwinSnapshot"]
+__all__ = ["MOST_FILES", "MOST_NUMBERS", "Course", "Twin", "kept_course", "store_course"]
 
-_OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs.rewards")
+_log = logging.getLogger(__name__)
+MOST_NUMBERS = 8_000_000
+"""Rewards in memory, 64 MB; the course that was asked for longest ago goes first."""
+MOST_FILES = 4096
+"""Files on disk, of some 30 kB for a minute by steps of 0.1 s; the oldest go first."""
+_BETWEEN = 64
+"""Files written between two looks at how many there are."""
+_courses: OrderedDict[str, Course] = OrderedDict()
+_lock, _one_writes = threading.Lock(), threading.Lock()
+_written = 0
+
+
+class Course:
+    """Reward terms of each step from the beginning of an episode on; they are appended and never change.
+
+    Parameters
+    ----------
+    key : str or None
+        Name under which it is kept; None: it is not.
+    names : tuple of str
+        Of the terms.
+
+    Attributes
+    ----------
+    ended : bool
+        Whether the episode was terminated with the last step.
+    """
+
+    def __init__(self, key: str | None, names: tuple[str, ...]):
+        self.key, self.names, self.ended = key, names, False
+        self._numbers = array("d")  # step after step
+        self._kept = 0  # steps that stand on the disk
+
+    def __len__(self) -> int:
+        return len(self._numbers) // len(self.names)
+
+    def terms(self, step: int) -> dict[str, float]:
+        """Terms of a step, or of the last one."""
+        first = min(step, len(self) - 1) * len(self.names)
+        return dict(zip(self.names, self._numbers[first : first + len(self.names)], strict=True))
+
+    def append(self, step: int, terms: Mapping[str, float], ended: bool) -> None:
+        """Add the terms of a step, unless another turbine has come there first: it has earned the same."""
+        with _lock:
+            if step == len(self) and not self.ended:
+                self._numbers.extend([terms[name] for name in self.names])
+                self.ended = ended
+
+    def load(self, path: Path) -> None:
+        """Take over what stands in a file, if there is one and it is sound."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                names, rows, ended = tuple(file["names"].tolist()), file["rows"], bool(file["ended"])
+            if (
+                names != self.names
+                or rows.shape[1:] != (len(names),)
+                or rows.dtype != np.float64
+                or not np.isfinite(rows).all()
+            ):
+                raise ValueError(f"it holds {names}, an array {rows.dtype}{rows.shape}")
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            _log.warning("recorded rewards %s are unreadable (%s); they are recorded again", path, error)
+            return
+        self._numbers, self.ended, self._kept = array("d", rows.ravel().tolist()), ended, len(rows)
+
+    def save(self, path: Path) -> None:
+        """Write what has been added since it was read or written; a file that cannot be written costs another run."""
+        with _one_writes:  # turbines in several threads may have the same course
+            with _lock:
+                rows, ended = np.array(self._numbers).reshape(-1, len(self.names)), self.ended
+            if len(rows) <= self._kept:
+                return
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with whole_file(path) as partial, partial.open("wb") as file:
+                    np.savez(file, names=np.array(self.names), rows=rows, ended=ended)
+                self._kept = len(rows)
+                _tidy(path.parent)
+            except OSError as error:
+                _log.warning("recorded rewards could not be kept in %s (%s)", path.parent, error)
+
+
+def new_course(names: tuple[str, ...]) -> Course:
+    """Give an empty course that is not kept."""
+    return Course(None, names)
+
+
+def kept_course(key: str, names: tuple[str, ...]) -> Course:
+    """Course of a key: from memory, from the disk, or an empty one that is kept from now on."""
+    with _lock:
+        if key in _courses:
+            _courses.move_to_end(key)
+            return _courses[key]
+    course, path = Course(key, names), _path(key)
+    if path is not None:
+        course.load(path)
+    with _lock:
+        course = _courses.setdefault(key, course)  # another thread may have been faster
+        _courses.move_to_end(key)
+        total = sum(len(one) * len(one.names) for one in _courses.values())
+        while total > MOST_NUMBERS and len(_courses) > 1:
+            _, oldest = _courses.popitem(last=False)
+            total -= len(oldest) * len(oldest.names)
+    return course
+
+
+def store_course(course: Course) -> None:
+    """Keep a course on the disk, as far as it has been recorded."""
+    path = None if course.key is None else _path(course.key)
+    if path is not None:
+        course.save(path)
+
+
+def _path(key: str) -> Path | None:
+    """File of a key, None if there is no place for it."""
+    cache = user_cache()
+    return None if cache is None else cache / "twins" / key[:2] / f"{key}.npz"
+
+
+def _tidy(folder: Path) -> None:
+    """Remove the oldest files, once in a while."""
+    global _written
+    _written += 1
+    if _written % _BETWEEN:
+        return
+    files = [(file.stat().st_mtime, file) for file in folder.parent.glob("*/*.npz")]
+    for _, file in sorted(files, key=lambda one: one[0])[:-MOST_FILES]:
+        file.unlink(missing_ok=True)
+
+
+_OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")
 """Whose objects are told from others by what they remember, and whose sources are known."""
 
-_NOT_OTHERS = ("wind", "start", "drawn", "dial")
-"""Of a beginning, what stands elsewhere in the name of a course, or does not change what the controller does."""
+
+@dataclass(frozen=True)
+class TwinSnapshot:
+    """State of the controller alone.
+
+    Attributes
+    ----------
+    beginning : Beginning
+        Of the episode.
+    course : Course
+        Rewards from there.
+    steps : int
+        That were simulated.
+    state : EnvSnapshot or None
+        Of the simulation; None where none runs.
+    """
+
+    beginning: Beginning
+    course: Course
+    steps: int
+    state: EnvSnapshot | None
 
 
-class ControllerAlone(Protocol):
-    """The turbine under the base controller alone, as `wt_gym.envs.turbine_env.WindTurbineEnv` is one."""
-
-    turbine: Turbine
-    operation: Operation
-    reward_terms: tuple[RewardTerm, ...]
-    layout: EnvLayout
-    limits: Limits
-    fidelity: str | Fidelity
-    control_dt: float
-    _running: bool
-
-    def _begin(self, beginning: Beginning) -> None: ...
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Advance by one control step."""
-        ...
-
-    def snapshot(self) -> EnvSnapshot:
-        """Where it is."""
-        ...
-
-    def restore(self, snapshot: EnvSnapshot) -> object:
-        """Continue from a snapshot."""
-        ...
-
-    def close(self) -> None:
-        """Release the simulator."""
-        ...
-
-
-class Twin:
+class Twin(Term):
     """Rewards of the controller alone, from the beginnings of the episodes of an environment.
 
     Parameters
     ----------
-    env : ControllerAlone
+    env : WindTurbineEnv
         The turbine under the controller alone: it gets the winds that are drawn elsewhere, and has none itself.
     wind_key : tuple
         What decides on turbulence made here beside its speed, seed and time.
 
     Attributes
     ----------
-    env : ControllerAlone
     course : Course
         Of this episode.
     """
 
     course: Course
 
-    def __init__(self, env: ControllerAlone, wind_key: tuple[Any, ...]):
+    def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
         self._identity = _identity(env)
         self._beginning: Beginning | None = None
@@ -112,8 +233,10 @@ class Twin:
         self._steps = 0  # that it has made there
 
     def begin(self, beginning: Beginning) -> None:
-        """Start an episode: nothing is simulated yet."""
+        """Start an episode with the draws that change what the controller does: nothing is simulated yet."""
         self.keep()
+        drawn = {name: one for name, one in beginning.drawn.items() if hasattr(one, "key")}
+        beginning = replace(beginning, drawn=drawn)
         self._beginning = beginning
         key = self._key(beginning)
         names = tuple(term.name for term in self.env.reward_terms)
@@ -123,6 +246,11 @@ class Twin:
         """Keep what was recorded in this episode for other processes."""
         if self._beginning is not None:
             store_course(self.course)
+
+    def adjust(self, reward: float, terms: dict[str, float], step: int, _: float) -> tuple[float, dict[str, float]]:
+        """Take off what the controller alone earns in the same step."""
+        other = self.terms(step)
+        return reward - sum(other.values()), {name: value - other.get(name, 0.0) for name, value in terms.items()}
 
     def terms(self, step: int) -> dict[str, float]:
         """Reward terms of a step of the episode, from 0; after the end of the twin those of its last one."""
@@ -151,11 +279,10 @@ class Twin:
         wind = self._wind(beginning.wind)
         if self._identity is None or wind is None:
             return None
-        drawn = beginning.drawn
-        varied = None if drawn is None else (json.dumps(drawn.values, sort_keys=True), drawn.turbine, drawn.noise_seed)
         limits = self.env.limits.overspeed, self.env.limits.standstill
-        others = [getattr(beginning, f.name) for f in fields(beginning) if f.name not in _NOT_OTHERS]
-        return fingerprint(self._identity, limits, wind, _start(beginning.start), others, varied)[:40]
+        drawn = [(name, one.key) for name, one in beginning.drawn.items()]
+        others = beginning.yaw, beginning.faults, drawn
+        return fingerprint(self._identity, limits, wind, _start(beginning.start), others)[:40]
 
     def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:
         """What tells a wind from others."""
@@ -164,13 +291,13 @@ class Twin:
 
     # ---- snapshots ----
 
-    def snapshot(self) -> TwinSnapshot:
+    def memory(self) -> TwinSnapshot:  # type: ignore[override]  # no names
         """Take a snapshot; the rewards are shared with it, as they never change."""
         assert self._beginning is not None
         state = self.env.snapshot() if self._simulated is self.course else None
         return TwinSnapshot(self._beginning, self.course, self._steps, state)
 
-    def restore(self, snapshot: TwinSnapshot) -> None:
+    def recall(self, snapshot: TwinSnapshot) -> None:  # type: ignore[override]
         """Continue from a snapshot; a simulation of the same course continues from where it is."""
         self._beginning, self.course = snapshot.beginning, snapshot.course
         if self._simulated is not self.course and snapshot.state is not None:
@@ -184,7 +311,7 @@ class Twin:
         self._simulated = None
 
 
-def _identity(env: ControllerAlone) -> str | None:
+def _identity(env: WindTurbineEnv) -> str | None:
     """What decides on the rewards of a turbine under its controller beside the beginning and the limits.
 
     None where something is from outside of this package: it may do another thing tomorrow, or draw numbers. The canary

@@ -13,33 +13,261 @@ another one, blades follow their loads and the tower swings as it did there.
 
 from __future__ import annotations
 
+import copy
+import json
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.base.errors import ActionError, InflowError
-from wt_gym.envs.arguments import check_whole_steps
-from wt_gym.envs.instruments import DRIFTING, Instruments, InstrumentTable
-from wt_gym.envs.observable import Observable
-from wt_gym.envs.options.observations import MOST_READINGS
-from wt_gym.envs.options.variation import CHOICES, HELD_BACK, NO_SENSOR, PRESETS, RANGES, STRUCTURAL, TRAIN, Variation
-from wt_gym.envs.pitch_gain import PitchGain
-from wt_gym.envs.readers import lidar_noise
-from wt_gym.envs.varied_turbine import varied_turbine
+from wt_gym.base.errors import ActionError, InflowError, did_you_mean
+from wt_gym.base.options import Options, as_tuple, check_whole_steps, not_empty, option, option_record, options_of
+from wt_gym.envs.channels import Observable
+from wt_gym.envs.instruments import DRIFTING, Instruments, InstrumentTable, PitchGain
+from wt_gym.envs.lidar import lidar_noise
+from wt_gym.envs.observations import MOST_READINGS
+from wt_gym.envs.operation import OWN
+from wt_gym.envs.terms import Plant, Term
 from wt_gym.simulation.drivetrain.faults import SensorBias
+from wt_gym.turbines.model import with_site
 from wt_gym.wind import TurningInflow
+from wt_gym.wind.iec import REFERENCE_INTENSITY
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from wt_gym.control import ActionMap, Lidar
-    from wt_gym.envs.options.observations import ObservationOptions
-    from wt_gym.envs.options.wind import WindOptions
-    from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
+    from wt_gym.envs.observations import ObservationOptions
+    from wt_gym.envs.operation import Operation
+    from wt_gym.envs.options import EnvOptions
+    from wt_gym.envs.terms import Request
+    from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.turbines import Turbine
+    from wt_gym.turbines.blade import BeamStations
+    from wt_gym.turbines.model import PitchSystem, Support, Tower
 
-__all__ = ["HELD_BACK", "PRESETS", "TRAIN", "DrawnVariation", "Plants", "Variation", "VariationDraws", "check_winds"]
+__all__ = [
+    "CHOICES", "HELD_BACK", "PRESETS", "RANGES", "STRUCTURAL", "TRAIN", "DrawnVariation", "Plants", "Variation",
+    "VariationTerm", "check_variation",
+]  # fmt: skip
+
+NO_SENSOR = ""
+"""Among the sensors that may be dead: none is."""
+STRUCTURAL = ("tower_frequency", "tower_damping", "blade_stiffness", "air_density", "drive_lag", "pitch_rate")
+"""What makes another turbine of it: drawn from a finite set."""
+
+
+def _range(meaning: str, low: float, high: float, unit: str = "-") -> Any:
+    return option(meaning, default=None, unit=unit, low=low, high=high)
+
+
+def _checked_names(names: str | tuple[str, ...]) -> tuple[str, ...]:
+    return not_empty(as_tuple(names))
+
+
+@option_record
+class Variation(Options):
+    """Quantities of plant, sensors and wind that differ from episode to episode, see `wt_gym.envs.variation`."""
+
+    title = "variation"
+    prefix = "vary_"
+
+    pitch_gain: float | tuple[float, float] | None = _range(
+        "Factor on the response of the turbine to pitch: blades move by this factor times the deviation of their "
+        "demand from the mean of the last 10 s, and the encoders read the demand, see `wt_gym.envs.instruments`",
+        0.2, 3.0,
+    )  # fmt: skip
+    tower_frequency: float | tuple[float, float] | None = _range(
+        "Factor on the frequencies of the tower (`varied_turbine`)", 0.5, 2.0
+    )
+    tower_damping: float | tuple[float, float] | None = _range(
+        "Factor on the damping ratio of the tower's modes", 0.0, 10.0
+    )
+    blade_stiffness: float | tuple[float, float] | None = _range(
+        "Factor on the stiffness of the blades' sections", 0.3, 3.0
+    )
+    air_density: float | tuple[float, float] | None = _range("Factor on the density of the air", 0.5, 2.0)
+    drive_lag: float | tuple[float, float] | None = _range("Additional lag of the pitch drives", 0.0, 5.0, "s")
+    pitch_rate: float | tuple[float, float] | None = _range("Factor on the greatest pitch rate", 0.1, 10.0)
+    sensor_delay: float | tuple[float, float] | None = _range(
+        "Time by which readings are late, rounded to steps of the simulator", 0.0, 10.0, "s"
+    )
+    sensor_offset: float | tuple[float, float] | None = _range(
+        "Offset of every load, motion and wind sensor in scales of its channel, drawn for each sensor by itself; the "
+        "blades share theirs. Encoders and electrical readings have none (`wt_gym.envs.instruments`)",
+        -5.0, 5.0,
+    )  # fmt: skip
+    sensor_noise: float | tuple[float, float] | None = _range(
+        "Level of white measurement noise of every sensor: 1 typical instruments", 0.0, 20.0
+    )
+    turbulence_class: str | tuple[str, ...] | None = option(
+        "Turbulence classes of IEC 61400-1 to draw from", default=None, choices=tuple(REFERENCE_INTENSITY),
+        check=_checked_names,
+    )  # fmt: skip
+    shear_exponent: float | tuple[float, float] | None = _range("Exponent of the power-law profile", -0.5, 1.0)
+    yaw_error: float | tuple[float, float] | None = _range(
+        "Direction by which the wind is turned against the nacelle, on top of ``wind.direction``",
+        -math.pi / 2, math.pi / 2, "rad",
+    )  # fmt: skip
+    dead_sensor: str | tuple[str, ...] | None = option(
+        f'Channels of the simulator: one is drawn and reads zero in the episode; "{NO_SENSOR}": all are sound',
+        default=None, check=_checked_names,
+    )  # fmt: skip
+    plants: int = option(
+        "Number of turbines in the set that the structural quantities are drawn from: a Latin hypercube over their "
+        "ranges, the same in every environment",
+        default=8,
+        low=1,
+        high=64,
+    )
+
+    @property
+    def varies(self) -> tuple[str, ...]:
+        """Names of the quantities that are given, those of the set of plants first."""
+        order = (*STRUCTURAL, *(name for name in (*RANGES, *CHOICES) if name not in STRUCTURAL))
+        return tuple(name for name in order if getattr(self, name) is not None)
+
+    def ends(self, name: str) -> tuple[float, float] | None:
+        """Lower and upper end of the range of a quantity, None where it is not given."""
+        value = getattr(self, name)
+        return (value, value) if isinstance(value, float) else value
+
+    @classmethod
+    def named(cls, values: Any) -> Mapping[str, Any]:
+        """Values by names of fields; the name of one of `PRESETS` stands for its values.
+
+        Raises
+        ------
+        ValueError
+            If there is no such preset or field.
+        """
+        if not isinstance(values, str):
+            return super().named(values)
+        if values not in PRESETS:
+            raise ValueError(
+                f"variation must be a Variation, a mapping or one of {', '.join(PRESETS)}, got {values!r:.100}"
+                f"{did_you_mean(values, PRESETS)}"
+            )
+        return PRESETS[values].given
+
+
+CHOICES = ("turbulence_class", "dead_sensor")
+"""Quantities drawn from a list of names."""
+RANGES = {one.name: one for one in options_of(Variation) if one.name not in (*CHOICES, "plants")}
+"""Quantities drawn from a range."""
+_DEGREE = math.pi / 180.0
+
+TRAIN = Variation(
+    pitch_gain=(0.75, 1.25),
+    tower_frequency=(0.93, 1.07),
+    tower_damping=(0.5, 2.0),
+    blade_stiffness=(0.9, 1.15),
+    air_density=(0.93, 1.05),
+    drive_lag=(0.0, 0.3),
+    pitch_rate=(0.7, 1.0),
+    sensor_delay=(0.0, 0.2),
+    sensor_offset=(-0.4, 0.4),
+    sensor_noise=(0.0, 1.0),
+    turbulence_class=("A", "B", "C"),
+    shear_exponent=(-0.1, 0.3),
+    yaw_error=(-15.0 * _DEGREE, 15.0 * _DEGREE),
+)
+"""Ranges for training."""
+HELD_BACK = Variation(
+    pitch_gain=(1.25, 1.4),
+    tower_frequency=(1.07, 1.14),
+    tower_damping=(0.3, 0.5),
+    blade_stiffness=(0.8, 0.9),
+    air_density=(0.85, 0.93),
+    drive_lag=(0.3, 0.5),
+    pitch_rate=(0.5, 0.7),
+    sensor_delay=(0.2, 0.4),
+    sensor_offset=(0.4, 0.6),
+    sensor_noise=(1.0, 2.0),
+    turbulence_class=("A+",),
+    shear_exponent=(0.3, 0.4),
+    yaw_error=(15.0 * _DEGREE, 20.0 * _DEGREE),
+)
+"""Ranges held back for tests: of every quantity an interval beyond that of `TRAIN`, with which it shares an end."""
+PRESETS: dict[str, Variation] = {"train": TRAIN, "held_back": HELD_BACK}
+"""Variations by name."""
+
+
+def varied_turbine(
+    turbine: Turbine,
+    *,
+    tower_frequency: float = 1.0,
+    tower_damping: float = 1.0,
+    blade_stiffness: float = 1.0,
+    air_density: float = 1.0,
+    drive_lag: float = 0.0,
+    pitch_rate: float = 1.0,
+) -> Turbine:
+    """Return a turbine with other structure, air or pitch drives; without a change the turbine itself.
+
+    Parameters
+    ----------
+    tower_frequency : float
+        Factor on the frequencies of the tower [-]: its stiffness, that of a monopile and that of the foundation are
+        multiplied by the square. Gravity, which softens a tower by some percent, stays.
+    tower_damping : float
+        Factor on the damping ratio of the tower [-].
+    blade_stiffness : float
+        Factor on the stiffness of all sections of the blades [-]. The stiffness that the rotation adds stays.
+    air_density : float
+        Factor on the density of the air [-]. Density for which controllers are designed stays, and the rated wind speed
+        follows (`wt_gym.turbines.model.with_site`).
+    drive_lag : float
+        Lag of the pitch drives behind a moving demand [s]: they become critically damped servos of frequency 2 / lag,
+        or of 2 ζ / (lag + the lag that the turbine's servos have already). Zero: the drives of the turbine.
+    pitch_rate : float
+        Factor on the greatest pitch rate [-].
+
+    Examples
+    --------
+    >>> from wt_gym.turbines import load_turbine
+    >>> soft = varied_turbine(load_turbine("nrel_5mw"), tower_frequency=0.9, drive_lag=0.4)
+    >>> round(soft.pitch.servo_frequency, 3)
+    5.0
+    """
+    changed = turbine
+    if tower_frequency != 1.0 or tower_damping != 1.0:
+        changed = replace(changed, tower=_tower(turbine.tower, tower_frequency**2, tower_damping))
+    if blade_stiffness != 1.0:
+        blade = turbine.blade
+        changed = replace(changed, blade=replace(blade, structure=_stiffened(blade.structure, blade_stiffness)))
+    if air_density != 1.0:
+        changed = with_site(changed, {"air_density": air_density * turbine.air_density})
+    if drive_lag != 0.0 or pitch_rate != 1.0:
+        changed = replace(changed, pitch=_drives(turbine.pitch, drive_lag, pitch_rate))
+    return changed
+
+
+def _stiffened(beam: BeamStations, factor: float) -> BeamStations:
+    return replace(beam, stiffness=factor * beam.stiffness)
+
+
+def _tower(tower: Tower, stiffness: float, damping: float) -> Tower:
+    support = tower.support
+    if support is not None and stiffness != 1.0:
+        support = _support(support, stiffness)
+    structure = tower.structure if stiffness == 1.0 else _stiffened(tower.structure, stiffness)
+    return replace(tower, structure=structure, support=support, damping_ratio=damping * tower.damping_ratio)
+
+
+def _support(support: Support, stiffness: float) -> Support:
+    foundation = None if support.foundation is None else stiffness * support.foundation
+    return replace(support, structure=_stiffened(support.structure, stiffness), foundation=foundation)
+
+
+def _drives(pitch: PitchSystem, lag: float, rate: float) -> PitchSystem:
+    changes: dict[str, float] = {"max_rate": rate * pitch.max_rate}
+    if lag > 0.0:
+        own = 0.0 if pitch.servo_frequency is None else 2.0 * pitch.servo_damping / pitch.servo_frequency
+        damping = 1.0 if pitch.servo_frequency is None else pitch.servo_damping
+        changes |= {"servo_frequency": 2.0 * damping / (lag + own), "servo_damping": damping}
+    return replace(pitch, **changes)
+
 
 _STREAM = 0x56415259
 """Tells the stream of the variations from that of the episodes with the same seed."""
@@ -55,7 +283,6 @@ class Plants:
     ----------
     turbine : Turbine
         Nominal.
-    variation : Variation
 
     Attributes
     ----------
@@ -110,29 +337,25 @@ class DrawnVariation:
     noise_seed: int
 
     @property
-    def plant(self) -> int:
-        """Number in the set of turbines."""
-        return int(self.values.get("plant", 0))
-
-    @property
-    def structural(self) -> bool:
-        """Whether the turbine is another one than the nominal."""
-        return "plant" in self.values
-
-    @property
     def faults(self) -> tuple[SensorBias, ...]:
         """The dead sensor, if there is one."""
         name = self.values.get("dead_sensor", NO_SENSOR)
         return () if name == NO_SENSOR else (SensorBias(0.0, (name,), 0.0, 0.0),)
 
-    def pitch_gain(self) -> PitchGain | None:
-        """Response to pitch, None where it is that of the model."""
-        gain = self.values.get("pitch_gain", 1.0)
-        return None if gain == 1.0 else PitchGain(gain)
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Tells it from others."""
+        return json.dumps(self.values, sort_keys=True), self.turbine, self.noise_seed
 
-    def sampler(self, winds: WindSampler) -> WindSampler:
-        """Winds of the class and the profile that are drawn."""
-        return winds.varied(self.values.get("turbulence_class"), self.values.get("shear_exponent"))
+    def first_info(self) -> dict[str, Any]:
+        """Drawn quantities."""
+        return {"variation": copy.deepcopy(dict(self.values))}
+
+    def equip(self, operation: Operation) -> None:
+        """Put instruments and response to pitch into the operation of a turbine."""
+        gain = self.values.get("pitch_gain", 1.0)
+        operation.pitch_gain = None if gain == 1.0 else PitchGain(gain)
+        operation.instruments = operation.make_instruments(self)
 
     def turned(self, wind: EpisodeWind) -> EpisodeWind:
         """The wind from the direction that is drawn."""
@@ -140,28 +363,21 @@ class DrawnVariation:
         return wind if angle == 0.0 else replace(wind, inflow=TurningInflow.by(wind.inflow, angle))
 
 
-class VariationDraws:
-    """Draws what episodes have of a variation, and makes their instruments.
+class VariationTerm(Term):
+    """Variation of an environment: draws it, and makes the instruments of episodes.
 
     Parameters
     ----------
-    variation : Variation
     turbine : Turbine
         Nominal.
-    action : ActionMap
     lidar : Lidar
         That is read.
     observed : ObservationOptions
         Noise and delay of the sensors where none are drawn.
     everyone : bool
-        Whether the base controller reads the instruments too.
+        The base controller reads the instruments too.
     step : float
         Of the simulator [s].
-
-    Attributes
-    ----------
-    everyone : bool
-    plants : Plants
 
     Raises
     ------
@@ -193,25 +409,38 @@ class VariationDraws:
         if self._delay > MOST_READINGS:
             raise ValueError(f"sensor_delay must be 0 to {MOST_READINGS} steps of the simulator, got {self._delay}")
         self._reads = everyone or any(name.startswith("sensor_") for name in variation.varies)
-        channels = Observable(turbine, action, lidar).of_signals() if self._reads else {}
+        channels = Observable(turbine, action).of_signals() if self._reads else {}
         self._table = InstrumentTable(turbine, channels, lidar_noise(lidar)) if self._reads else None
-        self._rng = np.random.default_rng(_STREAM)
+        self._rng, self._seeded = np.random.default_rng(_STREAM), False
 
     def seed(self, seed: int, numbered: bool = False) -> None:
         """Begin the stream that belongs to a seed of the environment, or to a numbered beginning."""
         self._rng = np.random.default_rng([_STREAM, seed, 1] if numbered else [_STREAM, seed])
 
-    @property
-    def state(self) -> dict[str, Any]:
-        """Of the stream, for snapshots."""
-        return dict(self._rng.bit_generator.state)
+    def memory(self) -> dict[str, Any]:
+        """State of the stream."""
+        return {"random": copy.deepcopy(self._rng.bit_generator.state)}
 
-    @state.setter
-    def state(self, state: dict[str, Any]) -> None:
-        self._rng.bit_generator.state = state
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Continue with a state of the stream."""
+        self._rng.bit_generator.state, self._seeded = copy.deepcopy(memory["random"]), True
 
-    def draw(self) -> DrawnVariation:
-        """Draw for an episode: as many numbers whatever is given, so that each quantity has its own."""
+    def draw(self, request: Request) -> None:
+        """Draw the variation of an episode: a seed begins its stream, as does the first reset, and every number."""
+        if request.number is not None:
+            self.seed(request.number, numbered=True)
+        elif request.seeded or not self._seeded:  # the seed of a generator from outside is negative
+            self.seed(request.seed if request.seed >= 0 else int(request.episode_rng.integers(2**31)))
+            self._seeded = True
+        drawn = request.drawn["variation"] = self.drawn()
+        request.winds = request.winds.varied(drawn.values.get("turbulence_class"), drawn.values.get("shear_exponent"))
+        request.turns.append(drawn.turned)
+        request.faults += drawn.faults
+        if "plant" in drawn.values:
+            request.plant = Plant(drawn.turbine, drawn.values["plant"])
+
+    def drawn(self) -> DrawnVariation:
+        """Quantities of an episode: as many numbers are drawn whatever varies, so that each has its own."""
         rng, variation = self._rng, self._variation
         share = dict(zip(("plant", *_DRAWN), rng.random(1 + len(_DRAWN)).tolist(), strict=True))
         shifts, noise_seed = rng.random(len(DRIFTING)).tolist(), int(rng.integers(_MOST_SEED))
@@ -247,13 +476,14 @@ class VariationDraws:
         return Instruments(self._table, level, delay, shifts, self._n_seen, drawn.noise_seed)
 
 
-def check_winds(variation: Variation, wind: WindOptions) -> None:
-    """Refuse a class or profile to be drawn where the wind has its own.
+def check_variation(options: EnvOptions) -> None:
+    """Refuse a class, profile or structure to be drawn where wind or simulator have their own.
 
     Raises
     ------
-    wt_gym.base.errors.InflowError
+    ValueError, wt_gym.base.errors.InflowError
     """
+    variation, wind = options.variation, options.wind
     names = [name for name in ("turbulence_class", "shear_exponent") if getattr(variation, name) is not None]
     if names and (not wind.made_here or wind.extreme):
         raise InflowError(
@@ -262,6 +492,11 @@ def check_winds(variation: Variation, wind: WindOptions) -> None:
     for name in ("roughness_length", "reference_height"):
         if variation.shear_exponent is not None and getattr(wind, name) is not None:
             raise InflowError(f"vary_shear_exponent and {name} exclude each other; got both")
+    model = isinstance(options.turbine, str) and options.turbine.lower().endswith(".fst")
+    if model and options.simulator != OWN and any(name in STRUCTURAL for name in variation.varies):
+        raise ValueError(
+            f"variation: {', '.join(STRUCTURAL)} must be left out where OpenFAST simulates a model of its own"
+        )
 
 
 def _pick(share: float, count: int) -> int:

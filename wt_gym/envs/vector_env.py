@@ -17,9 +17,9 @@ from gymnasium.vector.utils import batch_space
 
 from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import did_you_mean
-from wt_gym.envs.arguments import shown
-from wt_gym.envs.description import describe
-from wt_gym.envs.options.environment import options_of, plain_spec
+from wt_gym.base.options import shown
+from wt_gym.envs.manual import describe
+from wt_gym.envs.options import EnvOptions, plain_spec
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from gymnasium.envs.registration import EnvSpec
 
-__all__ = ["Outcome", "WindTurbineVectorEnv"]
+__all__ = ["WindTurbineVectorEnv"]
 
 
 class Outcome(NamedTuple):
@@ -50,7 +50,6 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
     Parameters
     ----------
-    num_envs : int
     max_episode_steps : int, optional
         Control steps after which an episode is truncated; `gymnasium.make_vec` passes that of the id.
     autoreset_mode : AutoresetMode or str
@@ -83,7 +82,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             if number is not None and not (isinstance(number, int | np.integer) and number >= 1):
                 raise ValueError(f"{name} must be a whole number of at least 1, got {shown(number)}")
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
-        options = options_of(kwargs)
+        options = EnvOptions.from_dict(kwargs)
         self.envs = [WindTurbineEnv.of(options)]
         options = replace(options, turbine=self.envs[0].turbine)
         self.envs += [WindTurbineEnv.of(options) for _ in range(num_envs - 1)]
@@ -201,15 +200,13 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         over = np.flatnonzero(self._over).tolist()
         if over and self.autoreset_mode != AutoresetMode.NEXT_STEP:
             raise ResetNeeded(f"the episodes of turbines {over} are over")
-        for k, action in enumerate(actions):
-            if k not in over:
-                self.layout.action.validate(action)
+        values = {k: self.layout.action.validate(action) for k, action in enumerate(actions) if k not in over}
 
         def step(k: int) -> Outcome:
             if k in over:
                 observation, info = self._start(k)
                 return Outcome(observation, self._no_reward(), False, False, info)
-            return self._step(k, actions[k])
+            return self._step(k, values[k])
 
         return self._each(step, range(self.num_envs))
 
@@ -225,9 +222,9 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         self._over[k] = False
         return result
 
-    def _step(self, k: int, action: np.ndarray) -> Outcome:
+    def _step(self, k: int, values: np.ndarray) -> Outcome:
         self._over[k] = True  # where the step raises an error
-        observation, reward, terminated, truncated, info = self.envs[k].step(action)
+        observation, reward, terminated, truncated, info = self.envs[k].advance(values)
         self._steps[k] += 1
         truncated = truncated or bool(self._steps[k] == self._most_steps)
         self._over[k] = over = terminated or truncated

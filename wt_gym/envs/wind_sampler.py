@@ -1,34 +1,25 @@
-"""Which wind an episode gets."""
+"""The wind of an episode: options, draws, files."""
 
 from __future__ import annotations
 
 import copy
+import json
+import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.base.errors import InflowError
-from wt_gym.envs.arguments import real_number, real_numbers, shown
-from wt_gym.envs.options.wind import (
-    EVALUATION_WIND_SEEDS,
-    FASTEST_WIND,
-    GUSTS,
-    LARGEST_WIND_SEED,
-    NORMAL_SHEAR,
-    SLOWEST_TURBULENCE,
-    TRAINING_WIND_SEEDS,
-    TURBULENCE,
-    WindOptions,
-    checked_wind_seed,
-    own_winds,
-)
-from wt_gym.envs.wind_files import WindFile, is_wind_file
+from wt_gym.base.errors import InflowError, did_you_mean
+from wt_gym.base.options import Options, not_empty, option, option_record, real_number, real_numbers, shown
 from wt_gym.wind import (
     Inflow,
     PathInflow,
+    SeriesInflow,
     SteadyInflow,
     TransientInflow,
     TurbulenceBox,
@@ -36,9 +27,11 @@ from wt_gym.wind import (
     TurningInflow,
     wind_from,
 )
+from wt_gym.wind.files import SUFFIXES, files_of, is_wind_path, whole_description
 from wt_gym.wind.iec import (
     EXTREME_SHEAR_EXPONENT,
     EXTREME_WIND_INTENSITY,
+    REFERENCE_INTENSITY,
     extreme_wind_speed,
     turbulence_sigma,
 )
@@ -51,14 +44,377 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "EVALUATION_WIND_SEEDS",
-    "GUSTS",
-    "LARGEST_WIND_SEED",
-    "TRAINING_WIND_SEEDS",
-    "TURBULENCE",
-    "EpisodeWind",
-    "WindSampler",
-]
+    "EVALUATION_WIND_SEEDS", "FASTEST_WIND", "GUSTS", "KINDS", "LARGEST_WIND_SEED", "SLOWEST_TURBULENCE",
+    "SUFFIXES", "TRAINING_WIND_SEEDS", "TRANSIENTS", "TURBULENCE", "EpisodeWind", "WindOptions", "WindSampler",
+    "is_wind_file",
+]  # fmt: skip
+
+TRAINING_WIND_SEEDS = tuple(range(1, 25))
+"""Wind seeds from which training episodes draw by default."""
+
+EVALUATION_WIND_SEEDS = tuple(range(1001, 1025))
+"""Wind seeds held out for evaluation: no default environment ever trains on them."""
+
+LARGEST_WIND_SEED = 2**63 - 1
+"""Larger ones have no place in the integers of arrays and files."""
+
+EXTREME = ("extreme", "extreme-turbulent")
+KINDS = ("steady", "turbulent", "path", "gusts", *EXTREME)
+TRANSIENTS = ("EOG", "EDC", "ECD", "EWS")
+"""Deterministic transients of IEC 61400-1, which the inflow "gusts" draws by default."""
+GUSTS = (*TRANSIENTS, "ETM")
+"""What the inflow "gusts" can draw: extreme turbulence beside the transients."""
+TURBULENCE_MODELS = ("NTM", "ETM")
+TURBULENCE = ("kaimal", "mann")
+"""Whose turbulence: `wt_gym.wind.kaimal` or `wt_gym.wind.mann`."""
+FASTEST_WANDERING = 1.0
+"""Shortest time constant of a wandering direction [s]."""
+NORMAL_SHEAR = 0.2
+"""Exponent of IEC 61400-1 for normal conditions."""
+FASTEST_WIND = 50.0
+"""Highest mean wind speed that can be asked for [m/s]: the reference speed of class I."""
+FASTEST_SWING = 30.0
+"""Shortest time in which the mean wind of a path goes through its range [s]."""
+SLOWEST_TURBULENCE = 0.5
+"""Lowest mean wind speed of turbulence and gusts [m/s]: what is carried along does not pass in still air."""
+_ALLOWED = (
+    f"{KINDS}, an Inflow, a file of wind ({', '.join(SUFFIXES)}), a mapping that describes a wind, several of these "
+    "or a callable"
+)
+_MADE = "the inflows 'steady', 'turbulent', 'path' and 'gusts'"
+
+
+def is_wind_file(value: Any) -> bool:
+    """Whether an argument is a file of wind: a path by its suffix, or a mapping that names one."""
+    return is_wind_path(value) or (isinstance(value, Mapping) and "file" in value)
+
+
+def checked_wind_seed(seed: Any) -> int:
+    """Seed of turbulence.
+
+    Raises
+    ------
+    InflowError
+        If it is not an integer that arrays and files can hold.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InflowError(f"a wind seed must be an integer of at least 0, got {seed!r}")
+    if seed > LARGEST_WIND_SEED:
+        raise InflowError(f"a wind seed must be an integer of at most {LARGEST_WIND_SEED}, got {seed!r}")
+    return int(seed)
+
+
+def own_winds(given: Any) -> tuple[Any, ...]:
+    """Inflows and descriptions of winds of the user: one, or several.
+
+    Raises
+    ------
+    InflowError
+        If something is none.
+    """
+    alone = isinstance(given, str | Mapping) or not isinstance(given, Iterable)
+    several: tuple[Any, ...] = (given,) if alone else tuple(given)
+    wrong = [one for one in several if not (isinstance(one, Inflow | Mapping) or is_wind_file(one))]
+    if wrong or not several:
+        refused = wrong[0] if len(wrong) == 1 else wrong or given
+        raise InflowError(f"inflow must be one of {_ALLOWED}, got {shown(refused)}{did_you_mean(refused, KINDS)}")
+    return several
+
+
+def _checked_return_period(years: int) -> int:
+    if years not in (1, 50):
+        raise InflowError(f"must be 1 or 50 years, got {years!r}")
+    return years
+
+
+def _checked_wander(wander: tuple[float, ...]) -> tuple[float, float]:
+    deviation, time_constant = wander if len(wander) == 2 else (np.nan, np.nan)
+    if not (0.0 <= deviation <= np.pi and time_constant >= FASTEST_WANDERING):
+        raise InflowError(
+            f"must be a deviation of 0 to pi rad and a time constant of at least {FASTEST_WANDERING:g} s, got {wander}"
+        )
+    return deviation, time_constant
+
+
+@option_record
+class WindOptions(Options):
+    """Winds of episodes, see `wt_gym.envs.wind_sampler.WindSampler`."""
+
+    title = "wind"
+    error = InflowError
+
+    inflow: str | os.PathLike[str] | Inflow | Mapping[str, Any] | tuple[Any, ...] | Callable[..., Any] = option(
+        "Steady sheared wind, IEC turbulence, turbulence whose mean speed rises and falls along a path, gusts of "
+        "IEC 61400-1 (see ``gusts``), the IEC extreme wind model (EWM) steady or turbulent, for a parked turbine, "
+        "or inflows of your own: one, several to draw from, or a function of a random generator. Files of wind are "
+        "paths, or mappings with options (``docs/wind.md``): TurbSim's .bts, series in .csv, .wnd and .hh, boxes of "
+        "HAWC2 and hipersim. The time in a box at which an episode begins is drawn, in a record that is not "
+        "periodic so that the episode is over before the record is; a series is met from its beginning. The mean "
+        "speed of an own inflow must hold at the hub: another height, by more than 1 %, is a warning",
+        default="steady",
+        kind=f"{{{', '.join(map(repr, KINDS))}}}, Inflow, path, mapping, sequence, callable",
+    )
+    speed: float | tuple[float, float] | None = option(
+        "Mean wind speed at hub height, or the range from which it is drawn uniformly at each reset; of a path that in "
+        "which it rises and falls; extreme winds have that of the turbine's class, own inflows their own",
+        default=(6.0, 18.0),
+        flat="wind_speed",
+        unit="m/s",
+        allowed=f"a number or two in order, 0 to {FASTEST_WIND:g} m/s, of turbulence and gusts from "
+        f"{SLOWEST_TURBULENCE:g} on",
+    )
+    shear_exponent: float | None = option(
+        f"Exponent of the power-law profile, before gusts too; default {NORMAL_SHEAR}, and 0.11 in extreme winds",
+        default=None,
+        unit="-",
+    )
+    turbulence_class: str | None = option(
+        "Turbulence class of IEC 61400-1; default: that of the turbine",
+        default=None,
+        choices=tuple(REFERENCE_INTENSITY),
+    )
+    seeds: tuple[int, ...] = option(
+        "Turbulence seeds to draw from; `EVALUATION_WIND_SEEDS` are disjoint from the default ones",
+        default=TRAINING_WIND_SEEDS,
+        flat="wind_seeds",
+        low=0,
+        high=LARGEST_WIND_SEED,
+        check=not_empty,
+    )
+    direction: float | tuple[float, float] = option(
+        "Direction of the wind at the start against the nacelle, or the range it is drawn from",
+        default=0.0,
+        flat="wind_direction",
+        unit="rad",
+        low=-np.pi,
+        high=np.pi,
+    )
+    wander: tuple[float, ...] | None = option(
+        "Standard deviation and time constant with which the direction wanders from then on: an Ornstein-Uhlenbeck "
+        "process, drawn for 1200 s, after which the direction stays",
+        default=None,
+        flat="wind_wander",
+        unit="rad, s",
+        kind="(float, float), optional",
+        allowed=f"two numbers, 0 to pi and at least {FASTEST_WANDERING:g}",
+        check=_checked_wander,
+    )
+    swing: tuple[float, float] = option(
+        "Shortest and longest time in which the mean speed of a path rises or falls through its whole range",
+        default=(200.0, 400.0),
+        flat="wind_swing",
+        unit="s",
+        low=FASTEST_SWING,
+    )
+    turbulence_model: str = option(
+        'Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``',
+        default="NTM",
+        choices=TURBULENCE_MODELS,
+    )
+    return_period: int = option(
+        "Return period of extreme winds in years, 1 or 50", default=50, low=1, high=50, check=_checked_return_period
+    )
+    roughness_length: float | None = option(
+        "Roughness length of the ground: the profile is then logarithmic instead of a power law",
+        default=None,
+        unit="m",
+        low=0.0,
+        above=True,
+    )
+    reference_height: float | None = option(
+        "Height at which ``speed`` holds instead of hub height, for example the gradient height of a boundary layer; "
+        "the speed V = V_ref (z/z_ref)^a, or V_ref ln(z/z0)/ln(z_ref/z0), that the profile has at the hub is that of "
+        "operating points, cut-in, cut-out and ``info``",
+        default=None,
+        unit="m",
+        low=0.0,
+        above=True,
+    )
+    turbulence: str = option(
+        "Spectra of turbulent winds: Kaimal's with an exponential coherence, or Mann's uniform shear model, both with "
+        "the parameters of IEC 61400-1 (``docs/wind.md``)",
+        default="kaimal",
+        choices=TURBULENCE,
+    )
+    gusts: tuple[str, ...] = option(
+        'What ``inflow="gusts"`` draws, each once: extreme operating gust, extreme direction change, coherent gust '
+        "with direction change, wind shear (vertical or horizontal, together twice as often as each of the others), "
+        "and turbulence of the extreme turbulence model, with seed and time as those of turbulent winds",
+        default=TRANSIENTS,
+        choices=GUSTS,
+        check=not_empty,
+    )
+
+    @property
+    def made_here(self) -> bool:
+        """Winds that the environment makes, none of the user's."""
+        return isinstance(self.inflow, str) and self.inflow in KINDS
+
+    @property
+    def extreme(self) -> bool:
+        """Extreme winds, in which turbines are parked."""
+        return isinstance(self.inflow, str) and self.inflow in EXTREME
+
+    @property
+    def turbulent(self) -> bool:
+        """Some of the winds are turbulence that is made by the environment."""
+        if not isinstance(self.inflow, str):
+            return False
+        return self.inflow in ("turbulent", "path", "extreme-turbulent") or (
+            self.inflow == "gusts" and "ETM" in self.gusts
+        )
+
+    def check(self) -> None:
+        """Refuse what the kind of wind would ignore."""
+        made = self.made_here and not self.extreme
+        if not self.made_here and not callable(self.inflow):
+            winds = own_winds(self.inflow)
+            if isinstance(self.inflow, Iterable) and not isinstance(self.inflow, str | Mapping | Inflow):
+                self._set("inflow", winds)
+        if made and self.speed is None:
+            raise InflowError(f"wind_speed must be a number or two in order in m/s for {_MADE}, got None")
+        if self.roughness_length is not None and self.shear_exponent is not None:
+            raise InflowError(
+                "shear_exponent (power law) and roughness_length (logarithmic) exclude each other; "
+                f"got {self.shear_exponent!r} and {self.roughness_length!r}"
+            )
+        of_turbulence = "the inflows 'turbulent' and 'extreme-turbulent', and to 'gusts' with ETM among them"
+        for name, alone, belongs, winds_text in (
+            ("roughness_length", None, made, _MADE),
+            ("reference_height", None, made, _MADE),
+            ("gusts", TRANSIENTS, self.inflow == "gusts", "inflow='gusts'"),
+            ("turbulence_model", "NTM", self.inflow in ("turbulent", "path"), "the inflows 'turbulent' and 'path'"),
+            ("turbulence", "kaimal", self.turbulent, of_turbulence),
+            ("return_period", 50, self.extreme, f"the inflows {EXTREME}"),
+        ):
+            value = getattr(self, name)
+            if value != alone and not belongs and not (name == "gusts" and set(value) == set(TRANSIENTS)):
+                raise InflowError(f"{name}={value!r} belongs to {winds_text}")
+
+
+# A file of ten minutes takes some ten to a hundred megabytes in memory.
+_WINDS_IN_MEMORY = 8
+
+
+@dataclass(frozen=True)
+class WindFile:
+    """A file of wind that was found whole.
+
+    Attributes
+    ----------
+    key : str
+        Its whole description, as JSON.
+    turbine_size : (float, float)
+        Hub height and rotor diameter of the turbine that it is for [m].
+    mean_speed : float
+        At the hub [m/s].
+    hub_height : float
+        [m].
+    duration : float
+        Length of the record [s].
+    periodic : bool
+        Whether its end leads smoothly to its beginning.
+    is_series : bool
+        Whether it is the course of an event, which an episode meets from its beginning.
+    """
+
+    key: str
+    turbine_size: tuple[float, float]
+    mean_speed: float
+    hub_height: float
+    description: str
+    duration: float
+    periodic: bool
+    is_series: bool
+
+    @classmethod
+    def found(
+        cls, given: str | os.PathLike[str] | Mapping[str, Any], hub_height: float, rotor_diameter: float
+    ) -> WindFile:
+        """Look through a file, unless this process has done so and the file is as it was.
+
+        Raises
+        ------
+        InflowError
+            If it is missing or damaged, or its grid does not reach around the rotor; the message names it.
+        """
+        whole = whole_description(given)
+        try:
+            key = json.dumps(whole, sort_keys=True)
+        except TypeError as error:
+            raise InflowError(f"the description of a wind must be numbers, texts and lists of them: {error}") from error
+        size = float(hub_height), float(rotor_diameter)
+        found = _found(key, _state(key), size)
+        require_cover(found.inflow(0.0), *size)
+        return found
+
+    @property
+    def path(self) -> str:
+        """Whole path, of several files the first."""
+        return files_of(json.loads(self.key))[0]
+
+    def inflow(self, time_offset: float) -> TurbulentInflow | SeriesInflow:
+        """The wind from a time in the record [s] on.
+
+        Raises
+        ------
+        InflowError
+            If the file has gone or was damaged since, or the time is not a number.
+        """
+        wind = _wind(self.key, _state(self.key), self.turbine_size)
+        return replace(wind, time_offset=wind.time_offset + time_offset)
+
+    def latest_start(self, length: float | None) -> float:
+        """Time in the record before which an episode can begin [s].
+
+        A periodic record can be entered anywhere. One that is not jumps at its end, which no gust does: episodes begin
+        early enough to be over by then at the rotor, and at its beginning where their length is not known. What lies
+        far ahead of the rotor or behind it, for a lidar or the wake, meets the jump the time of its way earlier or
+        later. A series is met from its beginning.
+
+        Parameters
+        ----------
+        length : float or None
+            Of the episode [s].
+        """
+        if self.is_series:
+            return 0.0
+        if self.periodic:
+            return self.duration
+        return 0.0 if length is None else max(0.0, self.duration - length)
+
+
+def _state(key: str) -> tuple[tuple[int, int] | None, ...]:
+    """What tells of a change of the files, None where there is none."""
+    return tuple(_state_of(path) for path in files_of(json.loads(key)))
+
+
+def _state_of(path: str) -> tuple[int, int] | None:
+    try:
+        found = Path(path).stat()
+    except OSError:  # reading it says why
+        return None
+    return found.st_mtime_ns, found.st_size
+
+
+@lru_cache(maxsize=1024)
+def _found(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> WindFile:
+    wind = _wind(key, state, size)
+    of_all = key, size, wind.mean_speed, wind.hub_height, wind.description
+    if isinstance(wind, SeriesInflow):
+        return WindFile(*of_all, wind.duration, periodic=False, is_series=True)
+    return WindFile(*of_all, wind.box.duration, wind.box.periodic, is_series=False)
+
+
+@lru_cache(maxsize=_WINDS_IN_MEMORY)
+def _wind(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> TurbulentInflow | SeriesInflow:
+    """Read a file; ``state`` has a file that was changed read again."""
+    try:
+        wind = wind_from(json.loads(key), *size)
+    except InflowError as error:
+        raise InflowError(" ".join(str(error).split())) from error
+    return cast("TurbulentInflow | SeriesInflow", wind)
+
 
 # As many forms a kind has, as often it is drawn; the order decides which seed has which gust.
 _FORMS = {"EOG": ("eog",), "EDC": ("edc",), "ECD": ("ecd",), "EWS": ("vertical", "horizontal"), "ETM": ("turbulence",)}
@@ -86,7 +442,6 @@ class EpisodeWind:
 
     Attributes
     ----------
-    inflow : Inflow
     wind_speed : float
         Mean speed at hub height [m/s]; of a path at its start.
     wind_seed : int
@@ -109,11 +464,6 @@ class WindSampler:
     the standard deviation of V. Boxes are made at the next multiple of 6 m/s, or of 6 m/s halved until
     less than twice the speed, for 600 s at that speed. Their samples make up for the straight lines between them
     (`wt_gym.wind.kaimal`), so that the spectrum at the hub is the standard's up to 1 Hz at every speed.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    options : WindOptions
 
     Attributes
     ----------
@@ -230,7 +580,6 @@ class WindSampler:
 
         Parameters
         ----------
-        rng : numpy.random.Generator
         wind_speed, wind_seed, time_offset : optional
             Fixed instead of drawn; the speed at the reference height. With a fixed seed the episode starts at the
             beginning of the box unless an offset is given too.
@@ -281,7 +630,6 @@ class WindSampler:
         ----------
         speed : float
             At hub height [m/s].
-        seed : int
         """
         return TurbulentInflow(self._box(speed, seed), self._steady(speed))
 

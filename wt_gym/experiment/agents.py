@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.names import Name
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
-    from wt_gym.envs.snapshot import EnvSnapshot
+    from wt_gym.envs.terms import EnvSnapshot
     from wt_gym.experiment.trained_agent import TrainedAgent
 
 __all__ = [

@@ -155,7 +155,7 @@ def play_task(
     dict
         ``metrics`` (empty if the run ended before its time), ``ending`` (``"time"`` or why it was terminated),
         ``failure``, ``duration`` [s], ``episode_return``, ``cost`` (sum), ``idle_time`` [s]
-        (`wt_gym.envs.idling.IdleClock.total`), ``made_with`` and ``wall_seconds``.
+        (`wt_gym.envs.terminations.IdleClock.total`), ``made_with`` and ``wall_seconds``.
     """
     began = time.monotonic()
     options: dict[str, Any] = {"azimuth": 0.0}

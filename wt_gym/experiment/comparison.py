@@ -21,7 +21,7 @@ from wt_gym.analysis.summary import format_estimate, format_value
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers import Name, make_controller
-from wt_gym.envs.simulators import OWN, simulator_maker
+from wt_gym.envs.operation import OWN, simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.agents import load_agent, load_model
 from wt_gym.experiment.environments import environment_of_training
@@ -67,7 +67,7 @@ COLUMNS = (
 class ControllerRuns:
     """Metrics of one controller by wind; a run that failed has none, its message stands in ``failures``.
 
-    ``idle`` has the time in which the turbine made no power without a reason [s], see `wt_gym.envs.idling`.
+    ``idle`` has the time in which the turbine made no power without a reason [s], see `wt_gym.envs.terminations`.
     """
 
     name: str

@@ -17,7 +17,7 @@ from wt_gym.base.files import json_values
 from wt_gym.control.controllers import make_controller, supervisor_of
 from wt_gym.control.controllers.names import ALIASES
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.options.environment import argument_default, flat_arguments, registered_arguments
+from wt_gym.envs.options import argument_default, flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import load_agent, load_model
 from wt_gym.experiment.execute import Experiment

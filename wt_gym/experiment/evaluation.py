@@ -20,10 +20,10 @@ from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evalu
 from wt_gym.base.canary import differing
 from wt_gym.base.files import json_values, write_text_whole
 from wt_gym.base.options import LONGEST, Options, option, option_record
-from wt_gym.envs.costs import violated
 from wt_gym.envs.layout import layout_of
+from wt_gym.envs.options import wind_files_of, with_whole_paths
+from wt_gym.envs.terminations import violated
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.envs.wind_files import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, LARGEST_WIND_SEED
 from wt_gym.experiment.environments import AgentExperiment
 from wt_gym.experiment.names import fingerprint

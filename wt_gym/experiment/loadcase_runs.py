@@ -19,7 +19,7 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import json_values, require_writable, write_text_whole
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control import Demand
-from wt_gym.envs.simulators import OWN
+from wt_gym.envs.operation import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.experiment.environments import AgentExperiment
@@ -87,7 +87,7 @@ def run_agent(env: gym.Env, agent: Agent, situation: DesignSituation) -> dict[st
     -------
     dict
         JSON values: ``ending`` ("time", "stopped", or why the episode was terminated), ``failure`` (message or None),
-        ``time`` [s], ``idle_time`` (`wt_gym.envs.idling.IdleClock.total`) [s], ``extremes`` (`EXTREMES`) and
+        ``time`` [s], ``idle_time`` (`wt_gym.envs.terminations.IdleClock.total`) [s], ``extremes`` (`EXTREMES`) and
         ``fatigue`` after the skipped start, None where there was nothing to measure, ``unloaded_clearance`` [m], and
         ``trace``: signals of a transient.
     """

@@ -1,7 +1,7 @@
 """Agents on turbines, with sensors and in winds that they were not made for: the share of their gain that is left.
 
 Every condition is a variation of the environment (`wt_gym.envs.variation`), or a fault in it
-(`wt_gym.envs.fault_draws`), in which all agents meet the same winds. The gain of an agent is that of the load-reduction
+(`wt_gym.envs.faults`), in which all agents meet the same winds. The gain of an agent is that of the load-reduction
 tasks of the benchmark, wind by wind against a reference in the same condition: the baseline controller, and the
 controller that the agent acts on top of.
 """
@@ -60,7 +60,7 @@ class Condition:
     name: str
     text: str
     variation: Variation = field(default_factory=Variation)
-    fault: str = ""  #: kind of `wt_gym.envs.options.faults.FAULT_KINDS` that breaks; "" for none
+    fault: str = ""  #: kind of `wt_gym.envs.faults.FAULT_KINDS` that breaks; "" for none
 
     @property
     def arguments(self) -> dict[str, Any]:

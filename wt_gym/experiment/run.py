@@ -18,11 +18,10 @@ from wt_gym.control.controllers.discon import BaselineParameters, DisconControll
 from wt_gym.control.operating_point import rotor_inertia, starting_point
 from wt_gym.envs.canary import canary_of, control_step
 from wt_gym.envs.episode import episode_steps
-from wt_gym.envs.idling import IdleClock
+from wt_gym.envs.power import DiscWind, available_power
 from wt_gym.envs.record_store import user_record_digest
-from wt_gym.envs.rewards import available_power
-from wt_gym.envs.rewards.power import DiscWind
 from wt_gym.envs.running_record import time_scale
+from wt_gym.envs.terminations import IdleClock
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.simulation import Recorder
 from wt_gym.simulation.contract import fingerprint

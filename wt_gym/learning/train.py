@@ -16,7 +16,7 @@ from stable_baselines3.common.logger import Logger, configure
 
 import wt_gym
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.options.limits import PITCH_TRAVEL
+from wt_gym.envs.terminations import PITCH_TRAVEL
 from wt_gym.experiment.environments import resolved_arguments, trained_arguments
 from wt_gym.experiment.execute import executor_for
 from wt_gym.experiment.run_folder import RunFolder

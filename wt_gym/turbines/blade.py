@@ -108,13 +108,7 @@ class BeamStations(ArrayRecord):
 
 
 def interpolate(at: ArrayLike, station: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a table (n, ...) at distances along the axis [m], linear between the stations (n,); infinity stays.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        Outside the stations.
-    """
+    """Return a table (n, ...) at distances along the axis [m], linear between the stations (n,); infinity stays."""
     s = np.asarray(at, dtype=np.float64)
     if np.any(~((s >= 0.0) & (s <= station[-1] * (1.0 + 1e-9)))):
         raise fail("station", at, f"distances in [0, {station[-1]:g}] m")

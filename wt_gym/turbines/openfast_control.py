@@ -390,13 +390,7 @@ def find_steady_table(model: Path, rated_power: float) -> SteadyTable | None:
 
 
 def read_steady_table(path: Path) -> SteadyTable | None:
-    """Read a table, None for a file whose first line does not name the wind and the electrical power.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If a table has a row that is not one of numbers, or winds that do not rise.
-    """
+    """Read a table, None for a file whose first line does not name the wind and the electrical power."""
     with path.open(encoding="utf-8", errors="replace") as file:
         separator, places = _places(file.readline())
         if not {"wind", "power"} <= places.keys():

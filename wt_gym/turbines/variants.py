@@ -81,11 +81,6 @@ def with_damper(turbine: Turbine) -> Turbine:
 
     Rated rotor speed is then that at which the damper makes the rated power, unless the rotor's own is lower: with
     2.0e6 N m s/rad and 2.3 MW 10.2 rpm instead of 16 rpm. A turbine with a damper is returned as it is.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the turbine's generator has no damping.
     """
     drivetrain = turbine.drivetrain
     if not drivetrain.takes_torque:
@@ -119,11 +114,6 @@ def with_generator(turbine: Turbine, choice: str | Law | None) -> tuple[Turbine,
     ----------
     choice : "torque", "damper", None or object
         None: what the turbine has.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the turbine cannot have it.
     """
     if not isinstance(choice, str):
         return turbine, choice
@@ -175,11 +165,6 @@ def with_electrical(
         By default as the turbine has them.
     shaft_damping : float
         Damping ratio that the converter adds to the torsion of the shaft; 0: as the turbine has it [-].
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If a value is out of range, or the generator takes no torque.
     """
     given: dict[str, Any] = {}
     if torque_lag != 0.0:
@@ -198,11 +183,6 @@ def shaft_damper_of(turbine: Turbine, damping_ratio: float) -> ShaftDamper:
     ----------
     damping_ratio : float
         zeta, at most `STRONGEST` [-].
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the ratio is out of range.
     """
     check_number("damping_ratio of a ShaftDamper", damping_ratio, 0.0, STRONGEST, open_low=True)
     drivetrain = turbine.drivetrain

@@ -184,12 +184,6 @@ def read_windio(path: Path, content: bytes) -> WindioFile:
     ----------
     content : bytes
         Of the file.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the file cannot be read, is not a YAML or JSON file, is not for windIO 1 or 2, or a value that is used does
-        not fit the schema. One error, naming the key path; further violations are counted.
     """
     known = _cached(content)
     if known is not None:

@@ -43,12 +43,6 @@ def to_version_2(data: dict[str, Any], notes: list[str]) -> dict[str, Any]:
     -------
     dict
         ``data`` itself for a file of version 2.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the version is missing in a file that is not shaped as one of version 1, is not supported, or a part cannot
-        be converted; the last names the part and the key that it lacks.
     """
     version = data.get("windIO_version")
     if version is None and not _looks_like_version_1(data):
@@ -209,42 +203,32 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-_MOVED = {
-    "control.pitch.min_pitch": "control.min_pitch_limit",
-    "control.pitch.max_pitch": "control.max_pitch_limit",
-    "control.pitch.max_pitch_rate": "control.max_pitch_rate",
-    "control.torque.max_torque_rate": "control.max_torque_rate",
-    "control.torque.tsr": "control.optimal_tsr",
-    "control.torque.VS_minspd": "control.min_rotor_speed",
-    "control.supervisory.rated_power": "control.rated_power",
-    "control.supervisory.Vin": "assembly.cut_in_wind_speed",
-    "control.supervisory.Vout": "assembly.cut_out_wind_speed",
-    "components.hub.elastic_properties_mb.system_mass": "components.hub.elastic_properties.mass",
-    "components.hub.elastic_properties_mb.system_inertia": "components.hub.elastic_properties.inertia",
-    "components.hub.elastic_properties_mb.system_center_mass": "components.hub.elastic_properties.location",
-    "components.drivetrain.elastic_properties_mb.system_mass": "components.drivetrain.elastic_properties.mass",
-    "components.drivetrain.elastic_properties_mb.system_inertia": "components.drivetrain.elastic_properties.inertia",
-    "components.drivetrain.elastic_properties_mb.system_inertia_tt": (
-        "components.drivetrain.elastic_properties.inertia_tt"
-    ),
-    "components.drivetrain.elastic_properties_mb.system_center_mass": (
-        "components.drivetrain.elastic_properties.location"
-    ),
-    "components.drivetrain.elastic_properties_mb.spring_constant": (
-        "components.drivetrain.elastic_properties.spring_constant"
-    ),
-    "components.drivetrain.elastic_properties_mb.damping_coefficient": (
-        "components.drivetrain.elastic_properties.damping_coefficient"
-    ),
-    "components.drivetrain.elastic_properties_mb.yaw_mass": "components.yaw.elastic_properties.mass",
-    "components.drivetrain.generator.generator_rpm_efficiency_user": "components.drivetrain.generator.rpm_efficiency",
-    "components.drivetrain.generator.elastic_properties_mb.system_mass": (
-        "components.drivetrain.generator.elastic_properties.mass"
-    ),
-    "components.drivetrain.generator.elastic_properties_mb.rotor_inertia": (
-        "components.drivetrain.generator.elastic_properties.inertia"
-    ),
-}
+_PARTS = {
+    ("control.pitch", "control"): {
+        "min_pitch": "min_pitch_limit", "max_pitch": "max_pitch_limit", "max_pitch_rate": "max_pitch_rate",
+    },
+    ("control.torque", "control"): {
+        "max_torque_rate": "max_torque_rate", "tsr": "optimal_tsr", "VS_minspd": "min_rotor_speed",
+    },
+    ("control.supervisory", "control"): {"rated_power": "rated_power"},
+    ("control.supervisory", "assembly"): {"Vin": "cut_in_wind_speed", "Vout": "cut_out_wind_speed"},
+    ("components.hub.elastic_properties_mb", "components.hub.elastic_properties"): {
+        "system_mass": "mass", "system_inertia": "inertia", "system_center_mass": "location",
+    },
+    ("components.drivetrain.elastic_properties_mb", "components.drivetrain.elastic_properties"): {
+        "system_mass": "mass", "system_inertia": "inertia", "system_inertia_tt": "inertia_tt",
+        "system_center_mass": "location", "spring_constant": "spring_constant",
+        "damping_coefficient": "damping_coefficient",
+    },
+    ("components.drivetrain.elastic_properties_mb", "components.yaw.elastic_properties"): {"yaw_mass": "mass"},
+    ("components.drivetrain.generator", "components.drivetrain.generator"): {
+        "generator_rpm_efficiency_user": "rpm_efficiency",
+    },
+    ("components.drivetrain.generator.elastic_properties_mb", "components.drivetrain.generator.elastic_properties"): {
+        "system_mass": "mass", "rotor_inertia": "inertia",
+    },
+}  # fmt: skip
+_MOVED = {f"{old}.{a}": f"{new}.{b}" for (old, new), keys in _PARTS.items() for a, b in keys.items()}
 """Place in the foreign layout and in windIO 2.1, with the same meaning and unit."""
 
 _TIP_SPEEDS = ("control.supervisory.maxTS", "control.max_allowable_blade_tip_speed")
@@ -266,12 +250,6 @@ def adopt_layout(data: dict[str, Any], notes: list[str]) -> None:
     ----------
     data : dict
         Content of the file.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If a number that enters the rated rotor speed or the stretching is not one, or the largest torque is far below
-        the rated one.
     """
     foreign = any(_get(data, path) is not None for path in _MARKS)
     speed = _rated_rotor_speed(data, notes)
@@ -317,13 +295,7 @@ def _rated_rotor_speed(data: dict[str, Any], notes: list[str]) -> float | None:
 
 
 def _to_newton_meters(data: dict[str, Any], notes: list[str]) -> None:
-    """Turn torque limits that a tool wrote in kN m into N m; one far below the rated torque cannot be meant in N m.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the largest torque is less than half the rated one in either unit.
-    """
+    """Turn torque limits that a tool wrote in kN m into N m; one far below the rated torque cannot be meant in N m."""
     largest, speed = _number(data, "control.max_gen_torque"), _number(data, "control.rated_rotor_speed")
     power = _number(data, "assembly.rated_power") or _number(data, "control.rated_power")
     if not largest or not speed or not power:

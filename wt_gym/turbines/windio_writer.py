@@ -81,13 +81,7 @@ def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[P
 
 
 def windio_content(turbine: Turbine) -> dict[str, Any]:
-    """Return what the windIO file of a turbine holds, as mappings, lists and numbers.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        If the turbine has what windIO files do not hold here, see `write_windio`.
-    """
+    """Return what the windIO file of a turbine holds, as mappings, lists and numbers."""
     if turbine.tower.support is not None:
         raise fail("Turbine.tower.support", "a monopile", "None (windIO files take it from their own walls)")
     if turbine.drivetrain.generator_damping or not turbine.drivetrain.takes_torque:
@@ -395,11 +389,6 @@ def require_same(expected: Any, found: Any, where: str = "Turbine") -> None:
     """Require two turbines, or parts of them, to be equal up to rounding; notes and names are not compared.
 
     Airfoils are compared in their order along the span.
-
-    Raises
-    ------
-    TurbineDefinitionError
-        Naming the first field that differs.
     """
     for item in dataclasses.fields(expected):
         one, two = getattr(expected, item.name), getattr(found, item.name)

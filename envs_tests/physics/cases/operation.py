@@ -104,7 +104,8 @@ def steady_point(
     last = np.array(rows)[-round(average / dt) :]
     half = len(last) // 2
     drift, speed_drift = (last[half:, k].mean() / last[:half, k].mean() - 1.0 for k in (2, 0))
-    return SteadyPoint(wind, *(float(mean) for mean in last.mean(axis=0)), drift, speed_drift)
+    means = [*last.mean(axis=0).tolist(), drift, speed_drift]
+    return SteadyPoint(wind, *means)
 
 
 def operating_curve(fidelity=FIDELITY):

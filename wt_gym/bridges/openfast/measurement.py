@@ -152,12 +152,8 @@ class Measurement:
             One a step of OpenFAST.
         torque : float
             Of the generator [N m].
-        command : array (n_blades,)
-            Of the pitch drives [rad].
-        pitch_rate : array (n_blades,)
-            At the end [rad/s].
-        travel : array (n_blades,)
-            Way of the pitch over the steps [rad].
+        command, pitch_rate, travel : array (n_blades,)
+            Command of the pitch drives [rad], rate at the end [rad/s], way over the steps [rad].
         accumulate : bool
             Whether extremes and travel continue those of the sample before.
         """

@@ -58,11 +58,6 @@ class OpenFASTProcess:
         Of the outputs.
     outputs : ndarray (n_outputs,)
         At time zero.
-
-    Raises
-    ------
-    SimulationError
-        With OpenFAST's message.
     """
 
     def __init__(self, library: Path, model: Path, relay: Path | None, demands: NDArray[np.float64], log: Path):
@@ -72,13 +67,7 @@ class OpenFASTProcess:
         self.outputs = np.frombuffer(outputs)
 
     def advance(self, demands: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Advance by one step of OpenFAST for each row of demands (n, 6); outputs (n, n_outputs).
-
-        Raises
-        ------
-        SimulationError
-            With OpenFAST's message; the process has then ended.
-        """
+        """Advance by one step of OpenFAST for each row of demands (n, 6); outputs (n, n_outputs)."""
         rows = self._ask("advance", demands.ravel().tolist())
         return np.frombuffer(rows).reshape(len(demands), len(self.names))
 
@@ -182,13 +171,7 @@ def find_driver(given: str | os.PathLike[str] | None = None) -> Path:
 
 
 def relay_library() -> Path:
-    """Path of the library, compiled at the first call and kept in the cache.
-
-    Raises
-    ------
-    SimulationError
-        If there is no compiler, or it fails.
-    """
+    """Path of the library, compiled at the first call and kept in the cache."""
     stamp = hashlib.sha256(_SOURCE.read_bytes() + sysconfig.get_platform().encode()).hexdigest()[:16]
     cache = user_cache()
     if cache is None:

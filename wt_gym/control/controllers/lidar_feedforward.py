@@ -103,19 +103,13 @@ class LidarFeedforward:
         fade: AboveRated | None = None,
         gain: float = 1.0,
     ) -> None:
-        if not isinstance(lidar, Lidar):
-            raise ValueError(f"lidar must be a wt_gym.control.Lidar, got {lidar!r}")
         if not isinstance(base, ShiftablePitch):
             raise TypeError(f"a feed-forward needs a controller whose pitch can be shifted (shift_pitch), got {base!r}")
-        if not 0.0 < wavenumber < math.inf:
-            raise ValueError(f"the wavenumber must be positive and finite, got {wavenumber!r} rad/m")
         if min(lidar.ranges) < 1.0 / wavenumber:
             raise ValueError(
                 f"the nearest gate of the lidar, {min(lidar.ranges):g} m, must not lie nearer than the lag of the "
                 f"filter, {1.0 / wavenumber:g} m: a range or a wavenumber is too small"
             )
-        if not (0.0 <= delay < math.inf and 0.0 <= gain < math.inf):
-            raise ValueError(f"delay and gain must be finite and not negative, got {delay!r} s and {gain!r}")
         self.base, self.lidar, self.wavenumber, self.delay, self.fade = base, lidar, wavenumber, delay, fade
         self._winds, self._steady = np.asarray(winds, dtype=np.float64), gain * np.asarray(pitch, dtype=np.float64)
         self._readings = tuple(f"lidar_{k + 1}" for k in range(len(lidar.ranges)))

@@ -1,29 +1,516 @@
-"""Export of a controller or a trained agent as one C99 file and a library with the Bladed interface."""
+"""Export of a controller or a trained agent: one C99 file, a library with the Bladed interface, a parameter file."""
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from wt_gym.base.files import write_text_whole
 from wt_gym.bridges.compiler import compile_library, library_name
+from wt_gym.control.bladed.records import LIDAR_SENSOR, LIDAR_SPEEDS, MOST_LIDAR_POINTS
 from wt_gym.control.controllers import make_controller, parse_name
-from wt_gym.deployment.export.controller_parts import SUPPORTED, Parts, controller_parts
-from wt_gym.deployment.export.source import c_source, parameter_file, readings
-from wt_gym.envs.options.dial import checked_dial
+from wt_gym.control.controllers.lidar_feedforward import SPACING
+from wt_gym.control.design import reference_flap_moment
+from wt_gym.deployment.export.parts import (
+    FASTEST_LIDAR_WIND,
+    KINDS,
+    LONGEST_LIDAR_DELAY,
+    SUPPORTED,
+    Parts,
+    controller_parts,
+)
+from wt_gym.envs.dial import DIAL_NAMES, LEAST_FACTOR, MOST_FACTOR, constant_factors
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
-    from wt_gym.deployment.export.agent_parts import Seen
+    from wt_gym.control import Lidar
+    from wt_gym.control.controllers import LidarFeedforward
+    from wt_gym.control.rotor import RotorTable
+    from wt_gym.deployment.export.parts import LinearPitch, Seen
     from wt_gym.deployment.export.policy import Network
 
-__all__ = ["export_discon"]
+__all__ = ["PARAMETERS", "export_discon"]
+
+_MARK = "/* DATA */"
+_MAKER = "wt_gym "
+"""First bytes of every checkpoint, whichever controller it belongs to."""
+_BESIDE = 0.2
+"""Of a range, from the only beam of a lidar, where a point still belongs to it."""
+_USERS = {
+    "BASE": "controller", "IPC": "individual pitch", "DAMPER": "dampers", "YAW": "yaw", "AGENT": "agent",
+    "LINEAR": "linear optimal pitch", "LIDAR": "lidar preview", "GUARD": "fault supervisor",
+    "SUPERVISOR": "supervisory control",
+}  # fmt: skip
+"""Who needs readings, in the C source and in words."""
+_ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW", "LINEAR_PITCH_ADDED")
+_DERATED = ("NOT_DERATED", "BY_SPEED", "BY_TORQUE", "BY_PITCH", "BY_ROTOR_ENERGY")
+_FORMS = ("NO_PITCH", "COLLECTIVE", "INDIVIDUAL", "FIXED_FRAME", "CYCLIC")
+_ACTIVATIONS = ("NO_ACTIVATION", "TANH", "RELU", "ELU")
+_KINDS = (
+    "pitch", "out_of_plane", "in_plane", "generator_speed", "rotor_speed", "power", "generator_torque", "yaw_error",
+    "wind", "fore_aft", "side_side", "azimuth", "nacelle_yaw", "demanded_power", "lidar",
+)  # fmt: skip
+"""Kinds of readings; the first of each is called READ_… in the C source."""
+
+_SEVERAL = re.compile(
+    r"(.*_)?(gain_pitch|proportional_gains|integral_gains)|(schedule|power)_(wind|shares|pitch)|dial|offset_pitch_limit"
+    r"|.+_fade_(pitch|speed|fine_speed)|ipc_(integral_gain|proportional_gain|level|leak|limit|rate_limit)"
+)
+"""Parameters with several values."""
+_LENGTHS = {"N_START_GAINS": "supervisor_gain_pitch", "N_GAINS": "gain_pitch", "N_SHARES": "power_shares",
+            "N_SCHEDULE": "schedule_wind"}  # fmt: skip
+
+
+def readings(parts: Parts) -> list[tuple[str, int, str, float, float, set[str]]]:
+    """Readings with kind, record, name, plausible range, and who needs them."""
+    turbine = parts.turbine
+    drive, n = turbine.drivetrain, turbine.n_blades
+    speed, moment = drive.rated_rotor_speed, 40.0 * reference_flap_moment(turbine)
+    rows = [("pitch", record, f"pitch of blade {b + 1}", 3.2) for b, record in enumerate((4, 33, 34)[:n])]
+    rows += [("out_of_plane", 30 + b, f"out-of-plane moment of blade {b + 1}", moment) for b in range(n)]
+    rows += [("in_plane", 69 + b, f"in-plane moment of blade {b + 1}", moment) for b in range(n)]
+    rows += [
+        ("generator_speed", 20, "generator speed", 3.0 * speed * drive.gear_ratio),
+        ("rotor_speed", 21, "rotor speed", 3.0 * speed),
+        ("power", 15, "electrical power", 5.0 * drive.rated_power),
+        ("generator_torque", 23, "generator torque", 5.0 * drive.max_generator_torque),
+        ("yaw_error", 24, "yaw error", 6.5),
+        ("wind", 27, "wind speed at the hub", 150.0),
+        ("fore_aft", 53, "fore-aft acceleration", 50.0),
+        ("side_side", 54, "side-side acceleration", 50.0),
+        ("azimuth", 60, "azimuth", 1e4),
+        ("nacelle_yaw", 37, "nacelle yaw", 1e4),
+        ("demanded_power", 13, "demanded power", 5.0 * drive.rated_power),
+    ]
+    if parts.lidar is not None:  # behind all others, which are one record each
+        rows.append(("lidar", LIDAR_SPEEDS, "lidar", FASTEST_LIDAR_WIND))
+    needed = {kind: {user for user in _USERS if kind in parts.reads.get(user, set())} for kind in _KINDS}
+    return [(kind, record, name, -most, most, needed[kind]) for kind, record, name, most in rows]
+
+
+def _number(value: float, single: bool = False) -> str:
+    """Literal with every digit."""
+    text = repr(float(np.float32(value))) if single else repr(float(value))
+    return text if any(c in text for c in ".e") else f"{text}.0"
+
+
+def _bound(value: float) -> str:
+    return ("HUGE_VAL" if value > 0 else "-HUGE_VAL") if math.isinf(value) else _number(value)
+
+
+def _array(kind: str, name: str, values: Any) -> str:
+    single = kind == "float"
+    numbers = [_number(x, single) + ("f" if single else "") for x in np.asarray(values).ravel().tolist()]
+    lines = [", ".join(numbers[k : k + 8]) for k in range(0, len(numbers), 8)]
+    return f"static const {kind} {name}[{len(numbers)}] = {{\n    " + ",\n    ".join(lines) + "\n};"
+
+
+def _enum(names: Iterable[str]) -> str:
+    return f"enum {{ {', '.join(names)} }};"
+
+
+def _parameters(parts: Parts) -> list[str]:
+    """Structure, values and names of the parameters."""
+    values = {entry.name: parts.values.get(entry.name, 1.0) for entry in PARAMETERS}
+    counts = {name: len(value) if isinstance(value, list) else 0 for name, value in values.items()}
+    fields, given, entries = [], [], []
+    for entry in PARAMETERS:
+        value, count = values[entry.name], counts[entry.name]
+        if not count and _SEVERAL.fullmatch(entry.name):
+            value, count = [1.0, 2.0], 2  # not used, and not read from a file
+        shown = "{" + ", ".join(map(_number, value)) + "}" if isinstance(value, list) else _number(value)
+        fields.append(f"    double {entry.name}{f'[{count}]' if count else ''}; /* {entry.unit}, {entry.meaning} */")
+        given.append(f"    .{entry.name} = {shown},")
+        if entry.group in parts.groups:
+            at = f"offsetof(struct parameters, {entry.name})"
+            entries.append(f'    {{"{entry.name}", {at}, {max(count, 1)}, {_bound(entry.low)}, {_bound(entry.high)}}},')
+    return [
+        "struct parameters {", *fields, "};",
+        "static const struct parameters DEFAULTS = {", *given, "};",
+        "struct entry { const char *name; size_t offset; int count; double low, high; };",
+        "static const struct entry ENTRIES[] = {", *entries, "};",
+        "#define N_ENTRIES (sizeof ENTRIES / sizeof ENTRIES[0])",
+    ]  # fmt: skip
+
+
+def _table(name: str, table: RotorTable) -> list[str]:
+    ratio, best = table.optimum
+    low = name.lower()
+    return [
+        _array("double", f"{low}_ratio", table.tip_speed_ratio),
+        _array("double", f"{low}_pitch", table.pitch),
+        _array("double", f"{low}_power", table.power),
+        f"static const struct rotor_table {name} = {{{low}_ratio, {low}_pitch, {low}_power, {table.power.shape[0]}, "
+        f"{table.power.shape[1]}, {_number(table.radius)}, {_number(table.air_density)}, {_number(ratio)}, "
+        f"{_number(best)}}};",
+    ]
+
+
+def _linear(linear: LinearPitch) -> list[str]:
+    """Arrays of a design of linear optimal pitch."""
+    design = linear.design
+    return [
+        f"static const double LINEAR_INTERVAL = {_number(design.interval)}, LINEAR_SIDE = {_number(linear.sign)};",
+        "#if WITH_AGENT",
+        f"static const int SEEN_BINS[] = {{0{''.join(f', {last}' for _, last in linear.bins)}}};",
+        "#endif",
+        _array("double", "LINEAR_PITCH", design.pitch),
+        _array("double", "LINEAR_SCALE", design.scale),
+        _array("double", "LINEAR_WASHOUT", design.washout),
+        _array("float", "LINEAR_RESPONSES", design.responses),
+        _array("float", "LINEAR_GAINS", design.gains),
+    ]
+
+
+def _lidar(lidar: Lidar, turbine: Turbine, feedforward: LidarFeedforward | None) -> list[str]:
+    """Gates of a lidar, its beams where they are apart, and the steady pitch of a feed-forward."""
+    lines = [
+        _enum([f"LIDAR_SENSOR = {LIDAR_SENSOR}", f"LIDAR_SPEEDS = {LIDAR_SPEEDS}",
+               f"MOST_LIDAR_POINTS = {MOST_LIDAR_POINTS}", f"N_GATES = {len(lidar.ranges)}"]),
+        _array("double", "LIDAR_RANGES", lidar.ranges),
+    ]  # fmt: skip
+    if lidar.apart:
+        left, up = lidar.sides(turbine.rotation)
+        # half of the way between neighbors; a beam alone has none
+        beside = math.tan(lidar.half_angle) * math.sin(math.pi / lidar.n_beams) if lidar.n_beams > 1 else _BESIDE
+        lines += [
+            _enum([f"N_BEAMS = {lidar.n_beams}"]),
+            _array("double", "BEAM_LEFT", left),
+            _array("double", "BEAM_UP", up),
+            f"static const double BEAM_TOLERANCE = {_number(beside)}, HUB_HEIGHT = {_number(turbine.hub_height)};",
+        ]
+    if feedforward is not None:
+        # way of the air from the farthest gate to where the filter takes it, over the way between two readings
+        way = max(lidar.ranges) + FASTEST_LIDAR_WIND * LONGEST_LIDAR_DELAY
+        spacing = SPACING / feedforward.wavenumber
+        lines += [
+            f"static const double LIDAR_SPACING = {_number(spacing)};",
+            _enum([f"N_SEEN_AHEAD = {math.ceil(way / spacing) + 3}", f"N_WINDS = {feedforward._winds.size}"]),
+            _array("double", "STEADY_WIND", feedforward._winds),
+            _array("double", "STEADY_PITCH", feedforward._steady),
+        ]
+    return lines
+
+
+def _agent(network: Network, seen: list[Seen]) -> list[str]:
+    """Channels and network."""
+    lines = [
+        _enum(f"SEE_{kind}" for kind in KINDS),
+        "struct channel { int kind, index, washed; double offset, scale, low, high; };",
+        "static const struct channel CHANNELS[N_CHANNELS] = {",
+    ]
+    for one in seen:
+        c = one.channel
+        numbers = ", ".join(_number(x) for x in (c.offset, c.scale, c.low, c.high))
+        lines.append(f"    {{SEE_{one.kind}, {one.index}, {int(one.washed)}, {numbers}}}, /* {c.name}, {c.unit} */")
+    lines.append("};")
+    n = network.normalization
+    count = len(network.channels)
+    lines += [
+        _array("double", "NORMAL_MEAN", np.zeros(count) if n is None else n.mean),
+        _array("double", "NORMAL_DEVIATION", np.ones(count) if n is None else n.deviation),
+        f"static const double NORMAL_LIMIT = {_number(1.0 if n is None else n.limit)};",
+        "struct layer { const float *weight, *bias; int n_in, n_out, activation; };",
+    ]
+    rows = []
+    for k, layer in enumerate(network.layers):
+        lines += [_array("float", f"WEIGHT_{k}", layer.weight), _array("float", f"BIAS_{k}", layer.bias)]
+        n_out, n_in = layer.weight.shape
+        rows.append(f"    {{WEIGHT_{k}, BIAS_{k}, {n_in}, {n_out}, {layer.activation.upper() or 'NO_ACTIVATION'}}},")
+    return [*lines, "static const struct layer LAYERS[N_LAYERS] = {", *rows, "};"]
+
+
+def c_source(title: str, parts: Parts, network: Network | None = None, seen: list[Seen] | None = None) -> str:
+    """Text of the C99 file.
+
+    Parameters
+    ----------
+    network : Network, optional
+        Of an agent.
+    seen : list of Seen, optional
+        Channels of a reading of the agent.
+    """
+    values = parts.values
+    constants = {
+        "N_BLADES": parts.turbine.n_blades,
+        "WITH_AGENT": int(network is not None),
+        "SENSES_WIND": 0,
+        "WITH_DIAL": 0,
+        "N_DIAL": len(DIAL_NAMES),
+        "WITH_LINEAR": int(parts.linear is not None),
+        "WITH_LIDAR": int(parts.lidar is not None),
+        "WITH_BEAMS": int(parts.lidar is not None and parts.lidar.apart),
+        "WITH_FEEDFORWARD": int(parts.feedforward is not None),
+        "WITH_GUARD": int("guard" in parts.groups),
+        "WITH_SUPERVISOR": int("supervisor" in parts.groups),
+        "HAS_SET_POINT": 0,
+        **{name: len(values.get(of, [0.0, 0.0])) for name, of in _LENGTHS.items()},  # type: ignore[arg-type]
+        "N_ADDITIONS": len(parts.additions),
+    } | parts.constants
+    constants["WITH_ESTIMATOR"] = int(bool(parts.tables))
+    rows = readings(parts)
+    lines = [f"#define {name} {value}" for name, value in constants.items()]
+    kinds = [row[0] for row in rows]
+    short = {kind: kind.replace("generator_torque", "torque").upper() for kind in _KINDS if kind in kinds}
+    firsts = {f"READ_{name}": kinds.index(kind) for kind, name in short.items()}
+    lines += [
+        _enum(f"{name} = {k}" for name, k in firsts.items()),
+        _enum(f"FOR_{user} = {1 << k}" for k, user in enumerate(_USERS)),
+        f"#define N_READINGS {len(rows)}",
+        "struct reading { int record; const char *name; double low, high; unsigned users; };",
+        "static const struct reading READINGS[N_READINGS] = {",
+    ]
+    for _, record, name, low, high, users in rows:
+        of = " | ".join(f"FOR_{user}" for user in _USERS if user in users) or "0"
+        lines.append(f'    {{{record}, "{name}", {_number(low)}, {_number(high)}, {of}}},')
+    lines += ["};", _enum(_ADDITIONS), _enum(_DERATED)]
+    lines.append(f"static const int ADDITIONS[] = {{{', '.join(parts.additions) or 'NONE_ADDED'}}};")
+    lines += _parameters(parts)
+    if parts.tables:
+        lines.append(
+            "struct rotor_table { const double *ratio, *pitch, *power; int n_ratio, n_pitch; double radius, "
+            "air_density, best_ratio, best_power; };"
+        )
+        for name, table in parts.tables.items():
+            lines += _table(name, table)
+    if parts.linear is not None:
+        lines += _linear(parts.linear)
+    if parts.lidar is not None:
+        lines += _lidar(parts.lidar, parts.turbine, parts.feedforward)
+    if network is not None and seen is not None:
+        lines += [_enum(_FORMS), _enum(_ACTIVATIONS), *_agent(network, seen)]
+    runtime = Path(__file__).with_name("runtime.c").read_text(encoding="utf-8")
+    data = "\n".join(lines)
+    mark = hashlib.sha256((data + runtime).encode()).hexdigest()[:16]
+    data += f'\n#define FINGERPRINT "{_MAKER}{mark}"\n#define MAKER "{_MAKER}"\n'
+    head = f"/* {title}\n *\n * Made by wt_gym: one C99 file, a shared library with the Bladed interface. */\n"
+    return head + runtime.replace(_MARK, data)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One parameter."""
+
+    name: str
+    """Of the field in the C structure and of the line in the file."""
+    unit: str
+    meaning: str
+    group: str = ""
+    """Part of the controller that it belongs to; "" for what the file does not show."""
+    low: float = -math.inf
+    """Least value that the library accepts from the file."""
+    high: float = math.inf
+
+
+def _fade(group: str, what: str) -> tuple[Entry, ...]:
+    """Parameters of a fade below rated wind, in a group of their own."""
+    fades = f"{group}_fade"
+    return (
+        Entry(f"{what}_fade_pitch", "rad", "pitch above fine pitch at which it begins and is full", fades),
+        Entry(f"{what}_fade_speed", "-", "rotor speed over rated at which it begins and is full", fades),
+        Entry(f"{what}_fade_fine_speed", "-", "the same at fine pitch; above any speed: nothing acts there", fades),
+        Entry(f"{what}_fade_time", "s", "time constant of the filter on the pitch", fades, 0.0),
+    )
+
+
+# Which axes a code means by records 53 and 54: OpenFAST's ServoDyn hands over ElastoDyn's YawBrTAxp and YawBrTAyp,
+# along axes of the tower top, which do not yaw with the nacelle (modules/servodyn/src/BladedInterface.f90). In DNV's
+# documentation of Bladed's outputs fore-aft and side-side accelerations of the nacelle are "corrected by the yaw angle"
+# (bladednextgen.dnv.com, page "Nacelle outputs"): along the nacelle.
+PARAMETERS = (
+    Entry("controller_step", "s", "step of the controller"),
+    Entry("gear_ratio", "-", "generator speed over rotor speed"),
+    Entry("rated_rotor_speed", "rad/s", "rated rotor speed"),
+    Entry("fade_fine_pitch", "rad", "pitch from which fades count"),
+    Entry("constant_power", "-", "1: region 3 holds power, 0: torque"),
+    Entry("torque_to_moment", "-", "gear ratio over efficiency"),
+    Entry("rotor_inertia", "kg m²", "of rotor and generator"),
+    Entry("estimator_lowest_speed", "rad/s", "rotor speed below which the estimate is held"),
+    Entry("sensor_bandwidth", "rad/s", "of the observed wind estimate"),
+    Entry("control_step", "s", "step of the agent"),
+    Entry("most_shaft_power", "W", "power up to which residual torque lifts, over gear ratio"),
+    Entry("drive", "-", "1: pitch drives and torque rate limit here, for codes without; 0: demands as they are", "all",
+          0.0, 1.0),
+    Entry("drive_min_pitch", "rad", "least pitch of the drives", "all", -math.pi, math.pi),
+    Entry("drive_max_pitch", "rad", "greatest pitch of the drives", "all", -math.pi, math.pi),
+    Entry("drive_pitch_rate", "rad/s", "greatest pitch rate of the drives", "all", 0.0),
+    Entry("drive_servo_frequency", "rad/s", "of pitch drives that are servos; 0: ideal drives", "all", 0.0),
+    Entry("drive_servo_damping", "-", "damping ratio of these servos", "all", 0.0),
+    Entry("drive_max_torque", "N m", "greatest generator torque", "all", 0.0),
+    Entry("drive_torque_rate", "N m/s", "greatest rate of the generator torque", "all", 0.0),
+    Entry("drive_yaw_rate", "rad/s", "greatest yaw rate", "all", 0.0),
+    Entry("acceleration_axes", "-", "of records 53 and 54; 0: of the tower top, record 37 turns them (OpenFAST), "
+          "1: of the nacelle (Bladed)", "acceleration", 0.0, 1.0),
+    Entry("corner_frequency", "rad/s", "of the low-pass filter on the generator speed", "base", 1e-6),
+    Entry("filter_damping", "-", "damping ratio of that filter; 0: first order", "base", 0.0),
+    Entry("notch_frequency", "rad/s", "of a notch before that filter; 0: none", "base", 0.0),
+    Entry("reference_speed", "rad/s", "generator speed held above rated", "base", 1e-6),
+    Entry("min_pitch", "rad", "least pitch of the controller", "base", -math.pi, math.pi),
+    Entry("max_pitch", "rad", "greatest pitch of the controller", "base", -math.pi, math.pi),
+    Entry("max_pitch_rate", "rad/s", "greatest pitch rate of the controller", "base", 0.0),
+    Entry("rated_power", "W", "mechanical power of the generator", "base", 0.0),
+    Entry("max_torque", "N m", "greatest torque of the controller", "base", 0.0),
+    Entry("max_torque_rate", "N m/s", "greatest torque rate of the controller", "base", 0.0),
+    Entry("proportional_gain", "s", "from generator speed error to pitch, at zero pitch", "gains", 0.0),
+    Entry("integral_gain", "-", "of its integral", "gains", 1e-12),
+    Entry("gain_doubling_pitch", "rad", "pitch at which the gains are halved", "gains", 1e-6),
+    Entry("gain_pitch", "rad", "pitch of the gains below, ascending", "gain_table", -math.pi, math.pi),
+    Entry("proportional_gains", "s", "from generator speed error to pitch", "gain_table"),
+    Entry("integral_gains", "-", "of its integral", "gain_table", 1e-12),
+    Entry("cut_in_speed", "rad/s", "generator speed at which torque begins", "torque_curve", 0.0),
+    Entry("region_2_speed", "rad/s", "generator speed at which region 2 begins", "torque_curve", 0.0),
+    Entry("rated_generator_speed", "rad/s", "generator speed at which region 3 begins", "torque_curve", 0.0),
+    Entry("region_2_gain", "N m s²/rad²", "torque over speed squared in region 2", "torque_curve", 0.0),
+    Entry("slip", "-", "slip of region 2 1/2", "torque_curve", 1e-6),
+    Entry("region_3_min_pitch", "rad", "pitch from which on region 3 holds", "torque_curve", -math.pi, math.pi),
+    Entry("speed_per_wind", "rad/m", "generator speed to be tracked per wind speed", "tracking", 0.0),
+    Entry("min_generator_speed", "rad/s", "least generator speed to be tracked", "tracking", 0.0),
+    Entry("torque_gain", "N m s", "from generator speed error to torque", "tracking", 0.0),
+    Entry("torque_integral_gain", "N m", "of its integral", "tracking", 0.0),
+    Entry("estimator_bandwidth", "rad/s", "of the wind estimate", "tracking", 0.0),
+    Entry("wind_time_constant", "s", "of the filter on the estimated wind", "tracking", 0.0),
+    Entry("smoothing_time_constant", "s", "of the filter on the shift of the set points", "tracking", 0.0),
+    Entry("pitch_to_speed", "-", "shift of the torque's set point for pitch over its range", "tracking", 0.0),
+    Entry("torque_to_speed", "-", "shift of the pitch's set point for torque missing to rated", "tracking", 0.0),
+    Entry("constant_power_pitch", "rad", "pitch above the least one at which power is held in full", "tracking", 0.0),
+    Entry("generator_share", "-", "share of the generator's speed in that of the wind estimate", "tracking", 0.0, 1.0),
+    Entry("schedule_wind", "m/s", "wind of the least pitch below, ascending", "tracking"),
+    Entry("schedule_pitch", "rad", "least pitch over the wind", "tracking", -math.pi, math.pi),
+    Entry("exclusion_low", "rad/s", "lower end of the generator speeds that are crossed quickly", "exclusion", 1e-6),
+    Entry("exclusion_high", "rad/s", "upper end", "exclusion", 1e-6),
+    Entry("exclusion_rate", "rad/s²", "rate at which the set point crosses", "exclusion", 1e-9),
+    Entry("exclusion_above", "-", "1: nothing waits at the lower end, below the least speed", "exclusion", 0.0, 1.0),
+    Entry("supervisor_cut_in", "m/s", "supervisory control: mean wind at which the turbine starts", "supervisor", 0.0),
+    Entry("supervisor_restart", "m/s", "mean wind up to which it starts", "supervisor", 0.0),
+    Entry("supervisor_derate_from", "m/s", "mean wind from which on the set points fall", "supervisor", 0.0),
+    Entry("supervisor_cut_out", "m/s", "mean wind at which it stops", "supervisor", 0.0),
+    Entry("supervisor_least_speed", "-", "set point of the rotor speed at cut_out, over rated", "supervisor", 0.3, 1.0),
+    Entry("supervisor_least_power", "-", "set point of the power there", "supervisor", 1e-6, 1.0),
+    Entry("supervisor_averaging", "s", "time over which the wind is averaged", "supervisor", 1e-6),
+    Entry("supervisor_restart_delay", "s", "time that the turbine stands at least", "supervisor", 0.0),
+    Entry("supervisor_run_up", "s", "time of a start-up to rated speed; a third of it loads the generator",
+          "supervisor", 1.0),
+    Entry("supervisor_gust", "m/s", "wind over 3 s at which it stops at once", "supervisor", 0.0),
+    Entry("supervisor_overspeed", "-", "rotor speed over rated at which it stops at once", "supervisor", 1.0),
+    Entry("supervisor_stop_rate", "rad/s", "pitch rate of a shut-down", "supervisor", 1e-6),
+    Entry("supervisor_start_rate", "rad/s", "pitch rate of a start-up", "supervisor", 1e-6),
+    Entry("supervisor_feather", "rad", "pitch of a turbine that stands", "supervisor", 0.0, math.pi),
+    Entry("supervisor_fine_pitch", "rad", "least pitch of a start-up", "supervisor", -math.pi, math.pi),
+    Entry("supervisor_cut_in_speed", "-", "rotor speed over rated at which the generator takes torque", "supervisor",
+          1e-6, 1.0),
+    Entry("supervisor_radius", "m", "70 % of the rotor's"),
+    Entry("supervisor_rated_speed", "rad/s", "of the rotor"),
+    Entry("supervisor_to_generator", "rad/s", "rated generator speed"),
+    Entry("supervisor_rated_torque", "N m", "of the generator"),
+    Entry("supervisor_proportional_gain", "s", "start-up: from generator speed to pitch, at zero pitch",
+          "supervisor_gains", 0.0),
+    Entry("supervisor_integral_gain", "-", "of its integral", "supervisor_gains", 0.0),
+    Entry("supervisor_gain_doubling_pitch", "rad", "pitch at which these are halved", "supervisor_gains", 1e-6),
+    Entry("supervisor_gain_pitch", "rad", "start-up: pitch of the gains below, ascending", "supervisor_gain_table",
+          -math.pi, math.pi),
+    Entry("supervisor_proportional_gains", "s", "from generator speed to pitch", "supervisor_gain_table"),
+    Entry("supervisor_integral_gains", "-", "of its integral", "supervisor_gain_table", 0.0),
+    Entry("generator_efficiency", "-", "electrical power over that on the shaft of the generator", "power", 1e-6, 1.0),
+    Entry("power_level", "-", "share of rated power that is followed without a demanded one", "power", 0.0, 1.0),
+    Entry("power_shares", "-", "shares of the power of the least pitch below, ascending", "power_pitch"),
+    Entry("power_pitch", "rad", "least pitch over the share", "power_pitch", -math.pi, math.pi),
+    Entry("store_lowest_speed", "-", "generator speed over reference at which the store is shut", "power_store", 0.0),
+    Entry("store_band", "-", "by how much faster it is open", "power_store", 1e-6),
+    Entry("store_raised", "-", "rise of the reference speed", "power_store", 0.0),
+    Entry("headroom_factor", "W s³/m³", "available power over cubed wind"),
+    Entry("headroom_most", "W", "most available power"),
+    Entry("ipc_integral_gain", "rad/(N m s)", "individual pitch, by harmonic: from moment to pitch rate", "ipc", 0.0),
+    Entry("ipc_proportional_gain", "rad/(N m)", "from moment to pitch", "ipc", 0.0),
+    Entry("ipc_level", "N m", "moment up to which nothing is done", "ipc", 0.0),
+    Entry("ipc_leak", "1/s", "rate of the return within that band", "ipc", 0.0),
+    Entry("ipc_limit", "rad", "greatest amplitude", "ipc", 0.0, math.pi),
+    Entry("ipc_rate_limit", "rad/s", "greatest rate of the amplitude", "ipc", 0.0),
+    Entry("ipc_lead", "s", "time by which the azimuth leads", "ipc", 0.0),
+    *_fade("ipc", "ipc"),
+    Entry("linear_gain", "-", "linear optimal pitch: factor on all offsets", "linear", 0.0, 2.0),
+    Entry("linear_limit", "rad", "largest mean offset, and largest amplitude of tilt and yaw", "linear", 0.0, math.pi),
+    Entry("linear_rate_limit", "rad/s", "largest rate of the mean, and of tilt and yaw together", "linear", 0.0),
+    Entry("linear_lead", "s", "time by which the azimuth leads", "linear", 0.0),
+    Entry("linear_schedule_time", "s", "time constant of the pitch that chooses between designs", "linear", 0.0),
+    *_fade("linear", "linear"),
+    Entry("lidar_speed_factor", "-", "lidar: speeds in the records are taken times this; 1 for speeds along the axis, "
+          "one over the cosine of the cone's half angle for speeds along the beams", "lidar", 0.1, 10.0),
+    Entry("lidar_gain", "-", "factor on the pitch that follows the wind ahead; 0: none", "feedforward", 0.0, 2.0),
+    Entry("lidar_delay", "s", "delay of that pitch against the filtered wind at the tower", "feedforward", 0.0,
+          LONGEST_LIDAR_DELAY),
+    Entry("lidar_wavenumber", "rad/m", "of the filter on the wind ahead"),
+    *_fade("lidar", "lidar"),
+    Entry("fore_aft_gain", "rad s/m", "fore-aft damper: from velocity to pitch", "fore_aft", 0.0),
+    Entry("fore_aft_corner", "rad/s", "of the high-pass filter", "fore_aft", 1e-6),
+    Entry("fore_aft_limit", "rad", "greatest pitch added", "fore_aft", 0.0, math.pi),
+    Entry("fore_aft_min_pitch", "rad", "pitch below which it takes no blade", "fore_aft", -math.pi, math.pi),
+    *_fade("fore_aft", "fore_aft"),
+    Entry("side_side_gain", "N m s/m", "side-side damper: from velocity to torque", "side_side"),
+    Entry("side_side_corner", "rad/s", "of the high-pass filter", "side_side", 1e-6),
+    Entry("side_side_limit", "N m", "greatest torque added", "side_side", 0.0),
+    Entry("yaw_rate", "rad/s", "yaw drive: its rate", "yaw", 0.0),
+    Entry("yaw_dead_band", "rad", "filtered yaw error at which it starts", "yaw", 0.0, math.pi),
+    Entry("yaw_stop", "rad", "yaw error at which it stops", "yaw", 0.0, math.pi),
+    Entry("yaw_slow_time", "s", "time constant at rest", "yaw", 0.0),
+    Entry("yaw_fast_time", "s", "time constant while turning", "yaw", 0.0),
+    Entry("guard_speed_tolerance", "rad/s", "fault supervisor: difference of a rotor speed from the middle of three "
+          "from which on it is replaced", "guard", 0.0),
+    Entry("guard_moment_jump", "N m", "change of a flapwise moment in a step that is a fault", "guard", 0.0),
+    Entry("guard_frozen_time", "s", "time of equal readings after which a moment or the vane is dead", "guard", 0.0),
+    Entry("guard_vane_jump", "rad", "change of the yaw error in a step that is a fault", "guard", 0.0),
+    Entry("guard_pitch_tolerance", "rad", "difference of a pitch from its drive's model that is a fault", "guard", 0.0),
+    Entry("guard_pitch_time", "s", "time for which it must last", "guard", 0.0),
+    Entry("guard_stop_deviation", "rad", "difference at which a failing drive stops the turbine", "guard_stop", 0.0),
+    Entry("guard_fade_time", "s", "time in which individual pitch fades out", "guard", 1e-6),
+    Entry("guard_efficiency", "-", "electrical power over that on the shaft of the generator", "guard", 1e-6, 1.0),
+    Entry("guard_least_torque", "N m", "torque from which on power over torque is a speed", "guard", 0.0),
+    Entry("agent", "-", "1: the agent acts; 0: the controller alone", "agent", 0.0, 1.0),
+    Entry("dial", "-", "factors on the weights of fatigue, power and travel for the agent; their ratios count",
+          "dial", LEAST_FACTOR, MOST_FACTOR),
+    Entry("offset_pitch_limit", "rad", "greatest residual pitch, by coordinate", "agent", 0.0, math.pi),
+    Entry("offset_pitch_rate", "rad/s", "greatest rate of residual pitch", "agent", 1e-9),
+    Entry("offset_torque_limit", "N m", "greatest residual torque", "agent", 0.0),
+    Entry("offset_torque_rate", "N m/s", "greatest rate of residual torque", "agent", 1e-9),
+    Entry("offset_yaw_rate", "rad/s", "greatest residual yaw rate", "agent", 0.0),
+    Entry("offset_set_point_limit", "-", "greatest residual set point of the rotor speed, over rated",
+          "agent_set_point", 0.0, 1.0),
+    Entry("offset_set_point_rate", "1/s", "greatest rate of the residual set point", "agent_set_point", 1e-9),
+    Entry("offset_lead", "s", "time by which the azimuth leads", "agent", 0.0),
+    Entry("offset_washout", "s", "time constant of the washout of mean residual pitch; 0: none", "agent", 0.0),
+    Entry("sensor_washout", "s", "time constant of the high-pass filter on observed loads; 0: none", "agent", 0.0),
+    Entry("anemometer_time", "s", "time constant of the observed wind speed", "agent", 0.0),
+    Entry("vane_time", "s", "time constant of the observed yaw error", "agent", 0.0),
+    *_fade("agent", "offset"),
+)  # fmt: skip
+"""Every parameter; those of groups that a controller does not have are left out of its file."""
+
+
+def parameter_file(title: str, groups: set[str], values: dict[str, float | list[float]]) -> str:
+    """Text of a parameter file.
+
+    Parameters
+    ----------
+    groups : set of str
+        That the controller has.
+    values : dict
+        By name.
+    """
+    lines = [f"# {title}", "# name = value(s)  # unit, meaning; what is left out is as it was exported", ""]
+    for entry in PARAMETERS:
+        if entry.group in groups:
+            value = values[entry.name]
+            numbers = " ".join(f"{x!r}" for x in (value if isinstance(value, list) else [value]))
+            lines.append(f"{entry.name} = {numbers}  # {entry.unit}, {entry.meaning}")
+    return "\n".join(lines) + "\n"
 
 
 def export_discon(
@@ -94,7 +581,7 @@ def export_discon(
         )
     parts.values["drive"] = float(drive)
     if dial is not None and "dial" in parts.values:
-        parts.values["dial"] = list(checked_dial(dial).values())
+        parts.values["dial"] = list(constant_factors(dial))
     stem = re.sub(r"\W+", "_", stem)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -117,7 +604,7 @@ def export_discon(
 
 def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Seen], str]:
     """Parts of an agent's base controller with the agent, its network, its channels, and the name of the base."""
-    from wt_gym.deployment.export.agent_parts import add_agent, seen_channels
+    from wt_gym.deployment.export.parts import add_agent, seen_channels
     from wt_gym.deployment.export.policy import network_of, training_environment
     from wt_gym.experiment.agents import load_model
     from wt_gym.experiment.trained_agent import model_card
@@ -157,19 +644,8 @@ def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:
         + (" The yaw needs `YawDOF` True in ElastoDyn." if yaws else ""),
         "", "## Readings", "", "| record | reading | plausible range | needed by |", "|---|---|---|---|",
     ]  # fmt: skip
-    words = {
-        "BASE": "controller",
-        "IPC": "individual pitch",
-        "DAMPER": "dampers",
-        "YAW": "yaw",
-        "AGENT": "agent",
-        "LINEAR": "linear optimal pitch",
-        "LIDAR": "lidar preview",
-        "GUARD": "fault supervisor",
-        "SUPERVISOR": "supervisory control",
-    }
     for kind, record, name, low, high, users in readings(parts):
-        needed = sorted(words[user] for user in users) + ["in place of record 20"] * (kind == "rotor_speed")
+        needed = sorted(_USERS[user] for user in users) + ["in place of record 20"] * (kind == "rotor_speed")
         if needed:
             lines.append(f"| {record} | {name} | {low:.4g} to {high:.4g} | {', '.join(needed)} |")
     lines += [

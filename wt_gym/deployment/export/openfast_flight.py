@@ -17,6 +17,7 @@ import numpy as np
 from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.options import shown
 from wt_gym.bridges.openfast import (
     PointLidar,
     ServedController,
@@ -32,9 +33,8 @@ from wt_gym.control.controllers import parse_name
 from wt_gym.control.controllers.power_tracking import LEAST_SHARE
 from wt_gym.control.operating_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
-from wt_gym.envs.arguments import shown
 from wt_gym.envs.options import flat_arguments
-from wt_gym.envs.options.grid import checked_reference
+from wt_gym.envs.power_reference import GridOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent, load_model
 from wt_gym.experiment.environments import training_arguments
@@ -126,18 +126,11 @@ def scene_of(
 
 
 def demanded_power(arguments: Mapping[str, Any]) -> float | None:
-    """Power that rows of the environment's ``power_reference`` demand throughout [W], None where nothing is demanded.
-
-    Raises
-    ------
-    ValueError
-        If it changes, is drawn, or stands in a file: ServoDyn hands the same number of its input file to the library at
-        every call.
-    """
+    """Power that rows of ``power_reference`` demand throughout [W], None where nothing is demanded."""
     given = flat_arguments(arguments).get("power_reference")
     if given is None:
         return None
-    reference = checked_reference(given)
+    reference: Any = GridOptions(reference=given).reference
     powers = set() if isinstance(reference, str) else {row[-1] for row in reference}
     if len(powers) != 1 or isinstance(power := powers.pop(), str):
         raise ValueError(
@@ -406,11 +399,6 @@ def _played(
 
     In rad, -, rad/s. A lidar takes the place of that which controller and agent read; a start, options of the reset,
     that of the operating point.
-
-    Raises
-    ------
-    SimulationError
-        If the run ends early.
     """
     env = WindTurbineEnv(**arguments)
     if lidar is not None:

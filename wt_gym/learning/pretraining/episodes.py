@@ -14,8 +14,8 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part, side_sign
 from wt_gym.control.controllers.names import BASELINE
-from wt_gym.envs.options.dial import DIAL_NAMES
-from wt_gym.envs.options.environment import registered_arguments
+from wt_gym.envs.dial import DIAL_NAMES
+from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.run import EpisodePlayer

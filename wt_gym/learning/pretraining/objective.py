@@ -21,7 +21,7 @@ import torch
 
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
-from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.learning.pretraining.fatigue import damage_equivalent_load
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 
 __all__ = ["CONDITION_ARGUMENTS", "PretrainingOptions", "pretraining_environment"]
 
@@ -50,8 +50,7 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
     # the configuration of a training is read without them
     from wt_gym.control.controllers.linear_optimal import default_limits
     from wt_gym.control.controllers.names import BASELINE, parse_name
-    from wt_gym.envs.options import flat_arguments, registered_arguments
-    from wt_gym.envs.options.environment import argument_default
+    from wt_gym.envs.options import argument_default, flat_arguments, registered_arguments
     from wt_gym.turbines import load_turbine
 
     env_kwargs = flat_arguments(env_kwargs)
@@ -230,7 +229,7 @@ def _checked_condition(given: Any, skip: float) -> dict[str, Any]:
     """
     # the configuration of a training is read without them
     from wt_gym.envs.options import flat_arguments
-    from wt_gym.envs.options.variation import STRUCTURAL
+    from wt_gym.envs.variation import STRUCTURAL
 
     if not isinstance(given, Mapping):
         raise ValueError(f"each of conditions must be a mapping of arguments of the environment, got {given!r}")

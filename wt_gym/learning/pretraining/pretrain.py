@@ -22,10 +22,9 @@ import torch
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
 from wt_gym.base.constants import DAY
 from wt_gym.deployment.export.policy import network_of
-from wt_gym.envs.dial import scaled
-from wt_gym.envs.options.dial import DIAL_NAMES
+from wt_gym.envs.dial import DIAL_NAMES, dial_of, scaled
+from wt_gym.envs.options import wind_files_of
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.envs.wind_files import wind_files_of
 from wt_gym.experiment.execute import clock
 from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.experiment.store import described
@@ -57,7 +56,7 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     from wt_gym.deployment.export.policy import Network
-    from wt_gym.envs.dial import DialDraws
+    from wt_gym.envs.dial import DialTerm
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.experiment.execute import Executor
     from wt_gym.learning.pretraining.options import PretrainingOptions
@@ -262,7 +261,7 @@ def pretrain(
 
     check = check or (lambda: None)
     work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say, check, recordings)
-    names, dials = plain.layout.observation.names, plain.dials
+    names, dials = plain.layout.observation.names, dial_of(plain)
     dial_at = [] if dials is None else [names.index(f"dial_{name}") for name in DIAL_NAMES]
     with torch.no_grad():
         policy.action_net.weight.zero_()
@@ -523,7 +522,7 @@ class _Work:
         low, high = self._speeds
         order = np.random.default_rng(options.first_wind_seed).permutation(options.episodes)
         winds = low + (high - low) * (order + 0.5) / options.episodes
-        dials, rng = self._env.dials, np.random.default_rng((options.first_wind_seed, number))
+        dials, rng = dial_of(self._env), np.random.default_rng((options.first_wind_seed, number))
         jobs = [
             self._job(
                 round(speed, 2), options.first_wind_seed + n, condition, agent=agent,
@@ -559,7 +558,7 @@ def _optimized(
     say: Callable[[str], None],
     check: Callable[[], None],
     budget: _Budget,
-    dials: DialDraws | None = None,
+    dials: DialTerm | None = None,
 ) -> tuple[float, float, float, int]:
     """Follow the gradient; keep what is best in the held-out winds, of what is within the budget in all winds.
 

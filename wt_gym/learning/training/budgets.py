@@ -19,7 +19,7 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
-from wt_gym.envs.options.limits import PITCH_TRAVEL
+from wt_gym.envs.terminations import PITCH_TRAVEL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

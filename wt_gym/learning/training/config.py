@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from wt_gym.base.files import json_values
-from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.envs.options import with_whole_paths
 from wt_gym.learning.pretraining.options import PretrainingOptions, pretraining_environment
 from wt_gym.learning.training.hyperparameters import check_hyperparameters, hyperparameters_for
 from wt_gym.tasks import DEFAULT_ENV

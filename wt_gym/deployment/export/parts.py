@@ -1,16 +1,19 @@
-"""A controller taken apart into what its C source needs: parameters, tables, additions, readings."""
+"""Controllers and trained residual agents taken apart into what their C source needs: parameters, tables, readings."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.control import NacelleAnemometer
 from wt_gym.control.bladed.records import MOST_LIDAR_POINTS
 from wt_gym.control.controllers import (
+    STATES,
     DisconController,
     FaultSupervisor,
     ForeAftDamper,
@@ -21,9 +24,12 @@ from wt_gym.control.controllers import (
     YawByDeadBand,
 )
 from wt_gym.control.controllers.controller import parts_of
-from wt_gym.control.controllers.linear_optimal import SCHEDULE_TIME, LinearOptimalPitch
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, SCHEDULE_TIME, LinearOptimalPitch
 from wt_gym.control.controllers.power_tracking import WAYS, PowerTracking
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
+from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.envs.dial import DIAL_NAMES
+from wt_gym.envs.power import available_power
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
@@ -31,13 +37,15 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers import AboveRated, Controller
     from wt_gym.control.controllers.discon import BaselineParameters, PitchLaw
     from wt_gym.control.controllers.linear_optimal import LinearDesign
-    from wt_gym.control.controllers.tsr_tracking import WindEstimator
     from wt_gym.control.rotor import RotorTable
+    from wt_gym.deployment.export.policy import Network
+    from wt_gym.envs.layout import EnvLayout
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "ACCELERATION", "FASTEST_LIDAR_WIND", "LINEAR_READS", "LONGEST_LIDAR_DELAY", "MOST_SEEN_BINS", "SUPPORTED",
-    "LinearPitch", "Parts", "controller_parts",
+    "FASTEST_LIDAR_WIND", "KINDS", "LONGEST_LIDAR_DELAY", "SUPPORTED", "LinearPitch", "Parts", "Seen", "add_agent",
+    "controller_parts", "seen_channels",
 ]  # fmt: skip
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
@@ -74,7 +82,7 @@ class Parts:
 
     turbine: Turbine
     values: dict[str, float | list[float]] = field(default_factory=dict)
-    """Of `wt_gym.deployment.export.source.PARAMETERS`, numbers or lists."""
+    """Of `wt_gym.deployment.export.discon.PARAMETERS`, numbers or lists."""
     groups: set[str] = field(default_factory=lambda: {"all", "base"})
     """Of parameters."""
     constants: dict[str, int] = field(default_factory=dict)
@@ -141,13 +149,7 @@ class Parts:
         }
 
     def take_lidar(self, lidar: Lidar, apart: bool = False) -> None:
-        """Take the lidar that a controller or an agent reads, its beams apart or not.
-
-        Raises
-        ------
-        ValueError
-            For more gates, or beams apart, than the interface has records for.
-        """
+        """Take the lidar that a controller or an agent reads, its beams apart or not."""
         lidar = replace(lidar, apart=apart)
         if lidar.n_readings > MOST_LIDAR_POINTS:
             what = "beams over all gates" if apart else "gates"
@@ -168,13 +170,7 @@ _FLAGS = (
 
 
 def controller_parts(controller: Controller, turbine: Turbine, step: float) -> Parts:
-    """Take a controller with a step [s] apart.
-
-    Raises
-    ------
-    ValueError
-        For a part, or a turbine, that cannot be exported.
-    """
+    """Take a controller with a step [s] apart."""
     if not turbine.drivetrain.takes_torque:
         raise ValueError(f"the generator must take a torque to be exported, that of {turbine.name} is a damper")
     if turbine.n_blades > 3:
@@ -409,3 +405,230 @@ _ADDITIONS: dict[type[Any], tuple[str, Callable[[Parts, Any, float], None]]] = {
     YawByDeadBand: ("YAW", _yaw),
 }
 """Names of the C source, and what takes the parameters of an addition."""
+
+
+_PARTS = {"mean": 0, "tilt": 1, "yaw": 2}
+_LINEAR = _PARTS | {"share": 3, "schedule": 4}
+_PLAIN = {
+    "rotor_speed": ("ROTOR_SPEED", {"rotor_speed"}),
+    "generator_speed": ("GENERATOR_SPEED", {"generator_speed"}),
+    "generator_power": ("GENERATOR_POWER", {"power"}),
+    "generator_torque": ("GENERATOR_TORQUE", {"generator_torque"}),
+    "nacelle_acceleration_fore_aft": ("ACCELERATION_FORE_AFT", set(ACCELERATION)),
+    "nacelle_acceleration_side_side": ("ACCELERATION_SIDE_SIDE", set(ACCELERATION)),
+    "pitch": ("MEAN_PITCH", {"pitch"}),
+    "pitch_rate": ("MEAN_PITCH_RATE", {"pitch"}),
+    "pitch_demand": ("MEAN_PITCH_DEMAND", set()),
+    "generator_torque_demand": ("TORQUE_DEMAND", set()),
+    "wind_speed": ("WIND_SPEED", {"wind"}),
+    "yaw_error": ("YAW_ERROR", {"yaw_error"}),
+    "rotor_wind": ("ROTOR_WIND", {"rotor_speed", "generator_torque", "pitch"}),
+    "azimuth_sin": ("AZIMUTH_SIN", {"azimuth"}),
+    "azimuth_cos": ("AZIMUTH_COS", {"azimuth"}),
+    "controller_pitch": ("CONTROLLER_PITCH", set()),
+    "controller_torque": ("CONTROLLER_TORQUE", set()),
+    "residual_share": ("SHARE", {"rotor_speed"}),
+    "residual_mean": ("MEAN_OFFSET", set()),
+    "dead_band_error": ("DEAD_BAND_ERROR", set()),
+    "dead_band_turning": ("DEAD_BAND_TURNING", set()),
+    "mean_wind": ("SUPERVISOR_WIND", {"wind"}),
+    "set_point": ("SUPERVISOR_SET_POINT", set()),
+    "load_share": ("SUPERVISOR_LOAD", set()),
+    "set_point_offset": ("SET_POINT_OFFSET", set()),
+    "demanded_power": ("DEMANDED_POWER", {"demanded_power"}),
+    "power_error": ("POWER_ERROR", {"demanded_power", "power"}),
+    "rotor_energy": ("ROTOR_ENERGY", {"rotor_speed"}),
+    "power_headroom": ("POWER_HEADROOM", {"demanded_power", "rotor_speed", "generator_torque", "pitch"}),
+}
+"""Channels without a number: how the C source calls them, and the readings that they need."""
+_MOMENTS = {"pitch", "out_of_plane", "in_plane"}
+_BY_BLADE = {
+    "pitch": ("PITCH", {"pitch"}),
+    "pitch_rate": ("PITCH_RATE", {"pitch"}),
+    "pitch_demand": ("PITCH_DEMAND", set()),
+    "root_flap_moment": ("FLAP_MOMENT", _MOMENTS),
+    "root_edge_moment": ("EDGE_MOMENT", _MOMENTS),
+    "root_out_of_plane_moment": ("OUT_OF_PLANE_MOMENT", _MOMENTS),
+}
+_FIXED_FRAME = {
+    "root_flap_moment": "FLAP_FIXED_FRAME",
+    "root_edge_moment": "EDGE_FIXED_FRAME",
+    "root_out_of_plane_moment": "OUT_OF_PLANE_FIXED_FRAME",
+}
+_LIDAR = {"lidar", "nacelle_yaw"}
+_DIAL, _STATE, _OUTPUT = ("|".join(names) for names in (DIAL_NAMES, STATES, OUTPUTS))
+_PATTERNS: dict[str, Callable[[re.Match[str]], tuple[str, int, set[str]]]] = {
+    rf"({'|'.join(_FIXED_FRAME)})_(mean|tilt|yaw)":
+        lambda m: (_FIXED_FRAME[m[1]], _PARTS[m[2]], _MOMENTS | {"azimuth"}),
+    rf"disturbance_({_OUTPUT})_(\d+)":
+        lambda m: ("DISTURBANCE", MOST_SEEN_BINS * OUTPUTS.index(m[1]) + int(m[2]) - 1, LINEAR_READS),
+    rf"linear_pitch_({'|'.join(_LINEAR)})": lambda m: ("LINEAR_PITCH", _LINEAR[m[1]], LINEAR_READS),
+    rf"model_(gain|lag)_({_OUTPUT})":
+        lambda m: ("MODEL_FIT", OUTPUTS.index(m[2]) + (len(OUTPUTS) if m[1] == "lag" else 0), LINEAR_READS),
+    r"lidar_(\d+)": lambda m: ("LIDAR", int(m[1]) - 1, _LIDAR),
+    rf"dial_({_DIAL})": lambda m: ("DIAL", DIAL_NAMES.index(m[1]), set()),
+    rf"state_({_STATE})": lambda m: ("SUPERVISOR_STATE", STATES.index(m[1]), set()),
+    r"pitch_offset_(\d)": lambda m: ("SETPOINT", int(m[1]) - 1, set()),
+    rf"({'|'.join(_BY_BLADE)})_(\d)": lambda m: (_BY_BLADE[m[1]][0], int(m[2]) - 1, _BY_BLADE[m[1]][1]),
+}  # fmt: skip
+"""Channels with a number or a name in theirs: kind, index and readings."""
+KINDS = (
+    *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "MODEL_FIT", "LIDAR", "LIDAR_BEAM", "DIAL",
+    "SUPERVISOR_STATE", "HELD",
+)  # fmt: skip
+"""Ways to read a channel, by name in the C source."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One channel of a reading."""
+
+    kind: str
+    """Of `KINDS`."""
+    index: int
+    """Blade, coordinate or component, from 0."""
+    channel: Any
+    reads: set[str]
+    """Readings that it needs."""
+    washed: bool = False
+    """Whether it passes the high-pass filter of the observation."""
+
+
+def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
+    """Channels of one reading, in order, without those of earlier readings.
+
+    Parameters
+    ----------
+    hold_missing : bool
+        Whether channels that the interface does not have are held at the middle of their scale.
+    """
+    found = [
+        replace(_seen(channel, layout), washed=channel.name in layout.washed)
+        for channel in layout.observation.channels
+        if "@" not in channel.name
+    ]
+    missing = [one.channel.name for one in found if one.kind == "HELD"]
+    if missing and not hold_missing:
+        raise ValueError(
+            f"channels of the agent must be on the Bladed interface, got {', '.join(missing)}, which are not. Train it "
+            "with observation='measurable', all that there is (docs/howto/export.md), or have them held at the middle "
+            "of their scale: --hold-missing"
+        )
+    return found
+
+
+def _seen(channel: Any, layout: EnvLayout) -> Seen:
+    name: str = channel.name
+    if name in _PLAIN:
+        return Seen(_PLAIN[name][0], 0, channel, _PLAIN[name][1])
+    if name == "torque_offset":
+        return Seen("SETPOINT", _n_pitch(layout), channel, set())
+    if name.startswith("previous_"):
+        return Seen("PREVIOUS_ACTION", layout.action.names.index(name.removeprefix("previous_")), channel, set())
+    if re.fullmatch(r"lidar_\d+_\d+", name):
+        assert layout.lidar is not None  # what the channels are read by
+        return Seen("LIDAR_BEAM", layout.lidar.names.index(name), channel, _LIDAR)
+    for pattern, parts_of_name in _PATTERNS.items():
+        if match := re.fullmatch(pattern, name):
+            kind, index, reads = parts_of_name(match)
+            return Seen(kind, index, channel, reads)
+    return Seen("HELD", 0, channel, set())
+
+
+def _n_pitch(layout: EnvLayout) -> int:
+    return layout.action.n_pitch if "pitch" in layout.action.components else 0
+
+
+def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Seen]) -> None:
+    """Add an agent to the parts of its base controller.
+
+    Parameters
+    ----------
+    parts : Parts
+        Changed.
+    env : WindTurbineEnv
+        In which it was trained.
+    """
+    layout, action, residual = env.layout, env.layout.action, env.operation.residual
+    if action.mode != "residual":
+        raise ValueError(f"an agent must have residual actions to be exported as a controller, got {action.mode!r}")
+    parts.groups.add("agent")
+    n_pitch, torque = _n_pitch(layout), "torque" in action.components
+    forms = "none", "collective", "individual", "fixed-frame", "cyclic"
+    history = len(layout.observation) // len(seen)
+    anemometer = NacelleAnemometer()
+    turning = action.pitch in ("fixed-frame", "cyclic") and n_pitch > 0
+    parts.constants |= {
+        "N_PITCH": n_pitch,
+        "N_COORDINATES": n_pitch + torque,
+        "N_SETPOINT": max(n_pitch + torque, 1),
+        "N_MEAN": action.n_mean if n_pitch else 0,
+        "N_ACT": action.size,
+        "N_CHANNELS": len(seen),
+        "N_OBS": len(layout.observation),
+        "N_HISTORY": layout.delay + history,
+        "DELAY": layout.delay,
+        "OFFSET_FORM": int(action.residual == "offset"),
+        "HAS_YAW": int(action.has_yaw),
+        "HAS_TORQUE": int(torque),
+        "HAS_SET_POINT": int("set_point" in action.components),
+        "SUBSTEPS": env.operation.count,
+        "SENSES_WIND": int(any(one.kind in ("ROTOR_WIND", "POWER_HEADROOM") for one in seen)),
+        "SQUASHED": int(network.squashed),
+        "NORMALIZED": int(network.normalization is not None),
+        "N_LAYERS": len(network.layers),
+        "WIDTH": max(len(layout.observation), *(max(layer.weight.shape) for layer in network.layers)),
+    }
+    if any(one.kind == "DIAL" for one in seen):
+        parts.groups.add("dial")
+        parts.constants["WITH_DIAL"] = 1
+        weights = env.options.dial.weights  # of drawn ones an export keeps to equal ones
+        chosen = weights if isinstance(weights, Mapping) else {}
+        parts.values["dial"] = [float(chosen.get(name, 1.0)) for name in DIAL_NAMES]
+    parts.constants["PITCH_FORM"] = forms.index(action.pitch if n_pitch else "none")
+    if n_pitch and action.pitch != "collective":
+        parts.constants["INDIVIDUAL_BLADES"] = 1
+    parts.take_fade(residual._fade if residual is not None else None, "FADE_AGENT", "offset", "agent")
+    spans = action._spans
+    parts.values |= {
+        "agent": 1.0,
+        "control_step": layout.control_dt,
+        "most_shaft_power": action._most_shaft_power,
+        "offset_pitch_limit": action.pitch_high.tolist() if n_pitch else [0.0],
+        "offset_pitch_rate": spans["pitch_rate"],
+        "offset_torque_limit": spans["torque"],
+        "offset_torque_rate": spans["torque_rate"],
+        "offset_yaw_rate": spans["yaw_rate"],
+        "offset_lead": action.delay,
+        "sensor_washout": env.options.observations.washout or 0.0,
+        "offset_washout": residual._lasting.time_constant if residual is not None and residual._lasting else 0.0,
+        "anemometer_time": anemometer._speed.time_constant,
+        "vane_time": anemometer._direction.time_constant,
+        "rotor_inertia": rotor_inertia(parts.turbine),
+        "headroom_factor": available_power(parts.turbine, 1.0),
+        "headroom_most": 1.5 * parts.turbine.drivetrain.rated_power,
+    }
+    if "set_point" in action.components:
+        parts.groups.add("agent_set_point")
+        parts.values["offset_set_point_limit"] = spans["set_point"]
+        parts.values["offset_set_point_rate"] = spans["set_point_rate"]
+    if "power" not in parts.groups:
+        efficiency = parts.turbine.drivetrain.generator_efficiency
+        parts.values |= {"generator_efficiency": efficiency, "power_level": 1.0}
+    if parts.constants["SENSES_WIND"]:
+        estimator = WindEstimator.of_turbine(parts.turbine)
+        parts.take_estimator(estimator)
+        parts.values["sensor_bandwidth"] = estimator.bandwidth
+        parts.tables["SENSOR_TABLE"] = estimator.table
+    reads = set().union(*(one.reads for one in seen))
+    if "lidar" in reads:
+        assert layout.lidar is not None  # what the channels are read by
+        parts.take_lidar(layout.lidar, any(one.kind == "LIDAR_BEAM" for one in seen))
+    if turning:
+        reads |= {"azimuth", "rotor_speed"}
+    if parts.constants["FADE_AGENT"] or torque:
+        reads.add("rotor_speed")
+    if reads & (ACCELERATION - {"nacelle_yaw"}):
+        parts.groups.add("acceleration")
+    parts.reads["AGENT"] = reads

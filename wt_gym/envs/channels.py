@@ -3,37 +3,36 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import did_you_mean
-from wt_gym.control import Channel, torque_curve
-from wt_gym.control.controllers.linear_optimal import OUTPUTS
-from wt_gym.control.controllers.supervisor import STATES
+from wt_gym.control import Channel, NacelleAnemometer, torque_curve
+from wt_gym.control.controllers.additions import yaw_drive_of
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, linear_part
+from wt_gym.control.controllers.supervisor import STATES, supervisor_of
 from wt_gym.control.design import reference_flap_moment, reference_tower_moment
-from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.control.sensors import FIXED_FRAME
-from wt_gym.envs import readers
-from wt_gym.envs.options.dial import DIAL_NAMES
-from wt_gym.envs.power_reference import AHEAD
-from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Quantity
-from wt_gym.envs.rewards.power import available_power
+from wt_gym.control.sensors import FIXED_FRAME, to_fixed_frame
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from wt_gym.control import ActionMap, Lidar
-    from wt_gym.control.controllers.additions import ResidualPitch, YawByDeadBand
-    from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
-    from wt_gym.control.controllers.supervisor import Supervisor
+    from wt_gym.control import ActionMap
+    from wt_gym.control.controllers import Controller
+    from wt_gym.control.controllers.additions import ResidualPitch
+    from wt_gym.control.controllers.tsr_tracking import WindEstimator
+    from wt_gym.envs.operation import Operation
+    from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
-__all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observable", "blade_static_moment"]
+__all__ = [
+    "DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Computed", "FromSignals", "InFixedFrame",
+    "Observable", "Observed", "Sensors", "Situation", "blade_static_moment",
+]  # fmt: skip
 
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
@@ -50,6 +49,215 @@ _CYCLIC = ("root_flap_", "root_out_of_plane_", "tip_")
 strain gauge moves once a revolution, so their means are those of the loads, which cyclic pitch acts against."""
 _WASHED_SCALES = {"root_edge_moment_mean": 0.4, "root_edge_moment_tilt": 0.3, "root_edge_moment_yaw": 0.3}
 """Deviation behind a washout over that before it, where the weight of the blades or the torque makes the latter."""
+
+# ---- readers ----
+
+
+class Sensors:
+    """Sensors with a memory: wind vane, anemometer, wind estimator, pitch for its rate.
+
+    Attributes
+    ----------
+    wind_speed, yaw_error : float
+        Filtered readings of the nacelle's anemometer and vane [m/s, rad].
+    pitch, pitch_before : list of float
+        Of each blade now and a control step before [rad].
+    dt : float
+        Length of that step [s], infinite before the first one.
+    """
+
+    def __init__(self, estimator: WindEstimator | None = None):
+        self.estimator: Any = estimator
+        self._anemometer = NacelleAnemometer()
+
+    def reset(self, signals: Signals) -> None:
+        """Start the filters in steady state."""
+        wind = signals["wind_x"], signals["wind_y"], signals["yaw_error"]
+        self.wind_speed, self.yaw_error = self._anemometer.reset(*wind)
+        self.pitch_before = self.pitch = signals["pitch"].tolist()
+        self.dt = math.inf
+        if self.estimator is not None:
+            self.estimator.start(signals)
+
+    def advance(self, signals: Signals, dt: float) -> None:
+        """Let the filters take the signals of a step of length ``dt`` [s]."""
+        wind = signals["wind_x"], signals["wind_y"], signals["yaw_error"]
+        self.wind_speed, self.yaw_error = self._anemometer.update(*wind, dt)
+        if self.estimator is not None:
+            self.estimator.update(signals, dt)
+        self.pitch_before, self.pitch, self.dt = self.pitch, signals["pitch"].tolist(), dt
+
+
+class Situation:
+    """All that can be observed at an instant; the readers of channels take it.
+
+    Attributes
+    ----------
+    operation : Operation
+        Has demands, set points, base controller, lidar and power reference.
+    signals : Signals
+        Readings of the agent.
+    action : numpy.ndarray, shape (n_act,)
+        The last one.
+    offsets : numpy.ndarray or None, shape (n_signals,)
+        Of the sensors, at a start.
+    """
+
+    signals: Signals
+    action: np.ndarray
+    offsets: np.ndarray | None = None
+
+    def __init__(self, operation: Operation, sensors: Sensors):
+        self.operation: Any = operation
+        self.sensors = sensors
+
+
+@dataclass(frozen=True)
+class FromSignals:
+    """Value of a signal of the simulator, by its name."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class InFixedFrame:
+    """Coordinate of a signal of the blades in the frame that does not turn.
+
+    Attributes
+    ----------
+    signal : str
+        Without the number of the blade.
+    part : int
+        Place in `wt_gym.control.sensors.FIXED_FRAME`.
+    """
+
+    signal: str
+    part: int
+
+
+@dataclass(frozen=True)
+class Computed:
+    """Value of a function of a `Situation`, or one of several values that it gives at once.
+
+    Attributes
+    ----------
+    function : callable
+        At the top level of a module, so that an observer can be pickled.
+    index : int, optional
+        Place among the values.
+    estimates : bool
+        It needs the wind estimator.
+    """
+
+    function: Callable[[Situation], Any]
+    index: int | None = None
+    estimates: bool = False
+
+
+Reader: TypeAlias = FromSignals | InFixedFrame | Computed
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A channel with its reader.
+
+    Attributes
+    ----------
+    circular : bool
+        It is a direction: with noise it is wrapped around the circle.
+    washed : bool
+        It passes a high-pass filter.
+    """
+
+    channel: Channel
+    reader: Reader
+    circular: bool = False
+    washed: bool = False
+
+
+def _mean(of_blades: Sequence[float] | np.ndarray) -> float:
+    """Mean of one number a blade; of so few, numpy's own is slow."""
+    return float(np.add.reduce(of_blades)) / len(of_blades)
+
+
+def _states(situation: Situation) -> list[float]:
+    """1 in the state of the supervisor and 0 in the others, mean wind [m/s], set point [-], share of the torque [-]."""
+    supervisor = situation.operation.supervisor
+    present = [float(supervisor.state_index == k) for k in range(len(STATES))]
+    return [*present, supervisor.mean_wind, supervisor.set_point, supervisor.load]
+
+
+def _dead_band(situation: Situation) -> tuple[float, float]:
+    """Yaw error behind the slow filter of the dead-band controller [rad], direction in which it turns the nacelle."""
+    drive = situation.operation.yaw_drive
+    return drive.slow_error, float(drive.turning)
+
+
+def _disturbances(situation: Situation) -> np.ndarray:
+    """Knowledge of the linear optimal pitch of the base controller."""
+    return situation.operation.known_disturbances()
+
+
+def _azimuth_sin(situation: Situation) -> float:
+    return math.sin(situation.signals["azimuth"])
+
+
+def _azimuth_cos(situation: Situation) -> float:
+    return math.cos(situation.signals["azimuth"])
+
+
+def out_of_plane_moments(situation: Situation) -> list[float]:
+    """Out-of-plane root moments of coned blades that do not pitch [N m]."""
+    signals, moments = situation.signals, []
+    for b in range(signals.n_blades):
+        pitch = signals["pitch"].item(b)
+        flap, edge = signals["root_flap_moment"].item(b), signals["root_edge_moment"].item(b)
+        moments.append(float(flap * math.cos(pitch) - edge * math.sin(pitch)))
+    return moments
+
+
+def _out_of_plane_fixed_frame(situation: Situation) -> np.ndarray:
+    """Out-of-plane root moments in the frame that does not turn [N m]."""
+    return to_fixed_frame(out_of_plane_moments(situation), situation.signals["azimuth"])
+
+
+def _pitch_rates(situation: Situation) -> list[float]:
+    """Rates of the blades over the last step [rad/s]."""
+    sensors = situation.sensors
+    return [float((now - before) / sensors.dt) for now, before in zip(sensors.pitch, sensors.pitch_before, strict=True)]
+
+
+def _mean_pitch(situation: Situation) -> float:
+    return _mean(situation.sensors.pitch)
+
+
+def _mean_pitch_rate(situation: Situation) -> float:
+    sensors = situation.sensors
+    return _mean(np.subtract(sensors.pitch, sensors.pitch_before)) / sensors.dt
+
+
+def _mean_pitch_demand(situation: Situation) -> float:
+    return _mean(situation.operation.demand.pitch)
+
+
+def _controller_pitch(situation: Situation) -> float:
+    return _mean(situation.operation.base.pitch)
+
+
+_wind_speed, _yaw_error = attrgetter("sensors.wind_speed"), attrgetter("sensors.yaw_error")
+_rotor_wind = attrgetter("sensors.estimator.wind")
+_previous_action = attrgetter("action")
+_pitch_demands, _torque_demand = attrgetter("operation.demand.pitch"), attrgetter("operation.demand.generator_torque")
+_controller_torque = attrgetter("operation.base.generator_torque")
+_pitch_offsets, _torque_offset = (
+    attrgetter("operation.setpoint.pitch"),
+    attrgetter("operation.setpoint.generator_torque"),
+)
+_set_point_offset = attrgetter("operation.setpoint.set_point")
+_residual_share, _residual_mean = attrgetter("operation.residual.share"), attrgetter("operation.residual.mean")
+
+
+# ---- channels ----
 
 
 def blade_static_moment(turbine: Turbine) -> float:
@@ -68,43 +276,32 @@ def _families(names: Iterable[str]) -> str:
 
 
 class Observable:
-    """All channels of a turbine, an action and a lidar.
+    """All channels of a turbine and an action.
 
     Parameters
     ----------
-    turbine : Turbine
-    action : ActionMap
-    lidar : Lidar
+    features : mapping
+        Channels of features by the group that they make: lidar, power reference, dial.
+    controller : Controller, optional
+        Base controller: the states of its supervisor, its dead band and its linear optimal pitch are observable.
     residual : ResidualPitch, optional
+        Filters of residual pitch.
     washout : float, optional
         Time constant of the high-pass filter on loads, deflections and accelerations [s].
-    yaw_drive : YawByDeadBand, optional
-        Dead-band control in the base controller.
-    linear : LinearOptimalPitch, optional
-    supervisor : Supervisor, optional
-        Supervisory control in the base controller.
-    follows_power : bool
-        Whether a grid operator asks for a power.
-    has_dial : bool
-        Whether factors on the weights of the reward change.
     """
 
     def __init__(
         self,
         turbine: Turbine,
         action: ActionMap,
-        lidar: Lidar,
+        features: Mapping[str, list[Observed]] | None = None,
+        controller: Controller | None = None,
         residual: ResidualPitch | None = None,
         washout: float | None = None,
-        yaw_drive: YawByDeadBand | None = None,
-        linear: LinearOptimalPitch | None = None,
-        supervisor: Supervisor | None = None,
-        follows_power: bool = False,
-        has_dial: bool = False,
     ):
-        self._supervisor, self._follows_power, self._has_dial = supervisor, follows_power, has_dial
-        self._turbine, self._action, self._lidar = turbine, action, lidar
-        self._washout, self._yaw_drive, self._linear = washout, yaw_drive, linear
+        self._turbine, self._action, self._features = turbine, action, features or {}
+        self._washout, self._supervisor = washout, supervisor_of(controller)
+        self._yaw_drive, self._linear = yaw_drive_of(controller), linear_part(controller)
         self._fades = residual is not None and residual.fades
         self._washes = residual is not None and residual.washes
         self._parities = {channel.name: channel.parity for channel in channel_table(turbine.n_blades)}
@@ -129,28 +326,30 @@ class Observable:
             "rotor": self._rotor, "power": self._power, "pitch": self._pitch, "wind": self._wind,
             "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
             "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
-            "lidar": self._lidar_channels, "previous_action": self._previous_action, "measurable": self._measurable,
+            "previous_action": self._previous_action, "measurable": self._measurable,
             "dead_band": self._dead_band, "disturbances": self._disturbances, "model_fit": self._model_fit,
-            "supervisor": self._states, "power_reference": self._power_reference,
-            "power_forecast": self._power_forecast, "dial": self._dial,
+            "supervisor": self._states,
         }  # fmt: skip
+        channels = {
+            name: builders[name]() if name in builders else self._features.get(name, []) for name in OBSERVATION_GROUPS
+        }
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
         others = (*self._pitch_forms(), self._every_fixed_frame(), self._out_of_plane(), self._more())
-        singles = {c.channel.name: c for found in (*(build() for build in builders.values()), *others) for c in found}
+        singles = {c.channel.name: c for several in (*channels.values(), *others) for c in several}
         unknown = [name for name in choice if name not in OBSERVATION_GROUPS and name not in singles]
         if unknown:
             raise ValueError(
                 f"observation has {unknown}; must be among the groups {OBSERVATION_GROUPS} and the channels "
                 f"{_families(singles)}{did_you_mean(unknown[0], (*OBSERVATION_GROUPS, *singles))}"
             )
-        empty = [group for group in groups if not builders[group]()]
+        empty = [group for group in groups if not channels[group]]
         if empty:
             raise ValueError(
                 f"observation {empty} must be left out: with this action, base controller, power reference or dial "
                 "there is no such quantity"
             )
         # groups overlap, and a single channel may be in one of them
-        chosen = {observed.channel.name: observed for group in groups for observed in builders[group]()}
+        chosen = {observed.channel.name: observed for group in groups for observed in channels[group]}
         for name in dict.fromkeys(choice):
             if name not in OBSERVATION_GROUPS:
                 chosen.setdefault(name, singles[name])
@@ -195,16 +394,16 @@ class Observable:
     def _computed(
         self,
         parity: int,
-        function: Quantity,
+        function: Callable[[Situation], Any],
         name: str,
         *row: Any,
-        index: int = 0,
-        needs: str = "",
+        index: int | None = None,
+        estimates: bool = False,
         circular: bool = False,
     ) -> Observed:
-        return Observed(replace(Channel(name, *row), parity=parity), Computed(function, index, needs), circular)
+        return Observed(replace(Channel(name, *row), parity=parity), Computed(function, index, estimates), circular)
 
-    def _per_blade(self, function: Quantity | None, name: str, *row: Any) -> list[Observed]:
+    def _per_blade(self, function: Callable[[Situation], Any] | None, name: str, *row: Any) -> list[Observed]:
         """The same channel for every blade; without a function the signal of that name."""
         *numbers, text = row
         rows = [(f"{name}_{b + 1}", *numbers, f"{text}, blade {b + 1}") for b in range(self._turbine.n_blades)]
@@ -231,10 +430,10 @@ class Observable:
                          "electrical power"),
             self._signal("generator_torque", "N m", middle, scale, -limit, 2 * limit, 0.02 * scale,
                          "generator torque, HSS"),
-            *self._torque_demand(readers.torque_demand, "generator_torque_demand", "demanded generator torque, HSS"),
+            *self._torque_demand(_torque_demand, "generator_torque_demand", "demanded generator torque, HSS"),
         ]  # fmt: skip
 
-    def _torque_demand(self, function: Quantity, name: str, text: str) -> list[Observed]:
+    def _torque_demand(self, function: Callable[[Situation], Any], name: str, text: str) -> list[Observed]:
         """A demand for torque, where the generator takes one."""
         if not self._action.takes_torque:
             return []
@@ -252,10 +451,10 @@ class Observable:
         # A servo may overshoot its limits and its greatest rate a little.
         margin = 0.1
         rows: tuple[tuple[Any, ...], ...] = (
-            (readers.mean_pitch, None, "pitch", "rad", 0.1, 0.1, low - margin, high + margin, noise, "blade pitch"),
-            (readers.mean_pitch_rate, readers.pitch_rate, "pitch_rate", "rad/s", 0.0, 0.15 * rate, -2 * rate, 2 * rate,
+            (_mean_pitch, None, "pitch", "rad", 0.1, 0.1, low - margin, high + margin, noise, "blade pitch"),
+            (_mean_pitch_rate, _pitch_rates, "pitch_rate", "rad/s", 0.0, 0.15 * rate, -2 * rate, 2 * rate,
              0.02 * rate, "blade pitch rate of the step"),
-            (readers.mean_pitch_demand, readers.pitch_demand, "pitch_demand", "rad", 0.1, 0.1, low, high, 0.0,
+            (_mean_pitch_demand, _pitch_demands, "pitch_demand", "rad", 0.1, 0.1, low, high, 0.0,
              "demanded blade pitch"),
         )  # fmt: skip
         mean = [self._computed(EVEN, of_all, *row[:-1], f"{row[-1]}, mean of the blades") for of_all, _, *row in rows]
@@ -263,16 +462,16 @@ class Observable:
 
     def _wind(self) -> list[Observed]:
         return [
-            self._computed(EVEN, readers.wind_speed, "wind_speed", "m/s", 12.0, 4.0, 0.0, 60.0, 0.2,
+            self._computed(EVEN, _wind_speed, "wind_speed", "m/s", 12.0, 4.0, 0.0, 60.0, 0.2,
                            "nacelle anemometer, filtered over 1 s"),
-            self._computed(ODD, readers.yaw_error, "yaw_error", "rad", 0.0, 0.1, -math.pi, math.pi, 0.02,
+            self._computed(ODD, _yaw_error, "yaw_error", "rad", 0.0, 0.1, -math.pi, math.pi, 0.02,
                            "wind vane, filtered over 5 s", circular=True),
         ]  # fmt: skip
 
     def _wind_estimate(self) -> list[Observed]:
         text = "rotor-effective wind, estimated from rotor speed, torque and pitch"
         row = ("rotor_wind", "m/s", 12.0, 4.0, 0.0, 60.0, 0.0, text)
-        return [self._computed(EVEN, readers.rotor_wind, *row, needs="estimator")]
+        return [self._computed(EVEN, _rotor_wind, *row, estimates=True)]
 
     def _blade_rows(self) -> tuple[tuple[Any, ...], ...]:
         """Name, unit, offset and scale of a blade, offset and scale of mean and of tilt and yaw, reference, text."""
@@ -319,11 +518,11 @@ class Observable:
         size = reference_flap_moment(self._turbine)
         reach, text = 10 * size, "out-of-plane root moment of the blade that does not pitch"
         row = ("N m", 0.5 * size, 0.2 * size, -reach, reach, 0.01 * size, text)
-        channels = self._per_blade(readers.out_of_plane_moment, "root_out_of_plane_moment", *row)
+        channels = self._per_blade(out_of_plane_moments, "root_out_of_plane_moment", *row)
         for k, (part, middle, scale) in enumerate(zip(FIXED_FRAME, (0.5, 0.07, 0.0), (0.15, 0.1, 0.1), strict=True)):
             row = ("N m", middle * size, scale * size, -2 * reach, 2 * reach, 0.005 * size, f"{text}, {part}")
             name = f"root_out_of_plane_moment_{part}"
-            channels.append(self._computed(EVEN, readers.out_of_plane_fixed_frame, name, *row, index=k))
+            channels.append(self._computed(EVEN, _out_of_plane_fixed_frame, name, *row, index=k))
         return channels
 
     def _tower(self) -> list[Observed]:
@@ -345,7 +544,7 @@ class Observable:
         return [
             self._computed(EVEN, function, f"azimuth_{name}", "-", 0.0, 0.7, -1.0, 1.0, 0.0,
                            f"{text} of the azimuth of blade 1 (0 = up)")
-            for name, text, function in (("sin", "sine", readers.azimuth_sin), ("cos", "cosine", readers.azimuth_cos))
+            for name, text, function in (("sin", "sine", _azimuth_sin), ("cos", "cosine", _azimuth_cos))
         ]  # fmt: skip
 
     def _controller(self) -> list[Observed]:
@@ -353,9 +552,9 @@ class Observable:
             return []
         low, high = self._action.pitch_limits
         return [
-            self._computed(EVEN, readers.controller_pitch, "controller_pitch", "rad", 0.1, 0.1, low, high, 0.0,
+            self._computed(EVEN, _controller_pitch, "controller_pitch", "rad", 0.1, 0.1, low, high, 0.0,
                            "pitch that the base controller demands"),
-            *self._torque_demand(readers.controller_torque, "controller_torque", "torque that it demands, HSS"),
+            *self._torque_demand(_controller_torque, "controller_torque", "torque that it demands, HSS"),
         ]  # fmt: skip
 
     def _offsets(self) -> list[Observed]:
@@ -365,68 +564,52 @@ class Observable:
         if "pitch" in self._action.components:
             limit = self._action.pitch_high
             channels += [
-                self._computed(EVEN, readers.pitch_offset, f"pitch_offset_{k + 1}", "rad", 0.0, 0.5 * limit[k],
+                self._computed(EVEN, _pitch_offsets, f"pitch_offset_{k + 1}", "rad", 0.0, 0.5 * limit[k],
                                -limit[k], limit[k], 0.0, f"residual pitch, coordinate {k + 1} of the action", index=k)
                 for k in range(self._action.n_pitch)
             ]  # fmt: skip
         if "torque" in self._action.components:
             most = self._action.torque_offset_limit
             row = ("torque_offset", "N m", 0.0, 0.5 * most, -most, most, 0.0, "residual torque")
-            channels.append(self._computed(EVEN, readers.torque_offset, *row))
+            channels.append(self._computed(EVEN, _torque_offset, *row))
         if "set_point" in self._action.components:
             most = self._action.set_point_limit
             row = ("set_point_offset", "-", 0.0, 0.5 * most, -most, most, 0.0, "residual set point of the rotor speed")
-            channels.append(self._computed(EVEN, readers.set_point_offset, *row))
+            channels.append(self._computed(EVEN, _set_point_offset, *row))
         return channels
-
-    def _lidar_channels(self) -> list[Observed]:
-        """A channel for each gate or beam; beams count in the sense of rotation, hence all are even."""
-        lidar = self._lidar
-        texts = [f"wind {distance:.0f} m ahead, mean over the beams of a cone" for distance in lidar.ranges]
-        if lidar.apart:
-            texts = [
-                f"wind {distance:.0f} m ahead, beam at an azimuth of {360 * beam / lidar.n_beams:.0f} degrees on a cone"
-                for distance in lidar.ranges
-                for beam in range(lidar.n_beams)
-            ]
-        row: tuple[Any, ...] = ("m/s", 12.0, 4.0, 0.0, 60.0, readers.lidar_noise(lidar))
-        return [
-            self._computed(EVEN, readers.lidar, name, *row, text, index=k, needs="lidar")
-            for k, (name, text) in enumerate(zip(lidar.names, texts, strict=True))
-        ]
 
     def _dead_band(self) -> list[Observed]:
         if self._yaw_drive is None or not self._action.needs_controller:
             return []
         scale = 0.5 * self._yaw_drive.dead_band
         return [
-            self._computed(ODD, readers.dead_band_error, "dead_band_error", "rad", 0.0, scale, -math.pi, math.pi, 0.0,
-                           "yaw error behind the slow filter of the base controller's dead band", circular=True),
-            self._computed(ODD, readers.dead_band_turning, "dead_band_turning", "-", 0.0, 1.0, -1.0, 1.0, 0.0,
-                           "direction in which the base controller turns the nacelle"),
+            self._computed(ODD, _dead_band, "dead_band_error", "rad", 0.0, scale, -math.pi, math.pi, 0.0,
+                           "yaw error behind the slow filter of the base controller's dead band", index=0,
+                           circular=True),
+            self._computed(ODD, _dead_band, "dead_band_turning", "-", 0.0, 1.0, -1.0, 1.0, 0.0,
+                           "direction in which the base controller turns the nacelle", index=1),
         ]  # fmt: skip
 
     def _states(self) -> list[Observed]:
-        """What the supervisor does, one channel a state, and its set point."""
+        """Channel of each state of the supervisor, its mean wind, set point and load."""
         if self._supervisor is None or not self._action.needs_controller:
             return []
-        return [
+        rows: tuple[tuple[Any, ...], ...] = (
             *(
-                self._computed(EVEN, readers.supervisor_state, f"state_{name}", "-", 0.0, 1.0, 0.0, 1.0, 0.0,
-                               f"1 in the state {name.replace('_', ' ')} of the base controller, else 0", index=k)
-                for k, name in enumerate(STATES)
+                (f"state_{name}", "-", 0.0, 1.0, 0.0, 1.0, 0.0,
+                 f"1 in the state {name.replace('_', ' ')} of the base controller, else 0")
+                for name in STATES
             ),
-            self._computed(EVEN, readers.supervisor_wind, "mean_wind", "m/s", 15.0, 8.0, 0.0, 60.0, 0.0,
-                           "mean wind by which the base controller starts, stops and is held back"),
-            self._computed(EVEN, readers.supervisor_set_point, "set_point", "-", 1.0, 0.2, 0.0, 1.0, 0.0,
-                           "set point of the rotor speed over rated"),
-            self._computed(EVEN, readers.supervisor_load, "load_share", "-", 1.0, 0.5, 0.0, 1.0, 0.0,
-                           "share of the torque that a start-up has reached"),
-        ]  # fmt: skip
+            ("mean_wind", "m/s", 15.0, 8.0, 0.0, 60.0, 0.0,
+             "mean wind by which the base controller starts, stops and is held back"),
+            ("set_point", "-", 1.0, 0.2, 0.0, 1.0, 0.0, "set point of the rotor speed over rated"),
+            ("load_share", "-", 1.0, 0.5, 0.0, 1.0, 0.0, "share of the torque that a start-up has reached"),
+        )  # fmt: skip
+        return [self._computed(EVEN, _states, *row, index=k) for k, row in enumerate(rows)]
 
     def _previous_action(self) -> list[Observed]:
         return [
-            self._computed(int(self._action.parity[k]), readers.previous_action, f"previous_{name}", "-", 0.0,
+            self._computed(int(self._action.parity[k]), _previous_action, f"previous_{name}", "-", 0.0,
                            1.0, -1.0, 1.0, 0.0, f"last action, component {name}", index=k)
             for k, name in enumerate(self._action.names)
         ]  # fmt: skip
@@ -468,9 +651,7 @@ class Observable:
             ("linear_pitch_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, "share in which the linear optimal pitch acts"),
             ("linear_pitch_schedule", "rad", 0.1, 0.1, low, high, 0.0, "slow pitch that chooses between its designs"),
         ]
-        return [
-            self._computed(EVEN, readers.disturbance, *row, index=k, needs="disturbances") for k, row in enumerate(rows)
-        ]
+        return [self._computed(EVEN, _disturbances, *row, index=k) for k, row in enumerate(rows)]
 
     def _model_fit(self) -> list[Observed]:
         """How the model of the linear optimal pitch fits, where readings are late, drives slow or gauges dead."""
@@ -485,52 +666,7 @@ class Observable:
             (f"model_lag_{name}", "s", 0.1, 0.1, -10.0, 10.0, 0.0, f"lag that the model of {name} leaves out")
             for name in OUTPUTS
         ]
-        return [
-            self._computed(EVEN, readers.disturbance, *rows[k], index=first + k, needs="disturbances")
-            for k in range(2 * n)
-        ]
-
-    def _power_reference(self) -> list[Observed]:
-        """What is asked for and how far the turbine is from it; all of it is known to a controller."""
-        if not self._follows_power:
-            return []
-        turbine = self._turbine
-        rated, drive = turbine.drivetrain.rated_power, turbine.drivetrain
-        half, most = 0.5 * rotor_inertia(turbine), 1.5 * rated
-        full = half * drive.rated_rotor_speed**2
-        factor = available_power(turbine, 1.0)
-        row: tuple[Any, ...] = ("demanded_power", "W", 0.8 * rated, 0.15 * rated, 0.0, 2 * rated, 0.0)
-        headroom = ("power_headroom", "W", 0.1 * rated, 0.25 * rated, -2 * rated, 2 * rated, 0.0)
-        return [
-            self._computed(EVEN, readers.demanded_power, *row, "power that is asked for"),
-            self._computed(EVEN, readers.power_error, "power_error", "W", 0.0, 0.05 * rated, -2 * rated, 2 * rated,
-                           5e-3 * rated, "electrical power less what is asked for"),
-            self._computed(EVEN, partial(readers.power_headroom, factor, most), *headroom,
-                           "power that the estimated wind allows less what is asked for", needs="estimator"),
-            self._computed(EVEN, partial(readers.rotor_energy, half), "rotor_energy", "J", full, 0.2 * full, 0.0,
-                           4 * full, 2e-3 * full, "kinetic energy of rotor and generator"),
-        ]  # fmt: skip
-
-    def _power_forecast(self) -> list[Observed]:
-        """What will be asked for: of a schedule, not of a regulation signal."""
-        if not self._follows_power:
-            return []
-        rated = self._turbine.drivetrain.rated_power
-        return [
-            self._computed(EVEN, readers.demanded_power, f"demanded_power_in_{ahead:g}_s", "W", 0.8 * rated,
-                           0.15 * rated, 0.0, 2 * rated, 0.0, f"power that is asked for in {ahead:g} s", index=k)
-            for k, ahead in enumerate(AHEAD, start=1)
-        ]  # fmt: skip
-
-    def _dial(self) -> list[Observed]:
-        """Where the dial stands; not where it will."""
-        if not self._has_dial:
-            return []
-        return [
-            self._computed(EVEN, readers.dial, f"dial_{name}", "-", 0.0, 1.0, -12.0, 2.0, 0.0,
-                           f"binary logarithm of the factor on the weight of {name} in the reward", index=k)
-            for k, name in enumerate(DIAL_NAMES)
-        ]  # fmt: skip
+        return [self._computed(EVEN, _disturbances, *rows[k], index=first + k) for k in range(2 * n)]
 
     def _more(self) -> list[Observed]:
         """Channels of no group."""
@@ -539,12 +675,12 @@ class Observable:
         if self._fades:
             text = "share of residual pitch that acts"
             row: tuple[Any, ...] = ("residual_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, text)
-            acting.append(self._computed(EVEN, readers.residual_share, *row))
+            acting.append(self._computed(EVEN, _residual_share, *row))
         if self._washes:
             limit = 2.0 * float(self._action.pitch_high[0])
             text = "mean of the blades' residual pitch that acts"
             row = ("residual_mean", "rad", 0.0, 0.25 * limit, -limit, limit, 0.0, text)
-            acting.append(self._computed(EVEN, readers.residual_mean, *row))
+            acting.append(self._computed(EVEN, _residual_mean, *row))
         return [
             *acting,
             self._signal("tower_base_fore_aft_moment", "N m", 0.55 * moment, 0.15 * moment, -10 * moment, 10 * moment,

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.control.operating_point import design_point, rotor_inertia
+from wt_gym.control.design import design_point, rotor_inertia
 from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:
-    from wt_gym.envs.rewards.term import Transition
+    from wt_gym.envs.terms import Transition
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["DISC_TIME", "DiscWind", "Power", "available_power", "efficiency"]
+__all__ = ["DiscWind", "Power", "available_power", "efficiency"]
 
 _RINGS = np.sqrt([0.25, 0.75])
 _AZIMUTHS = 2.0 * np.pi * np.arange(6) / 6
@@ -32,7 +32,6 @@ def available_power(turbine: Turbine, wind_speed: float) -> float:
 
     Parameters
     ----------
-    turbine : Turbine
     wind_speed : float
         Rotor-effective wind speed [m/s].
     """
@@ -60,7 +59,6 @@ class DiscWind:
 
     Parameters
     ----------
-    turbine : Turbine
     time_constant : float
         Of the filter [s].
     """
@@ -123,12 +121,10 @@ class Power:
 
     Parameters
     ----------
-    weight : float
     time_constant : float
         Of the filter of the wind [s].
     overload : float
         Electrical power over rated power from which on more power costs [-].
-    name : str
     """
 
     def __init__(

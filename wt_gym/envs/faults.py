@@ -1,4 +1,4 @@
-"""What breaks in an episode: kind, blade, time and size, drawn from the random numbers of the episode.
+"""Faults of an episode: options, and kind, blade, time and size, drawn from the random numbers of the episode.
 
 Each kind has a range of sizes for training and one beyond it that is held back for tests (`SIZE_RANGES`). Signs and
 blades are drawn evenly. Kinds:
@@ -24,24 +24,84 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from wt_gym.base.errors import did_you_mean
+from wt_gym.base.options import (
+    Options,
+    as_pair,
+    as_tuple,
+    check_number,
+    not_empty,
+    option,
+    option_record,
+    shown,
+)
 from wt_gym.control.design import reference_flap_moment
-from wt_gym.envs.arguments import check_number, shown
-from wt_gym.envs.options.faults import FAULT_KINDS, GRID_KINDS, NO_FAULT
+from wt_gym.envs.operation import OWN
+from wt_gym.envs.terms import Term
 from wt_gym.simulation.drivetrain.faults import PitchMisalignment, SensorBias, SlowPitch, StuckPitch, VoltageDip
 from wt_gym.turbines.blade import BladeIce
 
 if TYPE_CHECKING:
-    from wt_gym.envs.options.faults import FaultOptions
+    from wt_gym.envs.options import EnvOptions
+    from wt_gym.envs.terms import Request
     from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.turbines import Turbine
 
-__all__ = ["ICED", "SIZE_RANGES", "DrawnFault", "FaultDraws"]
+__all__ = ["FAULT_KINDS", "NO_FAULT", "SIZES", "SIZE_RANGES", "FaultOptions", "FaultTerm", "check_faults"]
+
+NO_FAULT, ALL = "none", "all"
+"""Kind of an episode in which nothing breaks, and what stands for all kinds."""
+FAULT_KINDS = (
+    NO_FAULT, "stuck_blade", "slow_drive", "misaligned_blade", "iced_blade", "biased_rotor_speed", "dead_rotor_speed",
+    "biased_generator_speed", "biased_moment", "dead_moment", "biased_pitch", "dead_pitch", "biased_vane", "dead_vane",
+)  # fmt: skip
+"""What may break."""
+GRID_KINDS = ("voltage_dip",)
+"""What may happen to the grid; "all" does not stand for it."""
+SIZES = ("train", "held_back")
+"""Ranges that the sizes of faults are drawn from."""
+
+
+def _checked_kinds(kinds: str | tuple[str, ...]) -> tuple[str, ...]:
+    names, known = FAULT_KINDS if kinds == ALL else as_tuple(kinds), (*FAULT_KINDS, *GRID_KINDS)
+    if wrong := [name for name in names if name not in known]:
+        raise ValueError(f"must be among {', '.join(known)}, got {shown(wrong[0])}{did_you_mean(wrong[0], known)}")
+    return not_empty(names)
+
+
+@option_record
+class FaultOptions(Options):
+    """Faults of an episode, see `wt_gym.envs.faults`."""
+
+    title = "faults"
+    prefix = "fault_"
+    switch = "kinds"
+
+    kinds: str | tuple[str, ...] | None = option(
+        f'Kinds of faults; each episode draws one of them: {", ".join(FAULT_KINDS)}; "all" of them; and '
+        f"{', '.join(GRID_KINDS)}. None: nothing breaks",
+        default=None,
+        kind="str or sequence of str, optional",
+        check=_checked_kinds,
+    )
+    sizes: str = option(
+        "Range that the size of a fault is drawn from: that for training, or one beyond it for tests",
+        default="train",
+        choices=SIZES,
+    )
+    time: float | tuple[float, float] = option(
+        "When the fault begins; a range is drawn from. Ice is there from the start of the episode",
+        default=(5.0, 20.0),
+        unit="s",
+        low=0.0,
+        check=as_pair,
+    )
+
 
 ICED = "iced_blade"
 _DEGREE = math.pi / 180.0
@@ -72,12 +132,12 @@ _CHANNELS = {
 
 @dataclass(frozen=True)
 class DrawnFault:
-    """What breaks in an episode.
+    """Fault of an episode.
 
     Attributes
     ----------
     kind : str
-        Of `wt_gym.envs.options.faults.FAULT_KINDS`.
+        Of `FAULT_KINDS`.
     blade : int
         From 1 on; means nothing for faults of no blade.
     time : float
@@ -100,47 +160,53 @@ class DrawnFault:
         return BladeIce(self.blade, self.size) if self.kind == ICED else None
 
     @property
-    def told(self) -> dict[str, Any]:
-        """What `reset` tells of it in its info."""
-        return {name: getattr(self, name) for name in _CHOICE}
+    def key(self) -> Self:
+        """Tells it from others."""
+        return self
+
+    def first_info(self) -> dict[str, Any]:
+        """Kind, blade, time and size."""
+        return {"fault": {name: getattr(self, name) for name in _CHOICE}}
 
 
-class FaultDraws:
-    """Draws what breaks in episodes.
+class FaultTerm(Term):
+    """Faults of an environment, of options with kinds."""
 
-    Parameters
-    ----------
-    turbine : Turbine
-    options : FaultOptions
-        With kinds.
-    """
+    option = "fault"
 
     def __init__(self, turbine: Turbine, options: FaultOptions):
         self._turbine, self._options = turbine, options
 
-    def draw(self, rng: np.random.Generator, chosen: Any = None) -> DrawnFault:
-        """Draw the fault of an episode.
+    def draw(self, request: Request) -> None:
+        """Draw the fault of an episode."""
+        fault = request.drawn["fault"] = self.drawn(request.rng, request.options.get(self.option))
+        request.faults += fault.faults
+        if fault.ice is not None:
+            request.plant = replace(request.plant, ice=fault.ice)
+
+    def drawn(self, rng: np.random.Generator, choice: Any = None) -> DrawnFault:
+        """Fault of an episode.
 
         Parameters
         ----------
         rng : numpy.random.Generator
             One number is drawn of it, whatever breaks.
-        chosen : str or mapping, optional
+        choice : str or mapping, optional
             Kind, or ``kind``, ``blade``, ``time`` and ``size``; what is left out is drawn.
 
         Raises
         ------
         ValueError
-            If what is chosen has no meaning.
+            If the choice has no meaning.
         """
         own = np.random.default_rng(int(rng.integers(2**63)))
         kinds, options = self._options.kinds or (NO_FAULT,), self._options
         number, blade = int(own.integers(2**31)), 1 + int(own.integers(self._turbine.n_blades))
-        time, share, sign = own.uniform(*options.time), own.uniform(), (-1.0, 1.0)[int(own.integers(2))]  # type: ignore[misc]
-        given = self._checked(chosen)
-        kind = given.get("kind", kinds[number % len(kinds)])
-        size = given.get("size", self._size(kind, share, sign))
-        blade, time = given.get("blade", blade), given.get("time", time)
+        time, share, sign = own.uniform(*as_pair(options.time)), own.uniform(), (-1.0, 1.0)[int(own.integers(2))]
+        choices = self._checked(choice)
+        kind = choices.get("kind", kinds[number % len(kinds)])
+        size = choices.get("size", self._size(kind, share, sign))
+        blade, time = choices.get("blade", blade), choices.get("time", time)
         if kind in (NO_FAULT, ICED):
             time = 0.0
         if kind == ICED and not 0.0 < size <= 2.0:
@@ -149,29 +215,29 @@ class FaultDraws:
             raise ValueError(f"the size of a slow_drive must be at least 0, got {size!r}")
         return DrawnFault(kind, blade, time, size, self._faults(kind, blade, time, size))
 
-    def _checked(self, chosen: Any) -> dict[str, Any]:
-        """What is chosen, by name."""
-        given = {"kind": chosen} if isinstance(chosen, str) else {} if chosen is None else chosen
-        if not isinstance(given, Mapping):
-            raise ValueError(f"fault must be a kind or a mapping of {', '.join(_CHOICE)}, got {shown(chosen)}")
-        given = dict(given)
-        for name in given:
+    def _checked(self, choice: Any) -> dict[str, Any]:
+        """Parts of the choice by name."""
+        choices = {"kind": choice} if isinstance(choice, str) else {} if choice is None else choice
+        if not isinstance(choices, Mapping):
+            raise ValueError(f"fault must be a kind or a mapping of {', '.join(_CHOICE)}, got {shown(choice)}")
+        choices = dict(choices)
+        for name in choices:
             if name not in _CHOICE:
                 raise ValueError(
                     f"fault must have the keys {', '.join(_CHOICE)}, got {name!r}{did_you_mean(name, _CHOICE)}"
                 )
-        if "kind" in given and given["kind"] not in (known := (*FAULT_KINDS, *GRID_KINDS)):
+        if "kind" in choices and choices["kind"] not in (known := (*FAULT_KINDS, *GRID_KINDS)):
             raise ValueError(
-                f"the kind of a fault must be among {', '.join(known)}, got {given['kind']!r}"
-                f"{did_you_mean(given['kind'], known)}"
+                f"the kind of a fault must be among {', '.join(known)}, got {choices['kind']!r}"
+                f"{did_you_mean(choices['kind'], known)}"
             )
         n = self._turbine.n_blades
-        if "blade" in given and given["blade"] not in range(1, n + 1):
-            raise ValueError(f"the blade of a fault must be 1 to {n}, got {given['blade']!r}")
-        given |= {name: check_number(name, given[name]) for name in ("time", "size") if name in given}
-        if given.get("time", 0.0) < 0.0:
-            raise ValueError(f"the time of a fault must be at least 0 s, got {given['time']!r} s")
-        return given
+        if "blade" in choices and choices["blade"] not in range(1, n + 1):
+            raise ValueError(f"the blade of a fault must be 1 to {n}, got {choices['blade']!r}")
+        choices |= {name: check_number(name, choices[name]) for name in ("time", "size") if name in choices}
+        if choices.get("time", 0.0) < 0.0:
+            raise ValueError(f"the time of a fault must be at least 0 s, got {choices['time']!r} s")
+        return choices
 
     def _size(self, kind: str, share: float, sign: float) -> float:
         """Size of a kind that a share stands for; 0 where it has none."""
@@ -184,7 +250,7 @@ class FaultDraws:
         return sign * size if kind in _SIGNED else size
 
     def _faults(self, kind: str, blade: int, time: float, size: float) -> tuple[DriveFault | SensorBias, ...]:
-        """What a kind is made of."""
+        """Faults of a kind."""
         if kind in (NO_FAULT, ICED):
             return ()
         if kind == "stuck_blade":
@@ -206,3 +272,17 @@ class FaultDraws:
         if sensor == "vane":  # that of the mirror image is turned to the other side
             return (SensorBias(time, channels, 1.0, size if self._turbine.rotation == "clockwise" else -size),)
         return (SensorBias(time, channels[:2], 1.0, size),)
+
+
+def check_faults(options: EnvOptions, turbine: Turbine) -> None:
+    """Refuse kinds that simulator or turbine cannot have.
+
+    Raises
+    ------
+    ValueError
+    """
+    kinds = options.faults.kinds or ()
+    if ICED in kinds and options.simulator != OWN:
+        raise ValueError(f"fault_kinds must be without {ICED} where another simulator has the blades")
+    if set(GRID_KINDS) & set(kinds) and not turbine.drivetrain.takes_torque:
+        raise ValueError(f"fault_kinds must be without {', '.join(GRID_KINDS)} where the generator is a damper")

@@ -1,0 +1,109 @@
+"""Every feature of the environment: seeds repeat it, snapshots, copies and vectors carry it, and off it is refused."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from scripted_simulator import ScriptedSimulator, use
+
+from wt_gym.envs.episode_start import _FEATURES
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.vector_env import WindTurbineVectorEnv
+
+PLAIN = {
+    "inflow": "steady", "wind_speed": (13.0, 17.0), "action_mode": "residual", "pitch": "fixed-frame",
+    "control_dt": 0.1, "action_components": ("pitch",), "episode_length": 6.0,
+}  # fmt: skip
+FEATURES = {
+    "dial": {"dial_weights": "log_uniform", "dial_interval": 1.0, "observation": ("rotor", "dial")},
+    "power reference": {
+        "power_reference": ("steps", "ramps", "regulation"), "power_reference_interval": 1.0,
+        "observation": ("power_reference", "power_forecast"), "controller": "discon+derate_kinetic",
+    },
+    "faults": {
+        "fault_kinds": ("stuck_blade", "iced_blade", "biased_moment", "dead_vane", "voltage_dip"),
+        "fault_time": (0.2, 1.0),
+    },
+    "variation": {
+        "variation": {"pitch_gain": (0.8, 1.2), "sensor_noise": 1.0, "sensor_offset": (-0.4, 0.4), "sensor_delay": 0.1,
+                      "air_density": (0.9, 1.1), "yaw_error": (-0.1, 0.1), "plants": 2},
+    },
+    "relative reward": {"relative_reward": True, "starts": 3},
+    "sensors": {"sensor_noise": 1.0, "sensor_delay": 0.2, "history": 2, "sensor_washout": 10.0,
+                "observation": ("measurable", "wind_estimate")},
+    "lidar": {"observation": ("rotor", "lidar"), "lidar": {"ranges": [50.0, 90.0]}},
+    "everything": {"dial_weights": "simplex", "fault_kinds": "all", "power_reference": "ramps", "variation": "train",
+                   "relative_reward": True, "starts": 4},
+}  # fmt: skip
+
+
+class Swinging(ScriptedSimulator):
+    """With loads that swing, so that every term pays."""
+
+    script = {  # noqa: RUF012 - as its base
+        round(0.1 * k, 9): {f"root_flap_moment_{b}": 8e6 + 3e6 * (k % 2) for b in (1, 2, 3)} for k in range(1, 60)
+    }
+
+
+@pytest.fixture(params=FEATURES)
+def arguments(request, monkeypatch):
+    use(monkeypatch, Swinging)
+    return PLAIN | FEATURES[request.param]
+
+
+def play(env, steps=20, actions=0):
+    """Results of steps under drawn actions."""
+    rng = np.random.default_rng(actions)
+    return [env.step(rng.uniform(-1.0, 1.0, env.action_space.shape)) for _ in range(steps)]
+
+
+def test_a_seed_repeats_an_episode_and_another_one_does_not(arguments):
+    env = WindTurbineEnv(**arguments)
+    first = env.reset(seed=3), play(env)
+    others = [env.reset(seed=seed)[0] for seed in (4, 5, 6, 7)]
+    np.testing.assert_equal((env.reset(seed=3), play(env)), first)
+    assert any(not np.array_equal(observation, first[0][0]) for observation in others)
+
+
+def test_a_snapshot_continues_and_so_does_the_next_reset(arguments):
+    env = WindTurbineEnv(**arguments)
+    env.reset(seed=3)
+    play(env, 5)
+    snapshot = env.snapshot()
+    course = play(env, 15, actions=1), env.reset()
+    play(env, 5)
+    env.restore(snapshot)
+    np.testing.assert_equal((play(env, 15, actions=1), env.reset()), course)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+def test_a_copy_continues(arguments, copied):
+    env = WindTurbineEnv(**arguments)
+    env.reset(seed=3)
+    play(env, 5)
+    other = copied(env)
+    np.testing.assert_equal((play(other, actions=1), other.reset()), (play(env, actions=1), env.reset()))
+
+
+def test_a_vector_is_single_environments(arguments):
+    vector, singles = WindTurbineVectorEnv(2, **arguments), [WindTurbineEnv(**arguments) for _ in range(2)]
+    observations = [vector.reset(seed=7)[0]]
+    starts = [env.reset(seed=7 + k)[0] for k, env in enumerate(singles)]
+    rewards, rng = [], np.random.default_rng(0)
+    for _ in range(10):
+        actions = rng.uniform(-1.0, 1.0, vector.action_space.shape)
+        observation, reward, *_ = vector.step(actions)
+        results = [env.step(action) for env, action in zip(singles, actions, strict=True)]
+        observations.append(observation)
+        rewards.append(reward)
+        np.testing.assert_array_equal(observation, [one[0] for one in results])
+        np.testing.assert_array_equal(reward, [one[1] for one in results])
+    np.testing.assert_array_equal(observations[0], starts)
+    vector.close()
+
+
+@pytest.mark.parametrize("option", _FEATURES)
+def test_an_option_of_a_feature_that_is_off_is_refused(option):
+    with pytest.raises(ValueError, match=f"{option} must be left out of a reset without {_FEATURES[option]}"):
+        WindTurbineEnv(**PLAIN).reset(seed=0, options={option: "none"})
