@@ -94,8 +94,8 @@ def test_numbers_that_are_not_finite_are_not_written(tmp_path):
 MADE = """
 import functools, numpy as np
 from dataclasses import dataclass
-from wt_gym.envs.rewards.fatigue import BladeFatigue
-from wt_gym.envs.rewards.function import FunctionTerm
+from wt_gym.envs.fatigue import BladeFatigue
+from wt_gym.envs.rewards import FunctionTerm
 from wt_gym.experiment.store import RunDefinition
 from wt_gym.wind import SteadyInflow
 from wt_gym.wind.iec import reference_speed

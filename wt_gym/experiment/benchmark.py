@@ -66,10 +66,10 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "INTERFACE", "BenchmarkTask", "BenchmarkWind", "Entry", "Job", "Reference", "ResultFolder", "Score", "WindScore",
-    "definition_of", "entries_of", "entry_of", "into_page", "jobs_of", "leaderboard", "load_task", "make_env",
-    "make_reference", "play_task", "reference_of", "results_of", "run_definition", "run_jobs", "score", "task_names",
-    "to_markdown", "wind_score", "write_reference",
+    "INTERFACE", "BenchmarkTask", "BenchmarkWind", "Entry", "Job", "Reference", "ResultFolder", "Score",
+    "WindScore", "definition_of", "entries_of", "entry_of", "into_page", "jobs_of", "leaderboard", "load_task",
+    "make_env", "make_reference", "play_task", "reference_of", "results_of", "run_definition", "run_jobs", "score",
+    "task_names", "to_markdown", "wind_score", "write_reference",
 ]  # fmt: skip
 
 

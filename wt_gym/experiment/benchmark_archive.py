@@ -30,18 +30,7 @@ if TYPE_CHECKING:
     from wt_gym.experiment.benchmark_tasks import BenchmarkTask
     from wt_gym.experiment.execute import Executor
 
-__all__ = [
-    "MODELS",
-    "RUNS",
-    "Verified",
-    "drawn",
-    "model_folder",
-    "opened",
-    "pack",
-    "read_archive",
-    "verify",
-    "write_archive",
-]
+__all__ = ["Verified", "drawn", "opened", "pack", "read_archive", "verify", "write_archive"]
 
 RUNS, MODELS = "runs", "models"
 """Folders of an archive: results of a `wt_gym.experiment.benchmark.ResultFolder`, and models by `model_folder`."""

@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "COLUMNS", "LEAST_FOR_INTERVAL", "ComparisonConfig", "ControllerRuns", "change",
-    "comparison_table", "half_width", "in_all_winds", "inflow_of", "run_cases", "write_comparison",
+    "COLUMNS", "ComparisonConfig", "ControllerRuns", "change", "comparison_table", "half_width", "in_all_winds",
+    "inflow_of", "run_cases", "write_comparison",
 ]  # fmt: skip
 
 COLUMNS = (

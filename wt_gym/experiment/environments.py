@@ -32,8 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "KEPT", "AgentExperiment", "Environments", "check_environment", "compile_kernels", "compile_kernels_of",
-    "controller_of_training", "environment_of_training", "interface_of_training", "resolved_arguments",
-    "trained_arguments", "training_arguments",
+    "environment_of_training", "resolved_arguments", "trained_arguments", "training_arguments",
 ]  # fmt: skip
 
 _COMPARED = {"relative_reward": False, "starts": None}

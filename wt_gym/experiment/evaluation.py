@@ -45,9 +45,8 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "CONFIGURATION_FILE", "DEFAULT_WIND_SEEDS", "FIRST_SEED", "REPORT_FILE", "SWING", "USUAL_SPEED",
-    "EvaluationConfig", "EvaluationFolder", "actual_wind", "climate_of", "evaluate", "oscillation_notes", "swings",
-    "training_notes", "winds_for", "winds_of",
+    "CONFIGURATION_FILE", "DEFAULT_WIND_SEEDS", "FIRST_SEED", "REPORT_FILE", "EvaluationConfig", "EvaluationFolder",
+    "climate_of", "evaluate", "oscillation_notes", "swings", "winds_for", "winds_of",
 ]  # fmt: skip
 
 _log = logging.getLogger(__name__)

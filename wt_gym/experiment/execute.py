@@ -30,9 +30,8 @@ if TYPE_CHECKING:
     from wt_gym.experiment.store import RunStore
 
 __all__ = [
-    "ATTEMPTS", "ENGINES", "ONE_THREAD", "Executor", "Experiment", "ProcessExecutor", "Progress", "ProgressLine",
-    "RayExecutor", "SerialExecutor", "Tally", "clock", "connected", "executor_for", "played", "processors",
-    "warm_nodes",
+    "ATTEMPTS", "ENGINES", "Executor", "Experiment", "ProcessExecutor", "Progress", "ProgressLine", "RayExecutor",
+    "SerialExecutor", "Tally", "clock", "connected", "executor_for", "played", "processors", "warm_nodes",
 ]  # fmt: skip
 
 ENGINES = ("local", "ray")

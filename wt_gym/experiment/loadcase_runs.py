@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "CLEARANCE", "COMPLETE", "EXTREMES", "PARKED", "REPORT_FILE", "RUNS_FOLDER", "SPEED", "TABLE_FILE", "TRACES",
-    "CaseRun", "LoadCaseConfig", "LoadCaseResults", "Value", "run_agent", "run_load_cases", "run_parked",
+    "CLEARANCE", "COMPLETE", "EXTREMES", "PARKED", "REPORT_FILE", "RUNS_FOLDER", "SPEED", "TABLE_FILE", "CaseRun",
+    "LoadCaseConfig", "LoadCaseResults", "Value", "run_agent", "run_load_cases", "run_parked",
 ]  # fmt: skip
 
 EXTREMES = ("blade_flap_max", "blade_edge_max", "tower_base_max", "rotor_speed_max", "tip_clearance_min")

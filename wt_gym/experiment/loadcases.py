@@ -33,15 +33,8 @@ if TYPE_CHECKING:
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "CASES",
-    "DEFLECTION_FACTOR",
-    "EXTRAPOLATION",
-    "DesignCase",
-    "DesignSituation",
-    "Plan",
-    "inflow_of",
-    "plan_of",
-]
+    "CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "DesignCase", "DesignSituation", "Plan", "inflow_of", "plan_of",
+]  # fmt: skip
 
 Fault = DriveFault | SensorBias
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 __all__ = [
-    "BASELINE", "COMPARED", "GROUPS", "INTERFACE", "LEVELS", "PREFIX", "RESIDUAL_INTERFACE", "WORDS", "available",
-    "checked_choices", "default_name", "each_named", "each_seed", "env_choices_of", "fingerprint",
-    "is_base_controller", "named_choices", "own_controller", "read_name", "split_name", "with_model_options",
+    "BASELINE", "COMPARED", "GROUPS", "INTERFACE", "LEVELS", "PREFIX", "RESIDUAL_INTERFACE", "available",
+    "default_name", "each_named", "env_choices_of", "fingerprint", "is_base_controller", "named_choices",
+    "own_controller", "read_name", "split_name", "with_model_options",
 ]  # fmt: skip
 
 _log = logging.getLogger(__name__)

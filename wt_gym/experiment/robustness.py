@@ -39,9 +39,8 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "CONDITIONS", "COST_TASK", "FAULTS", "FAULT_CONDITIONS", "NOMINAL", "RESULTS_FILE", "Condition", "Gain",
-    "Robustness", "base_of", "chosen",
-    "run_robustness",
+    "CONDITIONS", "COST_TASK", "FAULTS", "FAULT_CONDITIONS", "NOMINAL", "Condition", "Gain", "Robustness",
+    "base_of", "chosen", "run_robustness",
 ]  # fmt: skip
 
 NOMINAL = "nominal"

@@ -140,8 +140,8 @@ class TuningTask(Options):
 
     def check(self) -> None:
         """Resolve aliases and the search space; refuse a controller without one."""
-        for name in ("controller", "reference"):
-            self._set(name, read_name(getattr(self, name)).text)
+        for key in ("controller", "reference"):
+            self._set(key, read_name(getattr(self, key)).text)
         name, space = read_name(self.controller), self.space
         if space is None and name.kind == "class":
             limits = getattr(load_class(name.target), "SPACE", {})

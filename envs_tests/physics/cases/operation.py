@@ -342,7 +342,7 @@ def controllers() -> CaseResult:
     curves = []
     for wind in WINDS:
         names = ["discon", *(n for n in CONTROLLERS if n.startswith("constrained")), "ipc", "ipc_2p"]
-        duty = [np.mean([m["pitch_duty_cycle"] for c, m in by_name[n].metrics.items() if c.wind_speed == wind])
+        duty = [np.mean([m["pitch_duty_cycle"] for c, m in by_name[n].metrics.items() if c.speed == wind])
                 for n in names]  # fmt: skip
         loads = [percent(n, wind, "blade_flap_del") for n in names]
         curves.append(Curve(np.array(duty), np.array(loads), f"{wind:g} m/s", "o"))
