@@ -41,14 +41,9 @@ class ConstantAgent:
     Parameters
     ----------
     layout : EnvLayout
-        Layout of observation and action, ``env.unwrapped.layout``.
+        ``env.unwrapped.layout``.
     action : array_like, shape (n_act,), optional
         Within [-1, 1].
-
-    Raises
-    ------
-    wt_gym.base.errors.ActionError
-        If the action does not fit the environment.
     """
 
     def __init__(self, layout: EnvLayout, action: ArrayLike | None = None):
@@ -212,22 +207,9 @@ class ControllerAgent:
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[NDArray[np.float32], Any]:
-        """Action for an observation, as stable-baselines3's models give it.
+        """Action of shape (n_act,) for an observation, or (n_envs, n_act) for several, and the state as it came.
 
-        Parameters
-        ----------
-        observation : numpy.ndarray, shape (n_obs,) or (n_envs, n_obs)
-        state : None
-            Returned as it is: the agent keeps the memory of its controllers itself.
-        episode_start : array_like of bool, shape (n_envs,), optional
-            Where True the controller starts afresh.
-        deterministic : bool
-            Accepted for compatibility: controllers are deterministic.
-
-        Returns
-        -------
-        action : numpy.ndarray, float32, shape (n_act,) or (n_envs, n_act)
-        state : None
+        Where ``episode_start`` is true, the controller of that environment starts afresh.
         """
         observation = np.asarray(observation, dtype=np.float64)
         batch = np.atleast_2d(observation)
@@ -337,22 +319,10 @@ class ShootingPlanner:
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[NDArray[np.float32], Any]:
-        """Action for the present instant of the environment, as stable-baselines3's models give it.
+        """Action of shape (n_act,) for the present instant of the environment, and the state as it came.
 
-        Parameters
-        ----------
-        observation : numpy.ndarray, shape (n_obs,)
-            Not read: the planner has the environment.
-        state, deterministic
-            Accepted for compatibility.
-        episode_start : array_like of bool, optional
-            Where True the plan is forgotten.
-
-        Returns
-        -------
-        action : numpy.ndarray, float32, shape (n_act,)
-        state
-            As it came.
+        The observation is not read: the planner has the environment. Where ``episode_start`` is true the plan is
+        forgotten.
         """
         if np.ndim(observation) != 1:
             raise ValueError(
@@ -405,19 +375,16 @@ def load_agent(choice: str, layout: EnvLayout, env: gym.Env | None = None) -> Ag
     Parameters
     ----------
     choice : str
-        As of `wt_gym.experiment.names.read_name`: ``"zero"``, ``"random"``, ``"planner"``, a controller or a class of
-        yours that makes one (under residual actions the environment runs it, and its agent gives zero actions), a
-        class with ``predict``, or the path of a trained model. ``"baseline"`` is the base controller of residual
+        As of `wt_gym.experiment.names.read_name`. A controller, or a class that makes one, is run by the environment
+        under residual actions, and its agent gives zero actions. ``"baseline"`` is the base controller of residual
         actions, else the turbine's own.
-    layout : EnvLayout
-        Of the environment that it runs in.
     env : gymnasium.Env, optional
-        That environment, for a planner.
+        The environment of the layout, for a planner.
 
     Raises
     ------
     ValueError
-        If there is no such agent, or what a class makes has no ``predict``.
+        If there is no such agent, or the object of a class has no ``predict``.
     """
     name = read_name(choice)
     if name.kind == "word":

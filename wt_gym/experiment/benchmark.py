@@ -261,19 +261,9 @@ class Entry:
 
 
 def entry_of(text: str) -> Entry:
-    """Entry of one word, path or ``NAME=CHOICE``.
+    """Entry of one word, path or ``NAME=CHOICE``, as of `wt_gym.experiment.names.read_name`.
 
-    Parameters
-    ----------
-    text : str
-        "zero" (zero actions on the baseline controller), "random" (even draws), "planner", with parameters as
-        ``planner:horizon=2.0``, a controller (`wt_gym.control.controllers.CONTROLLERS`, joined with "+"), with
-        parameters as ``constrained_ipc:level=0.1``, or the path of a trained model or its folder.
-
-    Raises
-    ------
-    ValueError
-        If it is none of them, or a setting of a planner is out of range.
+    Raises a `ValueError` if it is no agent, or a setting of a planner is out of range.
     """
     label, choice = split_name(text)
     name = read_name(choice)
@@ -381,17 +371,7 @@ class _BenchmarkRuns(Experiment):
 def run_jobs(jobs: Sequence[Job], folder: ResultFolder, executor: Executor | None = None, progress: bool = True) -> int:
     """Make the runs that the folder does not hold yet; return their number.
 
-    Parameters
-    ----------
-    executor : Executor, optional
-        Of `wt_gym.experiment.execute`, entered: does the runs, by default one after another.
-    progress : bool
-        Show progress on standard error.
-
-    Raises
-    ------
-    ChildProcessError
-        If runs were lost, because the processes or machines that did them ended again and again.
+    Executor, progress and errors are as of `wt_gym.experiment.evaluation.evaluate`.
     """
     executor = SerialExecutor() if executor is None else executor
     before = executor.tally.done
@@ -426,22 +406,12 @@ class WindScore:
 
 @dataclass(frozen=True)
 class Score:
-    """Score of an agent in a task.
+    """Score of an agent in a task."""
 
-    Attributes
-    ----------
-    score : float
-        Weighted mean over the winds.
-    low, high : float
-        95 % interval over the winds.
-    better : float
-        Share of the winds with a score above zero.
-    """
-
-    score: float
-    low: float
-    high: float
-    better: float
+    score: float  #: weighted mean over the winds
+    low: float  #: lower end of the 95 % interval over the winds
+    high: float  #: upper end
+    better: float  #: share of the winds with a score above zero
     winds: tuple[WindScore, ...]
 
 
@@ -456,21 +426,18 @@ def wind_score(task: BenchmarkTask, wind: BenchmarkWind, result: Mapping[str, An
 
 
 def score(task: BenchmarkTask, results: Mapping[str, Mapping[str, Any]], reference: Reference | None = None) -> Score:
-    """Score of an agent.
+    """Score of an agent from its results by the label of the wind.
 
     Parameters
     ----------
-    results : mapping
-        From the label of every wind to its result: ``definition`` (`run_definition`) and what
-        `play_task` gives.
     reference : Reference, optional
         By default that of the task.
 
     Raises
     ------
     wt_gym.base.errors.BenchmarkError
-        If the task has no reference numbers, a wind is missing, or a result was made with another turbine, fidelity
-        or physics than the reference.
+        If the task has no reference numbers, a wind is missing, or a result was made with another turbine, fidelity or
+        physics than the reference.
     """
     reference = reference or reference_of(task)
     missing = [wind.label for wind in task.winds if wind.label not in results]

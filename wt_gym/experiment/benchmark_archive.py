@@ -51,17 +51,8 @@ def model_folder(digests: Mapping[str, str]) -> str:
 def write_archive(path: Path, runs: Iterable[Path], models: Mapping[str, Iterable[Path]]) -> dict[str, str]:
     """Write an archive (tar, xz); the same content gives the same bytes.
 
-    Parameters
-    ----------
-    runs : iterable of pathlib.Path
-        Result files.
-    models : mapping
-        Files of each model by the name of its folder.
-
-    Returns
-    -------
-    dict
-        SHA-256 sum of each member by its name; the archive has it as ``manifest.json``.
+    Takes result files, and files of each model by the name of its folder; returns the SHA-256 sum of each member by its
+    name, which the archive has as ``manifest.json``.
     """
     members = {f"{RUNS}/{file.name}": file.read_bytes() for file in runs}
     for folder, files in models.items():
@@ -156,16 +147,8 @@ def opened(source: Path) -> Iterator[tuple[ResultFolder, dict[str, Path]]]:
 def pack(folder: ResultFolder, paths: Iterable[str | Path], file: Path) -> dict[str, Any]:
     """Write results and the models that made them into one file.
 
-    Parameters
-    ----------
-    paths : iterable of path
-        Trained models, or their folders; those that made no run are left out.
-
-    Returns
-    -------
-    dict
-        ``runs`` and ``models`` (numbers), ``bytes``, and ``missing``: names of trained agents whose model is not among
-        the paths.
+    Of the paths of trained models those that made no run are left out. Returns ``runs`` and ``models`` (numbers),
+    ``bytes``, and ``missing``: names of trained agents whose model is not among the paths.
 
     Raises
     ------

@@ -121,48 +121,25 @@ class Limit:
 
 @dataclass(frozen=True)
 class BenchmarkTask:
-    """A frozen task.
-
-    Attributes
-    ----------
-    version : int
-        Results of different versions have nothing to do with each other.
-    env_kwargs : dict
-        Arguments of the environment; agents can replace those of `wt_gym.experiment.names.INTERFACE` alone.
-    duration, skip : float
-        Length of a run, and the start left out of the metrics [s].
-    winds : tuple of BenchmarkWind
-        Default trainings use none of them.
-    clip : (float, float)
-        Least and greatest score of a wind.
-    candidates : tuple of str
-        Agents among which the best known is looked for when the reference is renewed.
-    digest : str
-        Of everything on which scores depend.
-    reference : dict or None
-        Fields of `Reference`.
-    yardstick : str or None
-        Controller that scores 100; None: the best of the candidates.
-    baseline : str
-        Controller that scores 0.
-    """
+    """A frozen task."""
 
     name: str
-    version: int
+    version: int  #: results of different versions have nothing to do with each other
     goal: str
     env_id: str
     env_kwargs: dict[str, Any]
-    duration: float
-    skip: float
-    winds: tuple[BenchmarkWind, ...]
+    """Arguments of the environment; agents can replace those of `wt_gym.experiment.names.INTERFACE` alone."""
+    duration: float  #: length of a run [s]
+    skip: float  #: start left out of the metrics [s]
+    winds: tuple[BenchmarkWind, ...]  #: default trainings use none of them
     terms: tuple[Term, ...]
     limits: tuple[Limit, ...]
-    clip: tuple[float, float]
-    candidates: tuple[str, ...]
-    digest: str
-    reference: dict[str, Any] | None = None
-    yardstick: str | None = None
-    baseline: str = "discon"
+    clip: tuple[float, float]  #: least and greatest score of a wind
+    candidates: tuple[str, ...]  #: agents among which the best known is looked for when the reference is renewed
+    digest: str  #: of everything on which scores depend
+    reference: dict[str, Any] | None = None  #: fields of `Reference`
+    yardstick: str | None = None  #: controller that scores 100; None: the best of the candidates
+    baseline: str = "discon"  #: controller that scores 0
 
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> BenchmarkTask:

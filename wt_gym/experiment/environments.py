@@ -65,52 +65,24 @@ _MEANT = ("pitch", "action_components", "action_spans", "residual_fade", "residu
 
 
 def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of an environment, registered and given ones, as a record keeps them: JSON values.
+    """Arguments of an environment, registered and given ones, as a record stores them: JSON values.
 
     An id may mean other arguments in a later version of the package; a record says what they were.
-
-    Raises
-    ------
-    gymnasium.error.Error
-        If the environment is not registered.
     """
     return json_values(registered_arguments(env_id, env_kwargs))
 
 
 def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of the environment that a model is to run in: those of its training, registered and given ones.
-
-    Parameters
-    ----------
-    record : mapping
-        As `wt_gym.learning.train.train` writes it.
-
-    Returns
-    -------
-    dict
-        Empty if the record does not say.
-    """
+    """Arguments of the environment of a training, registered and given ones; empty if its record does not say."""
     return dict(record.get("environment", {}))
 
 
 def training_arguments(
     record: Mapping[str, Any] | None, env_kwargs: dict[str, Any], model: str | None = None
 ) -> dict[str, Any]:
-    """Arguments of the environment that a model was trained in, which must be known.
+    """Arguments of the environment of a training, which must be known: of the record, else of a card (``env_kwargs``).
 
-    Parameters
-    ----------
-    record : mapping or None
-        Of the training, see `trained_arguments`.
-    env_kwargs : dict
-        What a card says, where there is no record.
-    model : str, optional
-        Path of the model, for the message.
-
-    Raises
-    ------
-    ValueError
-        If neither says what the environment was.
+    ``model`` is the path of the model, for the message. Raises a `ValueError` if neither says what the environment was.
     """
     arguments = trained_arguments(record or {}) or env_kwargs
     if not arguments:
@@ -123,21 +95,9 @@ def training_arguments(
 
 
 def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
-    """Arguments of the environment that a model is to run in, those left to their defaults included.
+    """Named arguments of the environment of a training, defaults included, as JSON values; empty if it is unknown.
 
-    In another id than that of the training what is not named would be that id's own.
-
-    Parameters
-    ----------
-    record : mapping
-        As of `trained_arguments`.
-    names : iterable of str
-        Which arguments.
-
-    Returns
-    -------
-    dict
-        JSON values; empty if the record does not say.
+    In another id than that of the training an argument that is not named would have the value of that id.
     """
     arguments = trained_arguments(record)
     return _with_defaults(arguments, names) if arguments else {}
@@ -146,19 +106,8 @@ def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> 
 def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | None:
     """Base controller by name of the training of a model, where an environment has another one.
 
-    Under residual actions it belongs to the agent: the model without it is not what was trained.
-
-    Parameters
-    ----------
-    record : mapping
-        As of `trained_arguments`.
-    env : gymnasium.Env
-        Made by `gymnasium.make`.
-
-    Returns
-    -------
-    str or None
-        None where the actions have no base controller, the controllers are the same, or the record has no name for it.
+    Under residual actions it belongs to the agent: the model without it is not the trained one. None where the actions
+    have no base controller, the controllers are the same, or the record has no name for it.
     """
     if not (trained_arguments(record) and layout_of(env).action.needs_controller):
         return None
@@ -170,24 +119,10 @@ def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | Non
 
 
 def interface_of_training(record: Mapping[str, Any], env: gym.Env, meaning: bool = True) -> dict[str, Any]:
-    """What a model saw and what its residual actions meant in its training, where an environment has it otherwise.
+    """Observation of a model and meaning of its residual actions in its training, where an environment has others.
 
-    Both belong to the model, as in the benchmark: it cannot read other observations, and offsets from a controller are
-    nobody else's business.
-
-    Parameters
-    ----------
-    record : mapping
-        As of `trained_arguments`.
-    env : gymnasium.Env
-        Made by `gymnasium.make`.
-    meaning : bool
-        False: observation and history only.
-
-    Returns
-    -------
-    dict
-        Arguments of the environment; empty where it has the same, or the record does not say.
+    Both belong to the model, as in the benchmark. Empty where the environment has the same, or the record does not say;
+    without ``meaning``, observation and history only.
     """
     residual = layout_of(env).action.mode == "residual"
     names = (*_SEEN, *_MEANT) if meaning and residual else _SEEN
@@ -197,19 +132,10 @@ def interface_of_training(record: Mapping[str, Any], env: gym.Env, meaning: bool
 
 
 def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
-    """Refuse an environment in which what a model sees and does means something else than in its training.
+    """Refuse an environment in which observation and actions of a model mean something else than in its training.
 
-    Parameters
-    ----------
-    record : mapping
-        Of the training; without its environment nothing can be said, and nothing is refused.
-    env : gymnasium.Env
-        Made by `gymnasium.make`.
-
-    Raises
-    ------
-    ValueError
-        With the arguments out of `KEPT` that differ, in the training and here.
+    Raises a `ValueError` with the arguments out of `KEPT` that differ. Nothing is refused where the record does not say
+    what the environment of the training was.
     """
     if not trained_arguments(record):
         return
@@ -263,17 +189,16 @@ class Environments:
     def environment_of(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
         """Environment for an agent: the plain one, except for an agent that brings its base controller.
 
-        A trained model sees what it saw in its training, and its residual actions mean what they meant. A class
-        of yours, or a model of another training, has what it chooses for itself
+        A trained model sees what it saw in its training, and its residual actions mean what they meant. A class of
+        yours, or a model of another training, has the arguments that it chooses
         (`wt_gym.experiment.names.env_choices_of`).
 
         Parameters
         ----------
         given : str or Agent
-            Word, path or agent.
+            Word, path or agent; a controller by name is the base controller of zero actions.
         record : mapping
-            Of the agent's training, empty without one: a trained model runs on the controller of its training, a
-            controller by name is the base controller of zero actions.
+            Of the agent's training, empty without one: a trained model runs on the controller of its training.
         as_given : bool
             A trained model runs on the controller that is there, and its actions mean what they mean there.
         """

@@ -131,14 +131,9 @@ def winds_of(
 
 
 def actual_wind(env: WindTurbineEnv, asked: Wind, winds: Sequence[Wind]) -> Wind:
-    """Wind that an episode has: its speed and seed, and in words what these do not tell.
+    """Wind of an episode: its speed and seed, and a description where these do not tell what it was.
 
-    Parameters
-    ----------
-    env : WindTurbineEnv
-        Has been reset for the wind that was asked for.
-    winds : sequence of Wind
-        All that are asked for. Those that mean the same to the environment are numbered.
+    The environment has been reset for the requested wind; those of ``winds`` that mean the same to it are numbered.
     """
     own, options = env.episode_wind, env.wind.options
 
@@ -260,18 +255,12 @@ _ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")
 
 
 class EvaluationFolder(RunStore):
-    """Runs of one evaluation on disk; a context that holds the folder for this process.
-
-    Parameters
-    ----------
-    agents : mapping
-        Name to word or path.
+    """Runs of one evaluation on disk, with its configuration; a context that holds the folder for this process.
 
     Raises
     ------
     ValueError
-        If an agent is an object, which a file cannot identify.
-        On entering, if another process evaluates there.
+        If an agent is an object, which a file cannot identify; on entering, if another process evaluates there.
     FileNotFoundError
         If an agent's model does not exist.
     """
@@ -295,15 +284,9 @@ class EvaluationFolder(RunStore):
         self._configuration = json_values(configuration)
 
     def begin(self, fingerprint: dict[str, Any], overwrite: bool) -> None:
-        """Make the folder ready: empty for a new evaluation, as it is for one to resume.
+        """Make the folder ready: empty for a new evaluation or with ``overwrite``, as it is for one to resume.
 
-        Parameters
-        ----------
-        fingerprint : dict
-            Of `wt_gym.experiment.run.benchmark_fingerprint`. A folder stores the one with which it was begun, so that
-            small changes do not add up.
-        overwrite : bool
-            Start afresh, and remove what any evaluation left there; other files stay.
+        A folder stores the fingerprint with which it was begun, so that small changes do not add up. Other files stay.
 
         Raises
         ------
@@ -567,17 +550,9 @@ _MOST_NAMED = 6
 
 
 def training_notes(agents: Mapping[str, Agent], winds: Iterable[Wind]) -> dict[str, str]:
-    """Sentences on trained models that have met winds of an evaluation, or of whose training nothing is known.
+    """Sentences, by agent, on trained models that have met winds of an evaluation, or whose training is unknown.
 
-    Parameters
-    ----------
-    agents : mapping
-        Name to agent; those with a ``record``, as of `wt_gym.experiment.trained_agent.TrainedAgent`, are trained.
-
-    Returns
-    -------
-    dict
-        By the name of the agent; nothing for agents without a note.
+    Agents with a ``record``, as of `wt_gym.experiment.trained_agent.TrainedAgent`, are trained.
     """
     seeds = list(dict.fromkeys(wind.seed for wind in winds if wind.seed is not None))
     notes = {}
@@ -618,19 +593,11 @@ _STEADY = 0.02
 
 
 def swings(data: xr.Dataset, rated_speed: float, skip: float = 0.0) -> int:
-    """How often the rotor speed goes from one side of a band to the other.
+    """Number of times that the rotor speed goes from one side of a band to the other.
 
     The band is ±10 % of rated speed. It lies about rated speed, since below it the speed follows the wind; in a steady
-    wind, which explains no change, about the median of the run.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        With ``rotor_speed`` [rad/s] and ``wind_x`` [m/s] over ``time`` [s].
-    rated_speed : float
-        [rad/s].
-    skip : float
-        Start left out [s].
+    wind, which explains no change, about the median of the run. Takes ``rotor_speed`` [rad/s] and ``wind_x`` [m/s] over
+    ``time`` [s], rated speed [rad/s] and the start that is left out [s].
     """
     kept = data["time"].values >= skip
     speed, wind = data["rotor_speed"].values[kept], data["wind_x"].values[kept]
@@ -644,19 +611,9 @@ def swings(data: xr.Dataset, rated_speed: float, skip: float = 0.0) -> int:
 
 
 def oscillation_notes(runs: Iterable[Run], rated_speed: float, skip: float) -> dict[str, str]:
-    """Sentences on agents under which the rotor speed oscillates.
+    """Sentences on agents under which the rotor speed oscillates, by name; nothing of agents whose runs are steady.
 
-    Parameters
-    ----------
-    rated_speed : float
-        [rad/s].
-    skip : float
-        Start of each run left out [s].
-
-    Returns
-    -------
-    dict
-        By the name of the agent; nothing of agents whose runs are steady.
+    Takes rated speed [rad/s] and the start of each run that is left out [s].
     """
     found: dict[str, list[tuple[str, float, float]]] = {}
     for run in runs:

@@ -541,19 +541,10 @@ class RayExecutor:
 
 @contextmanager
 def connected(address: str | None = None, num_cpus: int | None = None) -> Iterator[None]:
-    """Be connected to a Ray cluster.
+    """Be connected to a Ray cluster, whose address is as of `executor_for`; an existing connection is used and left.
 
-    Parameters
-    ----------
-    address : str, optional
-        As of `executor_for`. A connection that exists already is used and left as it is.
-    num_cpus : int, optional
-        Processors of a Ray of this machine alone; default: all.
-
-    Raises
-    ------
-    ConnectionError
-        If there is no cluster at the address.
+    ``num_cpus`` are the processors of a Ray of this machine alone, by default all. Raises a `ConnectionError` if there
+    is no cluster at the address.
     """
     import ray
 

@@ -74,14 +74,7 @@ _PARKED_STEP = 0.2
 
 
 def run_agent(env: gym.Env, agent: Agent, situation: DesignSituation) -> dict[str, Any]:
-    """Run an agent.
-
-    What the simulation does not survive is a result as any other.
-
-    Parameters
-    ----------
-    env : gymnasium.Env
-        Without a limit of time.
+    """Run an agent in an environment without a limit of time; a failed simulation is a result as any other.
 
     Returns
     -------
@@ -202,19 +195,11 @@ class CaseRun:
 
 @dataclass(frozen=True)
 class Value:
-    """An extreme of a case.
+    """An extreme of a case."""
 
-    Attributes
-    ----------
-    characteristic, design : float
-        Without and with the factors.
-    where : str
-        The situation that is worst.
-    """
-
-    characteristic: float
-    design: float
-    where: str
+    characteristic: float  #: without the factors
+    design: float  #: with them
+    where: str  #: the situation that is worst
 
 
 @dataclass(frozen=True)
@@ -247,21 +232,12 @@ class LoadCaseResults:
         return found
 
     def value(self, case: str, agent: str, key: str) -> Value | None:
-        """Extreme of a case with and without the factors.
+        """Extreme (`EXTREMES`) of a case with and without the factors.
 
         A load is multiplied by γ_f (in DLC 1.1 after its extrapolation), the rotor speed by nothing. Of the clearance
-        c the deflection from the unloaded clearance c₀ counts: c₀ − γ_f γ_m (c₀ − c).
-
-        Parameters
-        ----------
-        key : str
-            Of `EXTREMES`.
-
-        Returns
-        -------
-        Value or None
-            None where fatigue counts, nothing was measured, or the case says nothing about the quantity: loads other
-            than those of the blades where they are extrapolated, and the clearance of a parked rotor.
+        c the deflection from the unloaded clearance c₀ counts: c₀ − γ_f γ_m (c₀ − c). None where fatigue counts,
+        nothing was measured, or the case says nothing about the quantity: loads other than those of the blades where
+        they are extrapolated, and the clearance of a parked rotor.
         """
         kind = CASES[case]
         worst = self._worst(case, agent, key)
@@ -298,17 +274,9 @@ class LoadCaseResults:
     def lifetime(self, agent: str, key: str) -> float | None:
         """Damage-equivalent load at 1 Hz over the life of the climate, of the runs of DLC 1.2 [N m].
 
-        At one mean wind speed the damage of all seeds counts: the mean of their L^m. γ_f is 1.
-
-        Parameters
-        ----------
-        key : str
-            Of `wt_gym.analysis.paired.LIFETIME_EXPONENTS`.
-
-        Returns
-        -------
-        float or None
-            None without DLC 1.2, a climate, or a complete run at each speed.
+        At one mean wind speed the damage of all seeds counts: the mean of their L^m, for a key of
+        `wt_gym.analysis.paired.LIFETIME_EXPONENTS`. γ_f is 1. None without DLC 1.2, a climate, or a complete run at
+        each speed.
         """
         runs = self.runs.get(("1.2", agent))
         if not runs or self.climate is None or not all(run.complete for run in runs):

@@ -145,13 +145,7 @@ def split_name(text: str) -> tuple[str, str]:
 
 
 def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
-    """What "baseline" means in an environment: the base controller of residual actions, else `BASELINE`.
-
-    Parameters
-    ----------
-    env_kwargs : mapping
-        Arguments besides those of the id.
-    """
+    """Meaning of "baseline" in an environment: the base controller of residual actions, else `BASELINE`."""
     from wt_gym.envs.options import registered_arguments
 
     arguments = registered_arguments(env_id, env_kwargs)
@@ -161,16 +155,9 @@ def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
 
 
 def with_model_options(choices: Iterable[str], algo: str | None = None, trust: bool = False) -> list[str]:
-    """Names in which trained models carry the options of a command line, where they say nothing themselves.
+    """Names in which trained models carry algorithm and trust of a command line, where they say nothing themselves.
 
-    Parameters
-    ----------
-    choices : iterable of str
-        With or without ``NAME=`` in front.
-    algo : str, optional
-        Algorithm.
-    trust : bool
-        Load what could run code.
+    Names may have ``NAME=`` in front; with trust a model is loaded that could run code.
     """
     made = []
     for given in choices:
@@ -188,23 +175,9 @@ def with_model_options(choices: Iterable[str], algo: str | None = None, trust: b
 def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]:
     """Names for the agents of a command line: ``NAME=CHOICE``, or a name that follows from the choice.
 
-    Parameters
-    ----------
-    choices : iterable of str
-        Names of agents, with or without a label in front. The folder of a training with several seeds stands for one
-        agent a seed.
-    own : str
-        What "baseline" means, see `own_controller`.
-
-    Returns
-    -------
-    dict
-        Label to name, aliases resolved, in the given order.
-
-    Raises
-    ------
-    ValueError
-        If two agents get the same label, or a choice is none.
+    The folder of a training with several seeds stands for one agent a seed; ``own`` is what "baseline" means, see
+    `own_controller`. Returns label to name, aliases resolved, in the given order. Raises a `ValueError` if two agents
+    get the same label, or a choice is none.
     """
     named = dict[str, str]()
     for shown, single in each_named(choices, own):
@@ -219,19 +192,9 @@ def each_named(
     own: str = BASELINE,
     groups: Mapping[str, Iterable[str]] | None = None,
 ) -> Iterator[tuple[str, str]]:
-    """Label and name of each agent of a command line, aliases resolved.
+    """Label and name of each agent of a command line, aliases resolved; arguments as of `named_choices`.
 
-    Parameters
-    ----------
-    choices, own
-        As of `named_choices`.
-    groups : mapping, optional
-        Words that stand for several choices.
-
-    Raises
-    ------
-    ValueError
-        If a choice is none.
+    ``groups`` has words that stand for several choices. Raises a `ValueError` if a choice is none.
     """
     known = groups or {}
     for given in (single for word in choices for single in (available(known[word]) if word in known else (word,))):
@@ -244,17 +207,8 @@ def each_named(
 def each_seed(name: Name) -> list[tuple[str, str]]:
     """Suffix of the label and text of each seed where a name is the folder of a training with several seeds.
 
-    Returns
-    -------
-    list of (str, str)
-        One pair with an empty suffix for anything else.
-
-    Raises
-    ------
-    FileNotFoundError
-        If no seed has been trained.
-    ValueError
-        If the plan of the training is damaged.
+    One pair with an empty suffix for anything else. Raises a `FileNotFoundError` if no seed has been trained, and a
+    `ValueError` if the plan of the training is damaged.
     """
     if name.kind != "trained":
         return [("", name.text)]

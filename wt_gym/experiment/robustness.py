@@ -144,49 +144,26 @@ def chosen(names: Iterable[str] | None = None) -> tuple[Condition, ...]:
 
 @dataclass(frozen=True)
 class Gain:
-    """Mean gain over the winds, with its 95 % interval.
+    """Mean gain over the winds, with its 95 % interval."""
 
-    Attributes
-    ----------
-    value : float or None
-        None where a run ended early.
-    low, high : float or None
-        None where there are too few winds.
-    by_wind : tuple of float or None
-        None for a run that ended early.
-    """
-
-    value: float | None
-    low: float | None
-    high: float | None
-    by_wind: tuple[float | None, ...]
+    value: float | None  #: none where a run ended early
+    low: float | None  #: lower end of the interval; None where there are too few winds
+    high: float | None  #: upper end
+    by_wind: tuple[float | None, ...]  #: none for a run that ended early
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """Gains of agents in conditions.
+    """Gains of agents in conditions."""
 
-    Attributes
-    ----------
-    settings : dict
-        Environment, winds and lengths.
-    reference : str
-        The first agent.
-    bases : dict
-        Name of the controller that an agent acts on top of, None without one.
-    over_reference, over_base : dict
-        `Gain` by condition and agent.
-    idle : dict
-        Sentences on agents under which the turbine made no power without a reason, by condition.
-    """
-
-    settings: dict[str, Any]
-    reference: str
-    bases: dict[str, str | None]
+    settings: dict[str, Any]  #: environment, winds and lengths
+    reference: str  #: the first agent
+    bases: dict[str, str | None]  #: name of the controller that an agent acts on top of, None without one
     conditions: tuple[Condition, ...]
-    over_reference: dict[str, dict[str, Gain]]
-    over_base: dict[str, dict[str, Gain]]
+    over_reference: dict[str, dict[str, Gain]]  #: `Gain` over the reference by condition and agent
+    over_base: dict[str, dict[str, Gain]]  #: `Gain` over the base controller
     idle: dict[str, list[str]] = field(default_factory=dict)
+    """Sentences on agents under which the turbine made no power without a reason, by condition."""
 
     def kept(self, condition: str, agent: str) -> float | None:
         """Share of the nominal gain over the base controller that is left; None where there was none."""
@@ -249,15 +226,7 @@ def _shown(gain: Gain | None) -> str:
 def base_of(choice: str, env_id: str, env_kwargs: Mapping[str, Any]) -> str | None:
     """Name of the controller that an agent acts on top of.
 
-    Parameters
-    ----------
-    choice : str
-        As of `wt_gym.experiment.names.read_name`.
-
-    Returns
-    -------
-    str or None
-        Of a trained residual agent the controller of its training, of a controller None: it is one itself.
+    Of a trained residual agent the controller of its training, of a controller None: it is one itself.
     """
     name = read_name(choice)
     if name.kind == "controller":

@@ -303,21 +303,9 @@ def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[s
 
 
 def delivered_power(power: NDArray[np.float64], time: NDArray[np.float64], rated: float) -> float:
-    """Mean of a power whose every ten seconds count at most as rated.
+    """Mean of a power over evenly spaced times [s] whose every ten seconds count at most as rated [W].
 
-    Parameters
-    ----------
-    power : numpy.ndarray, shape (n,)
-        [W].
-    time : numpy.ndarray, shape (n,)
-        Evenly spaced [s].
-    rated : float
-        [W].
-
-    Returns
-    -------
-    float
-        [W]; what is left after the last whole ten seconds is a spell of its own.
+    The rest after the last whole ten seconds is a spell of its own.
     """
     begins = np.arange(0, power.size, max(1, round(_SPELL / (time[1] - time[0]))))
     counts = np.diff(begins, append=power.size)

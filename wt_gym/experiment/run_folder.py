@@ -44,18 +44,9 @@ def seed_folder(folder: Path, seed: int) -> Path:
 def read_plan(folder: Path) -> dict[str, Any]:
     """Read the plan of a training with several seeds: which ones are its own, whatever other folders there are.
 
-    Returns
-    -------
-    dict
-        ``seeds``, a list of int, ``config``, as of `wt_gym.learning.training.config.TrainingConfig.to_json`, and, once
-        there is one, ``summary``.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the folder holds no such training.
-    ValueError
-        If the plan is damaged.
+    Returns ``seeds``, ``config`` (`wt_gym.learning.training.config.TrainingConfig.to_json`) and, once there is one,
+    ``summary``. Raises a `FileNotFoundError` if the folder holds no such training, a `ValueError` if the plan is
+    damaged.
     """
     file = folder / SEEDS_FILE
     try:

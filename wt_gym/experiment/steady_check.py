@@ -47,27 +47,15 @@ _ABOVE_RATED = 1.15
 
 @dataclass(frozen=True)
 class SteadyPoint:
-    """Means over the end of a run in a steady wind.
+    """Means over the end of a run in a steady wind."""
 
-    Attributes
-    ----------
-    wind : float
-        [m/s].
-    rotor_speed, pitch, power, thrust : float
-        [rad/s], [rad], electrical [W], aerodynamic [N].
-    deviation : float
-        Largest deviation of the rotor speed from its mean, over rated speed [-].
-    failure : str
-        Message of a simulation that failed; "" for none.
-    """
-
-    wind: float
-    rotor_speed: float = math.nan
-    pitch: float = math.nan
-    power: float = math.nan
-    thrust: float = math.nan
-    deviation: float = math.nan
-    failure: str = ""
+    wind: float  #: [m/s]
+    rotor_speed: float = math.nan  #: [rad/s]
+    pitch: float = math.nan  #: [rad]
+    power: float = math.nan  #: electrical [W]
+    thrust: float = math.nan  #: aerodynamic [N]
+    deviation: float = math.nan  #: largest deviation of the rotor speed from its mean, over rated speed [-]
+    failure: str = ""  #: message of a simulation that failed; "" for none
 
 
 def steady_winds(turbine: Turbine) -> tuple[float, ...]:

@@ -232,21 +232,10 @@ def read_normalization(path: Path, trust: bool = False) -> VecNormalize:
 
 
 def model_card(path: str | Path, file: str | Path | None = None) -> dict[str, Any]:
-    """What stands beside a model that was trained elsewhere: ``algo``, and ``env_kwargs`` that it wants.
+    """Card of a model that was trained elsewhere: ``algo``, and ``env_kwargs`` that it wants; empty without one.
 
-    Parameters
-    ----------
-    path : str or path
-        The zip file.
-    file : str or path, optional
-        JSON file, by default the one beside the model with its name and the ending ``.json``, if there is one.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a file is named that is not there.
-    ValueError
-        If it is damaged, or says something else.
+    ``file`` is by default the JSON file beside the model with its name. Raises a `FileNotFoundError` if a named file is
+    not there, a `ValueError` if it is damaged or says something else.
     """
     path = Path(path)
     beside = path.with_suffix(".json") if file is None else Path(file)

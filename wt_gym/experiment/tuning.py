@@ -91,17 +91,12 @@ class Cost:
     that one per cent of energy is one per cent of cost. The activity of a drive (duty cycle of the pitch, rate of the
     torque) counts over its full use instead, ``w_k (x_k - x_k,ref) / full``: the reference's may be nearly zero. Power
     below the least costs ten times its share more, so that no search sells power for loads.
-
-    Attributes
-    ----------
-    weights : dict
-        By the keys of `wt_gym.experiment.run.benchmark_metrics`.
-    least_power : float
-        Captured power over that of the reference; the benchmark's load-reduction tasks allow no less either.
     """
 
     weights: dict[str, float] = field(default_factory=lambda: dict(LIFETIME_COST_WEIGHTS))
+    """By the keys of `wt_gym.experiment.run.benchmark_metrics`."""
     least_power: float = 0.995
+    """Captured power over that of the reference; the benchmark's load-reduction tasks allow no less either."""
 
     def of(self, metrics: dict[str, float], reference: dict[str, float], turbine: Turbine) -> float:
         """Cost of a run against the reference in the same wind."""
