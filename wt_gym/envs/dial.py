@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.channels import Situation
     from wt_gym.envs.operation import Operation
     from wt_gym.envs.terms import Beginning, Request
-    from wt_gym.envs.turbine_env import WindTurbineEnv
 
 __all__ = [
     "DIALED", "DIAL_NAMES", "DRAWN", "LEAST_FACTOR", "MOST_FACTOR", "DialCourse", "DialOptions", "DialTerm",
@@ -116,7 +115,7 @@ class DialOptions(Options):
 _WEIGHTS = options_of(DialOptions)[0]
 
 
-def dial_of(env: WindTurbineEnv) -> DialTerm | None:
+def dial_of(env: Any) -> DialTerm | None:
     """Dial of an environment, None without one."""
     return cast("DialTerm | None", env.terms.get("dial"))
 

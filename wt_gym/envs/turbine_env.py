@@ -45,6 +45,11 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
     def __init__(self, *positional: Any, **arguments: Any):
         self._make(EnvOptions.from_dict(named_arguments(positional, arguments)))
 
+    @staticmethod
+    def made_of(**arguments: Any) -> WindTurbineEnv:
+        """Make an environment of arguments, whatever class is derived from this one."""
+        return WindTurbineEnv(**arguments)
+
     @classmethod
     def of(cls, options: EnvOptions) -> Self:
         """Make an environment of options that are made already."""
@@ -82,8 +87,6 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
         self._spec = plain_spec(spec)
-        if spec is not None and self.options.rewards.vector:
-            spec.disable_env_checker = True  # Gymnasium's checker knows no vectors
 
     # ---- an episode ----
 

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.running_record import Start
     from wt_gym.envs.terms import Beginning, RewardTerm
-    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.wind import Inflow, TurbulenceBox
 
@@ -74,7 +73,7 @@ class Course:
     Attributes
     ----------
     ended : bool
-        Whether the episode was terminated with the last step.
+        The episode was terminated with the last step.
     """
 
     def __init__(self, key: str | None, names: tuple[str, ...]):
@@ -212,10 +211,10 @@ class Twin(Term):
 
     Parameters
     ----------
-    env : WindTurbineEnv
+    env : wt_gym.envs.turbine_env.WindTurbineEnv
         The turbine under the controller alone: it gets the winds that are drawn elsewhere, and has none itself.
     wind_key : tuple
-        What decides on turbulence made here beside its speed, seed and time.
+        Properties of turbulence made here beside its speed, seed and time.
 
     Attributes
     ----------
@@ -225,7 +224,7 @@ class Twin(Term):
 
     course: Course
 
-    def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
+    def __init__(self, env: Any, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
         self._identity = _identity(env)
         self._beginning: Beginning | None = None
@@ -285,7 +284,7 @@ class Twin(Term):
         return fingerprint(self._identity, limits, wind, _start(beginning.start), others)[:40]
 
     def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:
-        """What tells a wind from others."""
+        """Properties of a wind that tell it from others."""
         told = _inflow(wind.inflow, wind.wind_seed >= 0)
         return None if told is None else (self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, told)
 
@@ -311,8 +310,8 @@ class Twin(Term):
         self._simulated = None
 
 
-def _identity(env: WindTurbineEnv) -> str | None:
-    """What decides on the rewards of a turbine under its controller beside the beginning and the limits.
+def _identity(env: Any) -> str | None:
+    """Digest of all that decides on the rewards of a turbine under its controller beside start and limits.
 
     None where something is from outside of this package: it may do another thing tomorrow, or draw numbers. The canary
     counts to its last digit here: rewards must not depend on which version has filled the cache.
@@ -327,7 +326,7 @@ def _identity(env: WindTurbineEnv) -> str | None:
 
 
 def _is_own(part: object | RewardTerm) -> bool:
-    """Whether an object is made by this package alone: a function as a reward is not."""
+    """Return True if an object is made by this package alone: a function as a reward is not."""
     own = type(part).__module__.startswith(_OWN_MODULES)
     return own and not hasattr(part, "function")
 
@@ -338,7 +337,7 @@ def _digest(value: object) -> str:
 
 
 def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:
-    """What tells an inflow from others beside speed, seed and time of turbulence; None where that is not known."""
+    """Properties of an inflow beside speed, seed and time of turbulence; None where they do not tell it from others."""
     if isinstance(inflow, TurningInflow):
         inner = _inflow(inflow.inner, made_here)
         return None if inner is None else (type(inflow).__name__, inflow.times, inflow.directions, *inner)
@@ -356,11 +355,11 @@ def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:
 
 
 def _box(box: TurbulenceBox) -> tuple[object, ...]:
-    """What tells turbulence made here from others beside its seed."""
+    """Properties that tell turbulence made here from others beside its seed."""
     return box.mean_speed, box.time_step, box.scale, box.description
 
 
 def _start(start: Start) -> tuple[object, ...]:
-    """What tells a start from others; the signals before it are for observations alone."""
+    """Properties that tell a start from others; the signals before it are for observations alone."""
     told = [getattr(start, f.name) for f in fields(start) if f.name not in ("deviations", "trail")]
     return (*told, *sorted(start.deviations.items(), key=lambda item: item[0]))
