@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = [
     "BenchmarkTask", "BenchmarkWind", "Ceiling", "Limit", "Reference", "Term", "ceiling_file", "ceiling_line",
     "ceiling_of", "improvement", "load_task", "make_reference", "reference_of", "task_file", "task_names",
-    "write_reference",
+    "transient_inflow", "write_reference",
 ]  # fmt: skip
 
 _FOLDER = Path(__file__).parent / "benchmark_data"
@@ -67,15 +67,32 @@ class BenchmarkWind:
 
     def inflow(self, turbine: Turbine) -> TransientInflow:
         """Give the transient for a turbine."""
-        where = self.speed, turbine.hub_height, turbine.rotor_diameter
-        kind, _, axis = cast(str, self.transient).partition("-")
-        if kind == "EOG":
-            return TransientInflow.eog(*where, turbine.turbulence_class, turbine.iec_class, start_time=self.start)
-        if kind == "EDC":
-            return TransientInflow.edc(*where, turbine.turbulence_class, sign=self.sign, start_time=self.start)
-        if kind == "ECD":
-            return TransientInflow.ecd(*where, sign=self.sign, start_time=self.start)
-        return TransientInflow.ews(*where, turbine.turbulence_class, axis=axis, sign=self.sign, start_time=self.start)
+        return transient_inflow(turbine, cast(str, self.transient), self.speed, self.sign, self.start)
+
+
+def transient_inflow(turbine: Turbine, kind: str, speed: float, sign: int, start: float) -> TransientInflow:
+    """Transient of IEC 61400-1 for the class of a turbine.
+
+    Parameters
+    ----------
+    kind : {"EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal"}
+    speed : float
+        Mean at hub height before it [m/s].
+    sign : int
+        Of its direction or shear, see `wt_gym.wind.TransientInflow`.
+    start : float
+        Time at which it begins [s].
+    """
+    where, turbulence, (kind, _, axis) = (
+        (speed, turbine.hub_height, turbine.rotor_diameter), turbine.turbulence_class, kind.partition("-"),
+    )  # fmt: skip
+    if kind == "EOG":
+        return TransientInflow.eog(*where, turbulence, turbine.iec_class, start_time=start)
+    if kind == "EDC":
+        return TransientInflow.edc(*where, turbulence, sign=sign, start_time=start)
+    if kind == "ECD":
+        return TransientInflow.ecd(*where, sign=sign, start_time=start)
+    return TransientInflow.ews(*where, turbulence, axis=axis, sign=sign, start_time=start)
 
 
 @dataclass(frozen=True)
