@@ -73,7 +73,7 @@ def main(words: list[str] | None = None) -> None:
 
     kept = f"the trials so far are in {arguments.out}" if arguments.out else "--out would keep the trials"
     with user_errors(), stoppable(kept):
-        from wt_gym.experiment.tuning import Cost, Range, TuningTask, parameters_text, tune
+        from wt_gym.experiment.tuning import Cost, SearchRange, TuningTask, parameters_text, tune
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.model import with_site
 
@@ -82,7 +82,7 @@ def main(words: list[str] | None = None) -> None:
             arguments.controller, arguments.reference, tuple(arguments.wind_speed), tuple(arguments.wind_seeds),
             arguments.duration, arguments.skip, arguments.fidelity,
             Cost(dict(arguments.weights)) if arguments.weights else Cost(),
-            {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
+            {name: SearchRange(*limits) for name, limits in arguments.space} if arguments.space else None,
         )  # fmt: skip
         record = tune(turbine, task, arguments.trials, arguments.seed, arguments.out, progress=True)
     print(f"best: cost {record['best']['cost']:+.4f} with {parameters_text(record['best']['parameters'])}")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "BenchmarkTask", "BenchmarkWind", "Ceiling", "Limit", "Reference", "Term", "ceiling_file", "ceiling_line",
+    "BenchmarkTask", "BenchmarkWind", "Ceiling", "Limit", "Reference", "ScoreTerm", "ceiling_file", "ceiling_line",
     "ceiling_of", "improvement", "load_task", "make_reference", "reference_of", "task_file", "task_names",
     "transient_inflow", "write_reference",
 ]  # fmt: skip
@@ -96,7 +96,7 @@ def transient_inflow(turbine: Turbine, kind: str, speed: float, sign: int, start
 
 
 @dataclass(frozen=True)
-class Term:
+class ScoreTerm:
     """Part of what a task improves: ``-weight (value - baseline) / scale``."""
 
     metric: str
@@ -104,7 +104,7 @@ class Term:
     scale: float | None = None  #: in the unit of the metric; None: the baseline's value in the same wind
 
 
-def improvement(terms: Iterable[Term], metrics: Mapping[str, float], baseline: Mapping[str, float]) -> float:
+def improvement(terms: Iterable[ScoreTerm], metrics: Mapping[str, float], baseline: Mapping[str, float]) -> float:
     """Sum of terms over the baseline in the same wind.
 
     Raises
@@ -149,7 +149,7 @@ class BenchmarkTask:
     duration: float  #: length of a run [s]
     skip: float  #: start left out of the metrics [s]
     winds: tuple[BenchmarkWind, ...]  #: default trainings use none of them
-    terms: tuple[Term, ...]
+    terms: tuple[ScoreTerm, ...]
     limits: tuple[Limit, ...]
     clip: tuple[float, float]  #: least and greatest score of a wind
     candidates: tuple[str, ...]  #: agents among which the best known is looked for when the reference is renewed
@@ -243,12 +243,12 @@ def _winds(name: str, groups: list[dict[str, Any]]) -> tuple[BenchmarkWind, ...]
     return tuple(winds)
 
 
-def _term(name: str, metric: str, given: dict[str, Any]) -> Term:
+def _term(name: str, metric: str, given: dict[str, Any]) -> ScoreTerm:
     if not {"weight"} <= set(given) <= {"weight", "scale"} or given.get("scale", 1.0) <= 0.0:
         raise BenchmarkError(
             f"task {name}: the term {metric} must have a weight and may have a positive scale, got {given}"
         )
-    return Term(metric, **given)
+    return ScoreTerm(metric, **given)
 
 
 def _limit(name: str, metric: str, given: dict[str, float]) -> Limit:
