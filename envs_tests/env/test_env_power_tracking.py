@@ -16,8 +16,8 @@ from wt_gym.envs.power import available_power
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.terms import Transition
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.experiment.constant import ConstantAgent
-from wt_gym.runs.playing import play
+from wt_gym.experiment.agents import ConstantAgent
+from wt_gym.experiment.run import play
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.openfast_text import InputFile

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from wt_gym.base.canary import differing
-from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.control import Demand
 from wt_gym.control.controllers import DisconController
 from wt_gym.control.controllers.controller import memory_of
@@ -26,6 +25,7 @@ from wt_gym.envs.record_store import (
     recorded_speeds,
 )
 from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, StartRecorder
+from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import parities
 from wt_gym.turbines import load_turbine

@@ -14,8 +14,6 @@ from scripted_simulator import ScriptedSimulator, use
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.benchmark.run import make_env
-from wt_gym.benchmark.tasks import load_task
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
 from wt_gym.control.controllers.names import make_controller
 from wt_gym.control.sensors import to_fixed_frame
@@ -23,9 +21,11 @@ from wt_gym.envs import rewards
 from wt_gym.envs.channels import RESIDUAL_GROUPS
 from wt_gym.envs.dial import factor_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.experiment.pool import Environments
+from wt_gym.experiment.benchmark import make_env
+from wt_gym.experiment.benchmark_tasks import load_task
+from wt_gym.experiment.environments import Environments
+from wt_gym.experiment.run import run_baseline
 from wt_gym.learning.training.hyperparameters import hyperparameters_for
-from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.tasks import DEFAULT_ENV, TASKS

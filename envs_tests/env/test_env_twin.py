@@ -11,7 +11,7 @@ import pytest
 from wt_gym.envs import twin as reward_store
 from wt_gym.envs.rewards import FunctionTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.experiment.pool import Environments
+from wt_gym.experiment.environments import Environments
 from wt_gym.simulation import Simulator
 from wt_gym.wind import MirroredInflow, SteadyInflow
 

@@ -15,8 +15,7 @@ from wt_gym.commands.site_options import site_word, wind_word, with_options
 from wt_gym.commands.training_options import add_training_options, config_from
 from wt_gym.envs.options import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
-from wt_gym.experiment.evaluation import EvaluationConfig
-from wt_gym.experiment.evaluation_winds import winds_of
+from wt_gym.experiment.evaluation import EvaluationConfig, winds_of
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInflow

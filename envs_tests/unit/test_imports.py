@@ -23,18 +23,16 @@ KNOWS = {
     "bridges": {"turbines", "wind", "simulation", "control"},
     "analysis": {"turbines", "wind", "simulation", "control"},
     "envs": {"turbines", "wind", "simulation", "control", "bridges", "analysis"},
-    "runs": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs"},
-    "benchmark": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs"},
-    "experiment": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark"},
+    "experiment": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs"},
     "deployment": {
-        "turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark", "experiment",
+        "turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "experiment",
     },
     "learning": {
-        "turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark", "experiment",
+        "turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "experiment",
         "deployment",
     },
     "commands": {
-        "turbines", "wind", "multibody", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark",
+        "turbines", "wind", "multibody", "simulation", "control", "bridges", "analysis", "envs",
         "experiment", "deployment", "learning",
     },
     "__main__": {"commands"},

@@ -97,7 +97,7 @@ class Study:
     task : str
         Of `wt_gym.tasks.TASKS`.
     agents : tuple of str
-        Words and paths as for `wt_gym.experiment.pool.load_agent`, or `RANDOM`; the base controller first.
+        Words and paths as for `wt_gym.experiment.agents.load_agent`, or `RANDOM`; the base controller first.
     parts : tuple of Part
     columns : tuple of Column
     duration, skip : float

@@ -9,17 +9,13 @@ one, discon, rosco (where its package is installed), tsr_tracking, ipc and tuned
 
 from __future__ import annotations
 
-import itertools
 import json
-import sys
-import time
 from typing import TYPE_CHECKING
 
 from wt_gym.base.files import require_writable
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option
-from wt_gym.runs.progress import clock
 
 if TYPE_CHECKING:
     import argparse
@@ -58,8 +54,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.Namespace) -> None:
     """Write the page of the winds in which every controller has run."""
-    from wt_gym.experiment.comparison import in_all_winds
-    from wt_gym.experiment.comparison_page import write_comparison
+    from wt_gym.experiment.comparison import in_all_winds, write_comparison
 
     settings = {
         name: getattr(arguments, name)
@@ -71,19 +66,19 @@ def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.N
 def show(runs: list[ControllerRuns], as_json: bool) -> None:
     """Print the table of the winds in which every controller has run, and what failed."""
     from wt_gym.analysis.metrics import idle_sentence
-    from wt_gym.experiment.comparison import in_all_winds, table
+    from wt_gym.experiment.comparison import comparison_table, in_all_winds
 
     runs = in_all_winds(runs)
-    print(table(runs))
+    print(comparison_table(runs))
     for run in runs:
         for message in dict.fromkeys(run.failures.values()):
-            cases = [case.label for case, own in run.failures.items() if own == message]
-            print(f"{run.name} at {'; '.join(cases)}: {message}")
-        if sentence := idle_sentence(run.name, ((case.label, time) for case, time in run.idle.items())):
+            winds = [wind.label for wind, own in run.failures.items() if own == message]
+            print(f"{run.name} at {'; '.join(winds)}: {message}")
+        if sentence := idle_sentence(run.name, ((wind.label, time) for wind, time in run.idle.items())):
             print(sentence)
     if as_json:
         rows = [
-            {"controller": r.name, "wind_speed": c.wind_speed, "seed": c.seed, **m}
+            {"controller": r.name, "wind_speed": c.speed, "seed": c.seed, **m}
             for r in runs
             for c, m in r.metrics.items()
         ]
@@ -94,20 +89,10 @@ def main(words: list[str] | None = None) -> None:
     """Run."""
     arguments = parse_arguments(words)
 
-    began, runs_of = time.monotonic(), itertools.count(1)
-
-    def progress(name: str, case: Case) -> None:
-        done, total = next(runs_of), len(cases) * len(controllers)
-        elapsed = time.monotonic() - began
-        left = elapsed / done * (total - done)
-        print(
-            f"run {done}/{total}: {name} at {case.label}, {clock(elapsed)} min, about {clock(left)} min left",
-            file=sys.stderr, flush=True,
-        )  # fmt: skip
-
     runs: list[ControllerRuns] = []
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
-        from wt_gym.experiment.comparison import Case, run_cases
+        from wt_gym.analysis.results import Wind
+        from wt_gym.experiment.comparison import ComparisonConfig, run_cases
         from wt_gym.experiment.names import COMPARED, available, named_choices, read_name, with_model_options
         from wt_gym.simulation.fidelity import suited_fidelity
         from wt_gym.turbines import load_turbine
@@ -117,16 +102,19 @@ def main(words: list[str] | None = None) -> None:
         given = named_choices(with_model_options(chosen, arguments.algo, arguments.trust))
         names = {label: read_name(text) for label, text in given.items()}
         controllers = {label: (name.target, name.parameters) for label, name in names.items()}
-        cases = [Case(wind, seed) for wind in arguments.wind_speed for seed in (arguments.wind_seeds or [None])]
+        winds = [Wind(wind, seed) for wind in arguments.wind_speed for seed in (arguments.wind_seeds or [None])]
         if arguments.report:
             require_writable(arguments.report.parent)
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
+        settings = ComparisonConfig(
+            duration=arguments.duration, skip=arguments.skip, fidelity=arguments.fidelity,
+            control_dt=arguments.control_dt, simulator=arguments.simulator,
+        )  # fmt: skip
         try:
             with executor_of(arguments) as executor:
                 run_cases(
-                    turbine, controllers, cases, arguments.duration, arguments.skip, arguments.fidelity,
-                    arguments.control_dt, progress, runs, simulator=arguments.simulator, executor=executor,
+                    turbine, controllers, winds, settings, runs=runs, executor=executor, progress=True,
                 )  # fmt: skip
         finally:  # of a stopped series too
             if any(run.done for run in runs):

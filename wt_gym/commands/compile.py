@@ -33,7 +33,7 @@ def main(words: list[str] | None = None) -> None:
 
     from wt_gym.commands.environment_options import environment_arguments
     from wt_gym.envs.turbine_env import turbine_env_of
-    from wt_gym.experiment.compilation import compile_kernels
+    from wt_gym.experiment.environments import compile_kernels
     from wt_gym.simulation import Simulator
     from wt_gym.simulation.compilation import compile_ahead
 

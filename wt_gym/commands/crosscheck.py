@@ -71,8 +71,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 def configuration(arguments: argparse.Namespace, simulator: str | dict[str, Any]) -> EvaluationConfig:
     """Evaluation of the options with one of the simulators."""
     from wt_gym.commands.environment_options import chosen_arguments
-    from wt_gym.experiment.evaluation import EvaluationConfig
-    from wt_gym.experiment.evaluation_winds import winds_for
+    from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
 
     given = {"start": "steady"} | with_options(arguments.env_kwargs, arguments.site, simulator=simulator)
     kwargs = chosen_arguments(arguments.env, given, arguments.fidelity)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import argparse
 
-    from wt_gym.runs.executors import Executor
+    from wt_gym.experiment.execute import Executor
 
 __all__ = ["add_address_options", "add_engine_options", "add_model_options", "executor_of"]
 
@@ -58,8 +58,8 @@ def executor_of(arguments: argparse.Namespace) -> Executor:
     Raises
     ------
     ValueError
-        As `wt_gym.runs.executors.executor_for`.
+        As `wt_gym.experiment.execute.executor_for`.
     """
-    from wt_gym.runs.executors import executor_for
+    from wt_gym.experiment.execute import executor_for
 
     return executor_for(arguments.engine, arguments.jobs, arguments.address)

@@ -99,8 +99,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     """Configuration of the options."""
     from wt_gym.commands.environment_options import chosen_arguments
-    from wt_gym.experiment.evaluation import EvaluationConfig
-    from wt_gym.experiment.evaluation_winds import winds_for
+    from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
 
     given = with_options(arguments.env_kwargs, arguments.site, arguments.wind, arguments.simulator)
     kwargs = chosen_arguments(arguments.env, given, arguments.fidelity)
@@ -130,8 +129,7 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.analysis.report import write_report
         from wt_gym.analysis.results import run_files
         from wt_gym.analysis.summary import results_table, summarize
-        from wt_gym.experiment.evaluation import evaluate
-        from wt_gym.experiment.evaluation_folder import REPORT_FILE
+        from wt_gym.experiment.evaluation import REPORT_FILE, evaluate
         from wt_gym.experiment.names import named_choices, own_controller, with_model_options
 
         chosen = configuration(arguments)

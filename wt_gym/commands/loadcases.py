@@ -34,7 +34,7 @@ from wt_gym.commands.site_options import add_simulator_option, add_site_option, 
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from wt_gym.experiment.loadcases.study import LoadCaseConfig
+    from wt_gym.experiment.loadcase_runs import LoadCaseConfig
 
 
 PARKED_CASE = "6.1"
@@ -72,8 +72,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
     """Configuration of the options."""
     from wt_gym.commands.environment_options import chosen_arguments
-    from wt_gym.experiment.loadcases.cases import CASES
-    from wt_gym.experiment.loadcases.study import LoadCaseConfig
+    from wt_gym.experiment.loadcase_runs import LoadCaseConfig
+    from wt_gym.experiment.loadcases import CASES
 
     given = with_options(arguments.env_kwargs, arguments.site, simulator=arguments.simulator)
     kwargs = chosen_arguments(arguments.env, given, arguments.fidelity)
@@ -101,8 +101,8 @@ def main(words: list[str] | None = None) -> None:
     out = Path(arguments.out)
     hint = f"the same command resumes with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
-        from wt_gym.experiment.loadcases.report import load_case_tables, write_load_case_report
-        from wt_gym.experiment.loadcases.study import REPORT_FILE, run_load_cases
+        from wt_gym.experiment.loadcase_report import load_case_tables, write_load_case_report
+        from wt_gym.experiment.loadcase_runs import REPORT_FILE, run_load_cases
         from wt_gym.experiment.names import named_choices, own_controller, with_model_options
 
         chosen = configuration(arguments)

@@ -48,7 +48,7 @@ def main(words: list[str] | None = None) -> None:
     os.environ["OMP_NUM_THREADS"] = "1"  # of the processes
     from wt_gym.base.canary import package_digest
     from wt_gym.envs.record_store import FOLDER, make_record
-    from wt_gym.runs.progress import clock
+    from wt_gym.experiment.execute import clock
 
     with user_errors(), stoppable("the runs that are done stay: the same command continues"):
         version = package_digest()[:16]
@@ -106,14 +106,14 @@ class _Report:
     """
 
     def __init__(self, label: str):
-        from wt_gym.runs.progress import ProgressLine
+        from wt_gym.experiment.execute import ProgressLine
 
         self._label, self._line = label, ProgressLine(interval=30.0)
         self._began, self._made = time.monotonic(), 0
 
     def __call__(self, done: int, total: int) -> None:
         """Report the finished runs, and all."""
-        from wt_gym.runs.progress import clock
+        from wt_gym.experiment.execute import clock
 
         self._made += 1
         left = clock((time.monotonic() - self._began) / self._made * (total - done))

@@ -13,7 +13,6 @@ folder of the results as soon as it is done: the same command resumes. docs/howt
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,8 +31,6 @@ from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
     import argparse
-
-    from wt_gym.experiment.robustness import Condition
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -80,14 +77,10 @@ def main(words: list[str] | None = None) -> None:
 
     out = Path(arguments.out)
 
-    def told(condition: Condition) -> None:
-        print(f"{condition.name}: {condition.text}", file=sys.stderr, flush=True)
-
     hint = f"the same command resumes with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
         from wt_gym.commands.environment_options import chosen_arguments
-        from wt_gym.experiment.evaluation_config import EvaluationConfig
-        from wt_gym.experiment.evaluation_winds import winds_for
+        from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
         from wt_gym.experiment.names import named_choices, with_model_options
         from wt_gym.experiment.robustness import chosen, run_robustness
 
@@ -104,7 +97,7 @@ def main(words: list[str] | None = None) -> None:
         )
         found = run_robustness(
             agents, config, conditions, folder=out, overwrite=arguments.overwrite,
-            allow_other_environment=arguments.allow_other_environment, executor=executor, told=told,
+            allow_other_environment=arguments.allow_other_environment, executor=executor,
         )  # fmt: skip
     print(found.to_markdown())
     print(f"results: {out}")

@@ -10,17 +10,13 @@ Needs the extra "tune".
 from __future__ import annotations
 
 import json
-import sys
-import time
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
-from wt_gym.runs.progress import clock
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
 
 
 def weight(text: str) -> tuple[str, float]:
@@ -71,29 +67,13 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
-def shown(parameters: Mapping[str, float]) -> str:
-    """Parameters in a sentence."""
-    return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
-
-
 def main(words: list[str] | None = None) -> None:
     """Run."""
     arguments = parse_arguments(words)
 
-    began = time.monotonic()
-
-    def progress(number: int, cost: float, parameters: Mapping[str, float]) -> None:
-        done, elapsed = number + 1, time.monotonic() - began
-        left = elapsed / done * (arguments.trials - done)
-        print(
-            f"trial {done}/{arguments.trials}: cost {cost:+.4f} with {shown(parameters)}, {clock(elapsed)} min, about "
-            f"{clock(left)} min left",
-            file=sys.stderr, flush=True,
-        )  # fmt: skip
-
     kept = f"the trials so far are in {arguments.out}" if arguments.out else "--out would keep the trials"
     with user_errors(), stoppable(kept):
-        from wt_gym.experiment.tuning import Cost, Range, TuningTask, tune
+        from wt_gym.experiment.tuning import Cost, SearchRange, TuningTask, parameters_text, tune
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.model import with_site
 
@@ -102,9 +82,9 @@ def main(words: list[str] | None = None) -> None:
             arguments.controller, arguments.reference, tuple(arguments.wind_speed), tuple(arguments.wind_seeds),
             arguments.duration, arguments.skip, arguments.fidelity,
             Cost(dict(arguments.weights)) if arguments.weights else Cost(),
-            {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
+            {name: SearchRange(*limits) for name, limits in arguments.space} if arguments.space else None,
         )  # fmt: skip
-        record = tune(turbine, task, arguments.trials, arguments.seed, arguments.out, progress)
-    print(f"best: cost {record['best']['cost']:+.4f} with {shown(record['best']['parameters'])}")
+        record = tune(turbine, task, arguments.trials, arguments.seed, arguments.out, progress=True)
+    print(f"best: cost {record['best']['cost']:+.4f} with {parameters_text(record['best']['parameters'])}")
     if arguments.json:
         print(json.dumps(record))

@@ -17,9 +17,10 @@ from stable_baselines3.common.logger import Logger, configure
 import wt_gym
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.terminations import PITCH_TRAVEL
+from wt_gym.experiment.environments import resolved_arguments, trained_arguments
+from wt_gym.experiment.execute import executor_for
 from wt_gym.experiment.run_folder import RunFolder
 from wt_gym.experiment.trained_agent import BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, RECORD_FILE, TrainedAgent
-from wt_gym.experiment.trained_environment import resolved_arguments, trained_arguments
 from wt_gym.learning.pretraining.options import PretrainingOptions
 from wt_gym.learning.training.budgets import BudgetUpdates, budgeted_of
 from wt_gym.learning.training.callbacks import Checkpoints, Evaluations, Watch, stop_on_signals
@@ -28,7 +29,6 @@ from wt_gym.learning.training.environments import make_training_env
 from wt_gym.learning.training.learners import LocalLearner
 from wt_gym.learning.training.models import load_model, make_model, save_model
 from wt_gym.learning.training.selection import FIGURES, SelectionEvaluation
-from wt_gym.runs.executors import executor_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

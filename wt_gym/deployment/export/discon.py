@@ -606,7 +606,7 @@ def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Se
     """Parts of an agent's base controller with the agent, its network, its channels, and the name of the base."""
     from wt_gym.deployment.export.parts import add_agent, seen_channels
     from wt_gym.deployment.export.policy import network_of, training_environment
-    from wt_gym.experiment.pool import load_model  # torch takes seconds to import
+    from wt_gym.experiment.agents import load_model
     from wt_gym.experiment.trained_agent import model_card
 
     agent = load_model(name)

@@ -26,9 +26,9 @@ from wt_gym.base.files import write_text_whole
 from wt_gym.control.controllers import parse_name
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.experiment.pool import load_model
+from wt_gym.experiment.agents import load_model
+from wt_gym.experiment.environments import trained_arguments, training_arguments
 from wt_gym.experiment.trained_agent import model_card
-from wt_gym.experiment.trained_environment import trained_arguments, training_arguments
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -12,11 +12,11 @@ from ray.rllib.core import DEFAULT_MODULE_ID
 from stable_baselines3.common.callbacks import CallbackList
 
 from wt_gym.base.files import write_whole
-from wt_gym.experiment.compilation import compile_kernels_of
+from wt_gym.experiment.environments import compile_kernels_of
+from wt_gym.experiment.execute import connected, processors, warm_nodes
 from wt_gym.learning.distributed.rllib_environment import runner_report, set_runner_statistics
 from wt_gym.learning.distributed.rllib_settings import check_settings, rllib_config
 from wt_gym.learning.distributed.rllib_weights import first_weights, take_weights
-from wt_gym.runs.ray_cluster import connected, processors, warm_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -42,7 +42,7 @@ class RllibLearner:
     Parameters
     ----------
     address : str, optional
-        As of `wt_gym.runs.executors.executor_for`.
+        As of `wt_gym.experiment.execute.executor_for`.
     runners : int, optional
         Processes that step the environments, a processor each; 0: the one that learns. Default: as many as there are
         processors, and at most one an environment, such that the environments can be divided.

@@ -18,10 +18,10 @@ from ray.tune.schedulers import ASHAScheduler
 from ray.tune.search import BasicVariantGenerator
 
 from wt_gym.base.files import json_values, write_text_whole
-from wt_gym.experiment.compilation import compile_kernels_of
+from wt_gym.experiment.environments import compile_kernels_of
+from wt_gym.experiment.execute import connected, warm_nodes
 from wt_gym.experiment.run_folder import RunFolder
 from wt_gym.learning.training.search import SPACES, Choice, Range, check_search, tried, write_best
-from wt_gym.runs.ray_cluster import connected, warm_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -48,7 +48,7 @@ def tune_search(
     config, folder, trials, progress
         As of `wt_gym.learning.training.search.search`. The number of trials is fixed when the search begins.
     address : str, optional
-        As of `wt_gym.runs.executors.executor_for`.
+        As of `wt_gym.experiment.execute.executor_for`.
 
     Returns
     -------

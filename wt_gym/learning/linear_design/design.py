@@ -11,10 +11,11 @@ import numpy as np
 
 import wt_gym
 from wt_gym.analysis.change import relative_change
-from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, LinearDesign, PitchOffsets, default_limits, offset_fade
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
+from wt_gym.experiment.execute import SerialExecutor
+from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.learning.linear_design.feedback import (
     FeedbackOptions,
     Plant,
@@ -24,15 +25,14 @@ from wt_gym.learning.linear_design.feedback import (
 )
 from wt_gym.learning.linear_design.identification import explained_share, identify, respond
 from wt_gym.learning.linear_design.recording import LOADS, Excitation, Recording, record
-from wt_gym.runs.executors import SerialExecutor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
+    from wt_gym.experiment.execute import Executor
     from wt_gym.learning.linear_design.recording import RecordingStore
-    from wt_gym.runs.executors import Executor
     from wt_gym.turbines import Turbine
 
 __all__ = ["LinearDesignTask", "change_of_power", "default_speeds", "design", "identified_plant"]
@@ -248,7 +248,7 @@ def design(
     store : RecordingStore, optional
         Keeps recordings; what is there is not made again.
     executor : Executor, optional
-        Of `wt_gym.runs.executors`, entered: does the runs.
+        Of `wt_gym.experiment.execute`, entered: does the runs.
     progress : callable, optional
         Called with a line after every run and every feedback.
 

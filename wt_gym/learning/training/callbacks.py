@@ -12,7 +12,7 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
 from wt_gym.envs.options import registered_arguments
-from wt_gym.runs.progress import ProgressLine, clock
+from wt_gym.experiment.execute import ProgressLine, clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

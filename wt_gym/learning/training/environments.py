@@ -11,7 +11,7 @@ import gymnasium as gym
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecMonitor, VecNormalize
 
-from wt_gym.experiment.compilation import compile_kernels
+from wt_gym.experiment.environments import compile_kernels
 from wt_gym.learning.training.budgets import BudgetedVecEnv, allowed_costs
 from wt_gym.learning.training.turbine_vec_env import TurbineVecEnv
 

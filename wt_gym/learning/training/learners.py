@@ -27,7 +27,7 @@ class Learner(Protocol):
     Attributes
     ----------
     engine : str
-        Of `wt_gym.runs.executors.ENGINES`.
+        Of `wt_gym.experiment.execute.ENGINES`.
     packages : tuple of str
         Whose versions the record names.
     figures : tuple of BaseCallback

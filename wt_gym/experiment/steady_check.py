@@ -20,8 +20,8 @@ import numpy as np
 from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import operating_point
-from wt_gym.runs.executors import executor_for
-from wt_gym.runs.playing import run_controller
+from wt_gym.experiment.execute import executor_for
+from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.turbines.openfast_control import SteadyTable
 
-__all__ = ["DURATION", "SteadyPoint", "steady_check", "steady_winds", "verdict"]
+__all__ = ["DURATION", "SteadyRun", "steady_check", "steady_winds", "verdict"]
 
 DURATION = 100.0
 """Length of a run [s]."""
@@ -40,35 +40,22 @@ _AVERAGE = 30.0
 _WINDS = 9
 _WORKERS = 2
 LARGEST_DEVIATION, LEAST_POWER, LEAST_RATED_POWER = 0.02, 0.9, 0.99
-"""Limits of the speed over rated speed, of the power over that of the table, and above rated wind over rated power [-].
-"""
+"""Limits of the speed over rated speed, of the power over that of the table, and above rated wind over rated [-]."""
 _ABOVE_RATED = 1.15
 """Wind over rated wind from which on rated power and speed are expected [-]."""
 
 
 @dataclass(frozen=True)
-class SteadyPoint:
-    """Means over the end of a run in a steady wind.
+class SteadyRun:
+    """Means over the end of a run in a steady wind."""
 
-    Attributes
-    ----------
-    wind : float
-        [m/s].
-    rotor_speed, pitch, power, thrust : float
-        [rad/s], [rad], electrical [W], aerodynamic [N].
-    deviation : float
-        Largest deviation of the rotor speed from its mean, over rated speed [-].
-    failure : str
-        Message of a simulation that failed; "" for none.
-    """
-
-    wind: float
-    rotor_speed: float = math.nan
-    pitch: float = math.nan
-    power: float = math.nan
-    thrust: float = math.nan
-    deviation: float = math.nan
-    failure: str = ""
+    wind: float  #: [m/s]
+    rotor_speed: float = math.nan  #: [rad/s]
+    pitch: float = math.nan  #: [rad]
+    power: float = math.nan  #: electrical [W]
+    thrust: float = math.nan  #: aerodynamic [N]
+    deviation: float = math.nan  #: largest deviation of the rotor speed from its mean, over rated speed [-]
+    failure: str = ""  #: message of a simulation that failed; "" for none
 
 
 def steady_winds(turbine: Turbine) -> tuple[float, ...]:
@@ -76,18 +63,17 @@ def steady_winds(turbine: Turbine) -> tuple[float, ...]:
     return tuple(np.linspace(turbine.cut_in, turbine.cut_out, _WINDS).round(2).tolist())
 
 
-def steady_check(turbine: Turbine, on_point: Callable[[int, float], None] | None = None) -> list[SteadyPoint]:
+def steady_check(turbine: Turbine, on_point: Callable[[int, float], None] | None = None) -> list[SteadyRun]:
     """Run a turbine under its own controller in the winds of `steady_winds`, two at a time.
 
     Parameters
     ----------
-    turbine : Turbine
     on_point : callable, optional
         Called with the number of finished runs and the time since the start [s].
 
     Returns
     -------
-    list of SteadyPoint
+    list of SteadyRun
         In the order of the winds.
     """
     began, points = time.monotonic(), []
@@ -99,10 +85,10 @@ def steady_check(turbine: Turbine, on_point: Callable[[int, float], None] | None
     return sorted(points, key=lambda point: point.wind)
 
 
-def _run(turbine: Turbine, wind: float) -> SteadyPoint:
+def _run(turbine: Turbine, wind: float) -> SteadyRun:
     """Run one wind."""
     simulator = Simulator(turbine, inflow=SteadyInflow(wind, hub_height=turbine.hub_height))
-    point = SteadyPoint(wind)
+    point = SteadyRun(wind)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the caller has shown what is said of this controller
         controller = make_controller("discon", turbine)
@@ -123,13 +109,11 @@ def _run(turbine: Turbine, wind: float) -> SteadyPoint:
     )
 
 
-def verdict(turbine: Turbine, point: SteadyPoint, table: SteadyTable | None = None) -> str:
+def verdict(turbine: Turbine, point: SteadyRun, table: SteadyTable | None = None) -> str:
     """Return the faults of a point in words, "" where it is right.
 
     Parameters
     ----------
-    turbine : Turbine
-    point : SteadyPoint
     table : SteadyTable, optional
         Without it, and outside its winds, blade elements and the operating point are the reference.
     """
