@@ -24,7 +24,7 @@ with U and theta the mean wind speed and direction over the disc of the rotor an
 to the simulator in steady winds. That leaves the rotor's speed control, the wake and noise of the vane out. A drive of
 one rate has three kinds of knowledge:
 
-- the reading of a vane, by the thresholds and filters of `wt_gym.control.controllers.yaw`;
+- the reading of a vane, by the thresholds and filters of `wt_gym.control.controllers.additions`;
 - the direction without turbulence, by two thresholds;
 - the whole wind before it blows. A yaw that stands or moves by one step of the drive has its most of
   ``energy - price * travel`` by dynamic programming. So with a price at which it travels at least as far as another
@@ -401,7 +401,7 @@ def directions_of(
 def by_thresholds(
     winds: Directions, dead_band: float, stop: float, slow: float, fast: float, *, turbulence: bool = True
 ) -> Yawed:
-    """Yaw by a dead band (`wt_gym.control.controllers.yaw.YawByDeadBand`), at zero at first.
+    """Yaw by a dead band (`wt_gym.control.controllers.additions.YawByDeadBand`), at zero at first.
 
     Errors are taken for less than half a turn, so nothing is wrapped.
 

@@ -121,7 +121,7 @@ class ControllerOptions(Options):
     )
     residual_fade: bool | float | FadeParameters = option(
         "Whether residual pitch acts only above rated wind, as additions to industrial controllers do "
-        "(`wt_gym.control.controllers.fading.AboveRated`): blades at fine pitch stay where they make the most power; a "
+        "(`wt_gym.control.controllers.additions.AboveRated`): blades at fine pitch stay where they make the most power; a "
         "number is the pitch above fine pitch from which on it acts in full, in rad, a mapping has the arguments of "
         'FadeParameters. The share that acts can be observed as "residual_share". Other modes have none to fade',
         default=False,
@@ -130,7 +130,7 @@ class ControllerOptions(Options):
     )
     residual_washout: float | None = option(
         "Time constant of a high-pass filter on the mean of the blades' residual pitch: lasting offsets of all blades "
-        "are left to the base controller, see `wt_gym.control.residual`. What acts can be observed as "
+        "are left to the base controller, see `wt_gym.control.controllers.additions`. What acts can be observed as "
         '"residual_mean". It has no effect on tilt and yaw alone, or in other modes',
         default=None,
         unit="s",
