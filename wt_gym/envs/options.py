@@ -121,7 +121,7 @@ class ControllerOptions(Options):
     )
     residual_fade: bool | float | FadeParameters = option(
         "Whether residual pitch acts only above rated wind, as additions to industrial controllers do "
-        "(`wt_gym.control.controllers.additions.AboveRated`): blades at fine pitch stay where they make the most power; "
+        "(`wt_gym.control.controllers.additions.AboveRated`): blades at fine pitch stay where they make most power; "
         "a number is the pitch above fine pitch from which on it acts in full, in rad, a mapping has the arguments of "
         'FadeParameters. The share that acts can be observed as "residual_share". Other modes have none to fade',
         default=False,
