@@ -117,7 +117,7 @@ def test_other_winds_blow_over_the_same_ground(inflow):
     ({"action_components": ("yaw",)}, ValueError, "no yaw drive"),
     ({"roughness_length": 0.03, "shear_exponent": 0.2}, InflowError, "exclude each other"),
     ({"roughness_length": -1.0}, InflowError, "roughness_length"),
-    ({"inflow": "extreme", "standstill_limit": -0.5, "roughness_length": 0.1}, InflowError, "roughness_length belongs"),
+    ({"inflow": "extreme", "standstill_limit": -0.5, "roughness_length": 0.1}, InflowError, "length=0.1 belongs"),
     ({"reference_height": 275.0, "wind_speed": 90.0}, InflowError, "at the hub"),
     ({"reference_height": 0.0}, InflowError, "height"),
 ])  # fmt: skip

@@ -241,7 +241,7 @@ def test_a_training_is_overwritten_on_demand_only(tmp_path):
 
 
 def test_a_refused_training_leaves_no_folder(tmp_path):
-    with pytest.raises(ValueError, match="episode_length must be a finite number in s, got 'long'"):
+    with pytest.raises(ValueError, match="episode_length must be a number above 0 s or None, got 'long'"):
         train(replace(SMALL, env_kwargs={"episode_length": "long"}), tmp_path / "new", progress=False)
     assert not (tmp_path / "new").exists()
 

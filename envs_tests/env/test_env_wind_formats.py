@@ -179,7 +179,7 @@ def test_a_site_reaches_the_environment():
     env.reset(seed=0, options={"wind_speed": 12.0})
     assert "class A" in env.unwrapped.episode_wind.inflow.description
     twin = gym.make(STEADY, site={"air_density": 1.0}, action_mode="residual", relative_reward=True)
-    assert twin.unwrapped._twin.env.turbine.air_density == 1.0
+    assert twin.unwrapped.terms["twin"].env.turbine.air_density == 1.0
     with pytest.raises(TurbineDefinitionError, match="did you mean 'cut_out'"):
         gym.make(STEADY, site={"cutout": 30.0})
 

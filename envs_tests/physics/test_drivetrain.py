@@ -685,10 +685,10 @@ def test_options_reach_simulator_controller_alone_and_info():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"torque_lag": -0.1}, "torque_lag must be from 0 to 2 s"),
-        ({"torque_lag": math.nan}, "torque_lag must be a finite number"),
-        ({"shaft_damping": 0.4}, "shaft_damping must be from 0 to 0.2"),
-        ({"loss_map": 1.0}, "loss_map must be True or False"),
+        ({"torque_lag": -0.1}, "torque_lag must be a number from 0 to 2 s, got -0.1"),
+        ({"torque_lag": math.nan}, "torque_lag must be a number from 0 to 2 s, got nan"),
+        ({"shaft_damping": 0.4}, "shaft_damping must be a number from 0 to 0.2"),
+        ({"loss_map": 1.0}, "loss_map must be true or false"),
         ({"electrical": {"lag": 1.0}}, "electrical has no option 'lag'"),
     ],
 )

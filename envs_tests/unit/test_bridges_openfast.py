@@ -50,7 +50,7 @@ from wt_gym.turbines.openfast import read_openfast
 from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import mirrored, unloaded_clearance
 from wt_gym.turbines.windio_writer import require_same
-from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, read_bts
 from wt_gym.wind.files import BtsContent
 from wt_gym.wind.inflow import TurningInflow
 
@@ -238,7 +238,7 @@ class TestWind:
         wind = TurbulentInflow(box, SteadyInflow(14.0, 90.0, shear_exponent=0.2), time_offset=offset)
         file = InputFile(write_wind(wind, turbine, tmp_path, 600.0))
         assert file.number("WindType") == 3
-        read = TurbulentInflow(TurbulenceBox.from_bts(tmp_path / "wind.bts"))
+        read = TurbulentInflow(read_bts(tmp_path / "wind.bts"))
         assert read.box.periodic
         hub = np.array([[0.0, 0.0, 90.0], [-5.0, 0.0, 90.0], [0.0, box.spacing_y, 90.0 + box.spacing_z]])
         times = np.arange(1.0, 130.0, 0.37)

@@ -45,7 +45,7 @@ def calls(clone, status=0, **variables):
 def test_it_is_done_once(clone):
     venv, *installs, bytecode = calls(clone)
     assert venv == "-m venv .venv"
-    wanted = ["setuptools>=77", "torch", ".[train,test,tune,docs]", "rosco>=2.10,<3"]
+    wanted = ["hatchling>=1.27", "torch", ".[train,test,tune,docs]", "rosco>=2.10,<3"]
     assert [line.split()[-1] for line in installs] == wanted
     assert all("--no-compile" in line for line in installs)
     assert bytecode.startswith("- gymnasium ")

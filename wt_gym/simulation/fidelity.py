@@ -73,7 +73,7 @@ RULES = {
     ),
     "tower_coordinates blade_coordinates": one_of(*COORDINATES),
     "yaw_drive": one_of("stiff", "spring"),
-    "integrator": one_of(*INTEGRATORS),
+    "integrator": replace(one_of(*INTEGRATORS), fits=lambda name: isinstance(name, str) and name in INTEGRATORS),
     "starter": one_of(*STARTERS),
     "blade_basis": one_of("fixed", "deformed"),
     "spectral_radius": number(0.0, 1.0).or_none,
