@@ -366,7 +366,8 @@ class AeroState:
     @property
     def separation_point(self) -> Array:
         """Separation point of each strip, shape (n_blades, n_span) [chords]; negative without dynamic stall."""
-        return self.arrays.separation[0].reshape(self.circulation.shape)
+        result: Array = self.arrays.separation[0].reshape(self.circulation.shape)
+        return result
 
     @property
     def residual(self) -> float:

@@ -193,7 +193,8 @@ def _dead_band(situation: Situation) -> tuple[float, float]:
 
 def _disturbances(situation: Situation) -> np.ndarray:
     """Knowledge of the linear optimal pitch of the base controller."""
-    return situation.operation.known_disturbances()
+    result: np.ndarray = situation.operation.known_disturbances()
+    return result
 
 
 def _azimuth_sin(situation: Situation) -> float:

@@ -34,7 +34,8 @@ def lidar_noise(lidar: Lidar) -> float:
 
 def look(situation: Situation) -> np.ndarray:
     """Readings of the lidar [m/s]."""
-    return situation.operation.seen()
+    result: np.ndarray = situation.operation.seen()
+    return result
 
 
 class LidarTerm(Term):

@@ -278,7 +278,8 @@ _DIRECTIONS = {"x": EVEN, "y": ODD, "z": EVEN, "turn_x": ODD, "turn_y": EVEN, "t
 
 def reflected_loads(loads: Array) -> Array:
     """Force and moment (6,) in global axes, of the other side of the mirror."""
-    return loads * REFLECTION_6
+    result: Array = loads * REFLECTION_6
+    return result
 
 
 def reflected_shapes(shapes: Mapping[str, Array]) -> dict[str, Array]:

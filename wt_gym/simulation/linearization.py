@@ -338,7 +338,8 @@ def _mean_outputs(plant: FrozenPlant, states: Sequence[Array], wakes: Sequence[W
     for y, wake in zip(states, wakes, strict=True):
         plant.wake = wake
         values.append(plant.outputs(y, plant.rates(y)))
-    return np.mean(values, axis=0)
+    result: Array = np.mean(values, axis=0)
+    return result
 
 
 def _present(plant: FrozenPlant, simulator: LinearizedSimulator) -> tuple[SteadyPoint, list[Wake | None]]:
@@ -782,7 +783,8 @@ class FrozenPlant:
         slope = (self.system.rates(y, self.inputs, self.work) - dy) / (other - torque)
         self._set_torque(torque)
         self.reaction = torque - dy[k] / slope[k]
-        return dy + (self.reaction - torque) * slope
+        result: Array = dy + (self.reaction - torque) * slope
+        return result
 
     def acceleration(self, y: Array) -> Array:
         """u̇ (n_u,) in the state y."""

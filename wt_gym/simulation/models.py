@@ -204,7 +204,8 @@ def strip_polar(blade: Blade, low: float, high: float) -> Array:
     z = _samples(low, high)
     weight = blade.chord_at(z) * (blade.root_radius + z) ** 2
     polars = [np.column_stack(blade.polar_at(section).coefficients(alpha)) for section in z]
-    return np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars))
+    result: Array = np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars))
+    return result
 
 
 def _samples(low: float, high: float) -> Array:

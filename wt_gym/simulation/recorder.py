@@ -222,7 +222,8 @@ def _multipliers_at(simulator: TurbineSimulator, signals: Signals) -> Array:
     """
     if signals.values[0] == simulator.time:
         try:
-            return cast(Any, simulator).root_multipliers()
+            result: Array = cast(Any, simulator).root_multipliers()
+            return result
         except SimulationError:
             pass
     return np.full((simulator.turbine.n_blades, 6), np.nan)

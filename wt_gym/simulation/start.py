@@ -71,10 +71,12 @@ def elastic_equilibrium(
 
     def residual(state: Array) -> Array:
         if not of_forces:
-            return system.rates(state, inputs, work)[u] - accelerations
+            result: Array = system.rates(state, inputs, work)[u] - accelerations
+            return result
         mass, force = system.balance(state, inputs, work)
         column = np.concatenate([mass[azimuth_u, :azimuth_u], mass[azimuth_u:, azimuth_u]])
-        return (force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q]
+        result = (force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q]
+        return result
 
     following: Array | None
     (jacobian, change), fresh = _newton_step(residual, y, q), True

@@ -410,7 +410,8 @@ def averaged_over_yaw(mass: Array) -> Array:
     """
     quarter = np.kron(np.eye(2), [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
-    return np.mean([turn @ mass @ turn.T for turn in turns], axis=0)
+    result: Array = np.mean([turn @ mass @ turn.T for turn in turns], axis=0)
+    return result
 
 
 def tower_beam(tower: Tower, elements: int) -> Beam:

@@ -117,7 +117,8 @@ def _frame_along(tangent: Array) -> Array:
     if c < -1.0 + 1e-9:
         raise ValueError("the reference axis of a beam must not run against its z axis")
     a = skew(axis)
-    return np.eye(3) + a + a @ a / (1.0 + c)
+    result: Array = np.eye(3) + a + a @ a / (1.0 + c)
+    return result
 
 
 def _lever(length: ArrayLike) -> Array:
@@ -268,7 +269,8 @@ class Beam:
         r2[:, :3, :3] = r2[:, 3:, 3:] = r
         r4 = np.zeros((len(e), 12, 12))
         r4[:, :6, :6] = r4[:, 6:, 6:] = r2
-        return r2 @ local @ _transpose(r4)
+        result: Array = r2 @ local @ _transpose(r4)
+        return result
 
     def _assemble_stiffness(self) -> None:
         """K_e = [[T K T^T, −T K], [−K Tᵀ, K]] rotated into the body frame."""
@@ -378,7 +380,8 @@ class Beam:
         """Rotation fields (n_elements, N_GAUSS, 3, n) at the Gauss points for a basis."""
         cols = np.array([np.arange(6 * e, 6 * e + 12) for e in range(self.n_elements)])
         rot = self._gauss_shape[:, 3:, :].reshape(self.n_elements, N_GAUSS, 3, 12)
-        return np.einsum("egid,edn->egin", rot, basis[cols], optimize=True)
+        result: Array = np.einsum("egid,edn->egin", rot, basis[cols], optimize=True)
+        return result
 
     def second_order_field(self, basis: Array) -> SecondOrderField:
         """Second-order displacement of the reference axis (foreshortening), the source of geometric stiffness.
@@ -410,20 +413,23 @@ class SecondOrderField:
         along = np.einsum("...in,...i->...n", theta, np.broadcast_to(v, (*theta.shape[:-2], 3)))
         mixed = np.einsum("...ij,...k->...ijk", theta, along)
         dot = np.einsum("...ij,...ik->...jk", theta, theta)
-        return 0.5 * (mixed + np.swapaxes(mixed, -1, -2)) - v[..., :, None, None] * dot[..., None, :, :]
+        result: Array = 0.5 * (mixed + np.swapaxes(mixed, -1, -2)) - v[..., :, None, None] * dot[..., None, :, :]
+        return result
 
     def at(self, s: float) -> Array:
         """H (3, n, n) of the reference axis at arc length s."""
         e, xi = self._beam.locate(s)
         row = _integration_row(self._beam._xi, xi) * self._beam._length[e]
-        return self._start[e] + np.einsum("g,gijk->ijk", row, self._integrand[e])
+        result: Array = self._start[e] + np.einsum("g,gijk->ijk", row, self._integrand[e])
+        return result
 
     def at_gauss(self) -> Array:
         """H (n_elements · N_GAUSS, 3, n, n) at the Gauss points."""
         rows = np.array([_integration_row(self._beam._xi, x) for x in self._beam._xi])
         inner = np.einsum("gh,ehijk->egijk", rows, self._integrand) * self._beam._length[:, None, None, None, None]
         out = self._start[:-1, None] + inner
-        return out.reshape(out.shape[0] * out.shape[1], *out.shape[2:])
+        result: Array = out.reshape(out.shape[0] * out.shape[1], *out.shape[2:])
+        return result
 
     @classmethod
     def of_offset(cls, theta: Array, offset: Array) -> Array:

@@ -137,7 +137,8 @@ class BodyInertia:
         mx = mass[:, None] * x0
 
         def second_moment_to_inertia(e: Array) -> Array:
-            return np.trace(e, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - e
+            result: Array = np.trace(e, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - e
+            return result
 
         e0 = np.einsum("pi,pj->ij", mx, x0)
         e1 = np.einsum("pi,pjk->kij", mx, s)
@@ -199,7 +200,8 @@ class ParticleFields:
         # ½ [θ_j (θ·d) + θ (θ_j·d)] − d (θ_j·θ)
         along = np.einsum("pi,pi->p", turned, d)
         mixed = theta * along[:, None, None] + np.einsum("pi,pj,pjk->pik", turned, d, theta, optimize=True)
-        return axis + 0.5 * mixed - np.einsum("pi,pj,pjk->pik", d, turned, theta, optimize=True)
+        result: Array = axis + 0.5 * mixed - np.einsum("pi,pj,pjk->pik", d, turned, theta, optimize=True)
+        return result
 
     def contract_second(self, force: Array) -> Array:
         """Σ_p force_p · H_p (n, n) without storing H of all points; force (n_p, 3)."""
@@ -212,7 +214,8 @@ class ParticleFields:
         moment = np.einsum("pi,pj->pij", force, self._offset)
         trace = np.trace(moment, axis1=1, axis2=2)
         symmetric = 0.5 * (moment + np.swapaxes(moment, 1, 2)) - trace[:, None, None] * np.eye(3)
-        return out + np.einsum("pij,pia,pjb->ab", symmetric, theta, theta, optimize=True)
+        result: Array = out + np.einsum("pij,pia,pjb->ab", symmetric, theta, theta, optimize=True)
+        return result
 
 
 def particle_fields(beam: Beam, basis: Array) -> ParticleFields:
@@ -357,7 +360,8 @@ def shape_damping(stiffness: Array, mass: Array, ratio: float) -> Array:
     if ratio == 0.0:
         return np.zeros_like(stiffness)
     scale = np.sqrt(2.0 * ratio) * (np.diag(mass) / np.diag(stiffness)) ** 0.25
-    return scale[:, None] * stiffness * scale
+    result: Array = scale[:, None] * stiffness * scale
+    return result
 
 
 def offset_marker(

@@ -150,7 +150,8 @@ def spin_stiffness(beam: Beam, omega: Array, center: ArrayLike | None = None) ->
     w = skew(omega) @ skew(omega)
     pull = (beam.particle_position - center) @ w.T
     linear = np.einsum("p,pia,ij,pjb->ab", beam.particle_mass, fields.linear, w, fields.linear, optimize=True)
-    return linear + fields.contract_second(beam.particle_mass[:, None] * pull)
+    result: Array = linear + fields.contract_second(beam.particle_mass[:, None] * pull)
+    return result
 
 
 def select_modes(modes: Modes, **count: int) -> list[int]:
@@ -285,7 +286,8 @@ def _nodal_damping(beam: Beam, dofs: Sequence[int], damping_ratio: float, tip_ma
     shapes = clamped_modes(beam, len(rows), tip_mass=tip_mass, node_dofs=dofs).shape[rows]
     momentum = mass[np.ix_(rows, rows)] @ shapes
     stiffness, inertia = (shapes.T @ matrix[np.ix_(rows, rows)] @ shapes for matrix in (beam.stiffness, beam.mass))
-    return momentum @ shape_damping(stiffness, inertia, damping_ratio) @ momentum.T
+    result: Array = momentum @ shape_damping(stiffness, inertia, damping_ratio) @ momentum.T
+    return result
 
 
 def circular_sections(

@@ -228,10 +228,11 @@ class KaimalParameters(BoxParameters):
         variance = self._variance_read
         total = variance.sum(axis=0)
         if self.scaling == "low_frequency":  # S falls with f, so the sum never reaches the integral σ²
-            return np.sqrt(1.0 + (self.sigma**2 - total) / variance[0])
+            result: Array = np.sqrt(1.0 + (self.sigma**2 - total) / variance[0])
+            return result
         if self.scaling == "uniform":
-            out = self.sigma / np.sqrt(total)
-            return out
+            result = self.sigma / np.sqrt(total)
+            return result
         return np.ones(3)
 
     @property
@@ -309,9 +310,10 @@ def coherence_decay(frequency: ArrayLike, mean_speed: float, hub_height: float) 
     κ = 12 √((f/V)² + (0.12/L_c)²), L_c = 8.1 Λ₁ (IEC 61400-1, equation C.16, with r taken out of the root).
     """
     scale = LENGTH_RATIO[0] * length_scale(hub_height)
-    return COHERENCE_DECREMENT * np.hypot(
+    result: Array = COHERENCE_DECREMENT * np.hypot(
         np.asarray(frequency, dtype=np.float64) / mean_speed, COHERENCE_OFFSET / scale
     )
+    return result
 
 
 def _synthesized(parameters: KaimalParameters) -> NDArray[np.float32]:
@@ -329,7 +331,8 @@ def _synthesized(parameters: KaimalParameters) -> NDArray[np.float32]:
     # A harmonic a cos + b sin holds the variance (a² + b²)/2; its coefficient is n/2 (a − ib).
     amplitude = n_times * np.sqrt(0.5 * parameters.harmonic_variance)
     coefficients[1 : frequency.size + 1] *= amplitude[:, None, None, :]
-    return scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
+    result: NDArray[np.float32] = scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
+    return result
 
 
 def _coherent_noise(rng: np.random.Generator, decay: Array, parameters: KaimalParameters) -> Array:

@@ -93,7 +93,8 @@ class MannParameters(BoxParameters):
         """Standard deviations of u, v and w [m/s], shape (3,): that of u is the standard's, the others the model's."""
         target = turbulence_sigma(self.mean_speed, self.turbulence_class, self.turbulence, self.turbine_class)
         variance = _unit_variance(self.shear)
-        return target * np.sqrt(variance[:3] / variance[0])
+        result: Array = target * np.sqrt(variance[:3] / variance[0])
+        return result
 
     @property
     def dissipation(self) -> float:
@@ -109,7 +110,8 @@ class MannParameters(BoxParameters):
     def unscaled_variance(self) -> Array:
         """Variance of each harmonic by the model [m²/s²], shape (n, 3): 2 F(k₁) Δk₁."""
         spectra = one_point_spectra(self.wave_number, self.length, self.shear, self.dissipation)
-        return 2.0 * spectra[:, :3] * self.wave_number[0]
+        result: Array = 2.0 * spectra[:, :3] * self.wave_number[0]
+        return result
 
     @property
     def harmonic_variance(self) -> Array:
@@ -146,7 +148,10 @@ def life_time(wave_number: Array, shear: float) -> Array:
     k = np.asarray(wave_number, dtype=np.float64)
     if shear == 0.0:
         return np.zeros_like(k)
-    return shear * k ** (-2.0 / 3.0) / np.sqrt(scipy.special.hyp2f1(1.0 / 3.0, 17.0 / 6.0, 4.0 / 3.0, -(k**-2.0)))
+    result: Array = (
+        shear * k ** (-2.0 / 3.0) / np.sqrt(scipy.special.hyp2f1(1.0 / 3.0, 17.0 / 6.0, 4.0 / 3.0, -(k**-2.0)))
+    )
+    return result
 
 
 @lru_cache(maxsize=8)
@@ -211,7 +216,8 @@ def spectral_tensor(k1: ArrayLike, k2: ArrayLike, k3: ArrayLike, shear: float) -
     tensor[..., 3] = -k1 * k2 + zeta2 * uw0 + zeta1 * vw0 + zeta1 * zeta2 * level
     tensor[..., 4] = factor * (uw0 + zeta1 * level)
     tensor[..., 5] = factor * (vw0 + zeta2 * level)
-    return scale[..., None] * tensor
+    result: Array = scale[..., None] * tensor
+    return result
 
 
 @lru_cache(maxsize=8)
@@ -248,7 +254,8 @@ def one_point_spectra(k1: Array, length: float, shear: float, dissipation: float
     k, ends = np.log(np.asarray(k1, dtype=np.float64) * length), np.log(_TABLE[[0, -1]])
     sign, power = np.array([1.0, 1.0, 1.0, -1.0]), np.array([-5.0, -5.0, -5.0, -7.0]) / 3.0
     values = _log_spectra(float(shear))(np.clip(k, *ends)) + np.maximum(k - ends[1], 0.0)[..., None] * power
-    return dissipation * length ** (5.0 / 3.0) * sign * np.exp(values)
+    result: Array = dissipation * length ** (5.0 / 3.0) * sign * np.exp(values)
+    return result
 
 
 @lru_cache(maxsize=8)
@@ -263,7 +270,8 @@ def _unit_variance(shear: float) -> Array:
     """Variances of u, v and w and the covariance of u and w, in units of αε^(2/3) L^(2/3), shape (4,)."""
     k = np.geomspace(1e-4, 1e6, 4001)
     spectra = one_point_spectra(k, 1.0, shear)
-    return 2.0 * (np.trapezoid(spectra * k[:, None], np.log(k), axis=0) + k[0] * spectra[0])
+    result: Array = 2.0 * (np.trapezoid(spectra * k[:, None], np.log(k), axis=0) + k[0] * spectra[0])
+    return result
 
 
 def _plane_noise(rng: np.random.Generator, k1: Array, parameters: MannParameters) -> NDArray[np.complex128]:
@@ -283,7 +291,8 @@ def _plane_noise(rng: np.random.Generator, k1: Array, parameters: MannParameters
     white = rng.standard_normal((2, k1.size, m_z, m_y, 3)) * math.sqrt(0.5)
     waves = _correlated(tensor, white[0] + 1j * white[1])
     field = scipy.fft.ifft2(waves, axes=(1, 2), norm="forward", overwrite_x=True)[:, :n_z, :n_y]
-    return field / np.sqrt(tensor[..., :3].sum(axis=(1, 2)))[:, None, None, :]
+    result: NDArray[np.complex128] = field / np.sqrt(tensor[..., :3].sum(axis=(1, 2)))[:, None, None, :]
+    return result
 
 
 def _wide(n_points: int, spacing: float) -> int:

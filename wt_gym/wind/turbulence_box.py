@@ -348,7 +348,8 @@ turbine_class, spectrum_of, cache
     def y(self) -> Array:
         """Lateral positions of the columns [m], shape (n_y,)."""
         n = self.fluctuation.shape[2]
-        return self.y_center + self.spacing_y * (np.arange(n) - 0.5 * (n - 1))
+        result: Array = self.y_center + self.spacing_y * (np.arange(n) - 0.5 * (n - 1))
+        return result
 
     @property
     def z(self) -> Array:

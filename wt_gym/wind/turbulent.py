@@ -64,7 +64,8 @@ def coherence_along(distance: ArrayLike, wavenumber: ArrayLike, intensity: float
     """
     decay = 8.4 * intensity + 0.05
     offset = 0.25 * (8.1 * length_scale(hub_height)) ** -1.24
-    return np.exp(-0.5 * decay * np.asarray(distance) * np.hypot(wavenumber, offset))
+    result: Array = np.exp(-0.5 * decay * np.asarray(distance) * np.hypot(wavenumber, offset))
+    return result
 
 
 def evolved_boxes(box: TurbulenceBox, distances: Sequence[float]) -> tuple[TurbulenceBox, ...]:

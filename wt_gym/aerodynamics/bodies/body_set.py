@@ -222,7 +222,8 @@ def _second_moments(corners: Array, center: Array, normal: Array) -> Array:
     triangles, areas = _triangles(corners - center[:, None], normal)
     total = triangles.sum(axis=2)
     pairs = np.einsum("ptki,ptkj->ptij", triangles, triangles) + np.einsum("pti,ptj->ptij", total, total)
-    return np.einsum("ptij,pt->pij", pairs, areas) / 12.0
+    result: Array = np.einsum("ptij,pt->pij", pairs, areas) / 12.0
+    return result
 
 
 class BodySet:
@@ -393,7 +394,8 @@ class BodySet:
             Velocity of everything but the bodies at the control points [m/s].
         """
         relative = np.asarray(flow) - self.arrays.motion.T
-        return -self.arrays.inverse @ np.einsum("pi,pi->p", self.arrays.normal, relative)
+        result: Array = -self.arrays.inverse @ np.einsum("pi,pi->p", self.arrays.normal, relative)
+        return result
 
     def velocity(self, points: ArrayLike, strengths: ArrayLike) -> Array:
         """Velocity of the sources at points (..., 3) [m/s]; at a control point, that on the outside."""
@@ -618,7 +620,8 @@ def convective_force(flux: Array, flow: Array, velocity: ArrayLike, density: flo
     -------
     array (..., 3)
     """
-    return -density * np.einsum("...n,...ni->...i", flux, flow - np.asarray(velocity)[..., None, :])
+    result: Array = -density * np.einsum("...n,...ni->...i", flux, flow - np.asarray(velocity)[..., None, :])
+    return result
 
 
 def impulse(flux: Array, arm: Array, volume: ArrayLike, velocity: Array, density: float) -> Array:
@@ -642,7 +645,8 @@ def impulse(flux: Array, arm: Array, volume: ArrayLike, velocity: Array, density
     array (..., 3)
     """
     inertia = np.asarray(volume)[..., None] * velocity
-    return density * (inertia - np.einsum("...n,...ni->...i", flux, arm))
+    result: Array = density * (inertia - np.einsum("...n,...ni->...i", flux, arm))
+    return result
 
 
 class TowerFlow:

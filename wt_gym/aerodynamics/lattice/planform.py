@@ -320,7 +320,8 @@ def span_distribution(
     uneven = 0.5 * (1.0 - np.cos(np.pi * even)) if towards == "ends" else np.sin(0.5 * np.pi * even)
     edges = (1.0 - refinement) * even + refinement * uneven
     before, behind = inset[0] * (edges[1] - edges[0]), inset[1] * (edges[-1] - edges[-2])
-    return root + (tip - root) * (edges + before) / (1.0 + before + behind)
+    result: Array = root + (tip - root) * (edges + before) / (1.0 + before + behind)
+    return result
 
 
 def build_planform(

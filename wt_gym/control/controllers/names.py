@@ -304,7 +304,7 @@ def _of_catalogue(choice: str, turbine: Turbine, parameters: Mapping[str, Any]) 
         entries = [(part, CATALOGUE[part]) for part in parts if CATALOGUE[part].kind == kind]
         return [entry.make(turbine, *inside, **{**entry.defaults, **values[part]}) for part, entry in entries]
 
-    (controller,) = made("base")
+    controller: Controller = made("base")[0]
     for part in parts:
         if part in WRAPPERS:
             controller = WRAPPERS[part](turbine, controller, **values[part])

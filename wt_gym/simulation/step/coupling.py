@@ -555,7 +555,8 @@ class Coupling:
 
     def compiled_step(self) -> Callable[..., int]:
         """The step of structure and air together, for the types of its arguments."""
-        return compiled_for(coupled_step, (*self.bundle(), self.wind.blades))
+        result: Callable[..., int] = compiled_for(coupled_step, (*self.bundle(), self.wind.blades))
+        return result
 
     @classmethod
     def was_compiled(cls) -> bool:
