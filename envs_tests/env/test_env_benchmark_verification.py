@@ -15,7 +15,7 @@ from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark import BenchmarkTask, ResultFolder
 from wt_gym.benchmark.archive import read_archive, write_archive
 from wt_gym.benchmark.tasks import task_file
-from wt_gym.commands import benchmark as command
+from wt_gym.commands import run as run_command
 from wt_gym.experiment.benchmark_runs import entry_of, jobs_of, run_jobs
 from wt_gym.experiment.benchmark_verification import drawn, opened, pack, verify
 from wt_gym.experiment.trained_environment import resolved_arguments
@@ -80,7 +80,7 @@ def test_a_metric_that_was_changed_is_found(entry, tmp_path, capsys):
         assert (made.same, made.metric) == (False, "blade_flap_del")
         assert made.deviation == pytest.approx(1e-3, rel=0.01)
     with pytest.raises(SystemExit, match="1"):
-        command.main(["verify", str(tmp_path)])
+        run_command("benchmark", ["verify", str(tmp_path)])
     assert "0 of 1 repeated runs have the recorded metrics" in capsys.readouterr().out
 
 

@@ -24,7 +24,7 @@ from wt_gym.envs.channels import RESIDUAL_GROUPS
 from wt_gym.envs.dial import factor_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.pool import Environments
-from wt_gym.learning.training.hyperparameters import hyperparameters_for
+from wt_gym.learning.hyperparameters import hyperparameters_for
 from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table

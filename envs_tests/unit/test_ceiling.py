@@ -35,9 +35,9 @@ from wt_gym.benchmark.tasks import task_file
 from wt_gym.control import Demand
 from wt_gym.control.controllers.linear_optimal import PitchOffsets
 from wt_gym.control.sensors import Lidar
-from wt_gym.learning.linear_design.feedback import FeedbackOptions, Plant, forecast
-from wt_gym.learning.linear_design.identification import respond
-from wt_gym.learning.linear_design.recording import Recording
+from wt_gym.learning.linear_design import Plant, forecast
+from wt_gym.learning.options import FeedbackOptions
+from wt_gym.learning.recording import Recording, respond
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow

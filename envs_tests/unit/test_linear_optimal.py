@@ -12,7 +12,7 @@ import pytest
 from wt_gym.base.errors import ControllerError
 from wt_gym.benchmark import load_task
 from wt_gym.benchmark.run import benchmark_metrics
-from wt_gym.commands import design as design_command
+from wt_gym.commands import run as run_command
 from wt_gym.control import Demand
 from wt_gym.control.controllers import Combined, FadeParameters, make_controller
 from wt_gym.control.controllers.controller import memory_of, remember
@@ -35,18 +35,19 @@ from wt_gym.control.controllers.linear_optimal import (
 )
 from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.experiment.comparison import Case, inflow_of
-from wt_gym.learning.linear_design import design as designing
-from wt_gym.learning.linear_design.design import LinearDesignTask, change_of_power, default_speeds, design
-from wt_gym.learning.linear_design.feedback import (
-    FeedbackOptions,
+from wt_gym.learning.linear_design import (
     Plant,
+    change_of_power,
+    default_speeds,
+    design,
     fit_feedback,
     forecast,
     forecast_change,
     minimize_quadratic,
 )
-from wt_gym.learning.linear_design.identification import explained_share, identify, respond
-from wt_gym.learning.linear_design.recording import Excitation, Recording, RecordingStore
+from wt_gym.learning.linear_design import design as designing
+from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask
+from wt_gym.learning.recording import Recording, RecordingStore, explained_share, identify, respond
 from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import pitch_delay
@@ -783,7 +784,7 @@ def test_winds_of_the_same_pitch_are_refused(turbine, toy_runs, monkeypatch):
 def test_the_command_refuses(words, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as end:
-        design_command.main(["linear_optimal", *words])
+        run_command("design", ["linear_optimal", *words])
     assert message in str(end.value)
     assert not list(tmp_path.iterdir())
 
@@ -791,7 +792,7 @@ def test_the_command_refuses(words, message, tmp_path, monkeypatch, capsys):
 def test_the_command_writes_a_design(toy_runs, tmp_path, capsys):
     path = tmp_path / "mine.npz"
     words = ["linear_optimal", "--wind-speed", "15", "--wind-seeds", "1", "2", "--excited", "2", "--duration", "75"]
-    design_command.main([*words, "--travel-weight", "2", "--out", str(path), "--json"])
+    run_command("design", [*words, "--travel-weight", "2", "--out", str(path), "--json"])
     shown = capsys.readouterr()
     assert json.loads(shown.out.splitlines()[-1])["task"]["feedback"]["travel_weight"] == 2.0
     assert "run 4 of 4: 15 m/s, seed 2, with drawn offsets" in shown.err

@@ -31,7 +31,7 @@ from wt_gym.benchmark import ResultFolder, ceiling_file, ceiling_of, into_page, 
 from wt_gym.benchmark.ceiling import Ceiling
 from wt_gym.benchmark.run import make_env
 from wt_gym.commands.benchmark import KEPT, chosen
-from wt_gym.commands.engine_options import add_engine_options, executor_of
+from wt_gym.commands.options import WORKERS, add_shared, executor_of
 from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.control.controllers import Combined, lidar_of
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, PitchOffsets
@@ -41,8 +41,9 @@ from wt_gym.experiment.benchmark_runs import Job, definition_of, entry_of
 from wt_gym.experiment.comparison import Case, inflow_of
 from wt_gym.experiment.constant import ConstantAgent
 from wt_gym.experiment.names import BASELINE, RESIDUAL_INTERFACE
-from wt_gym.learning.linear_design.design import LinearDesignTask, identified_plant
-from wt_gym.learning.linear_design.recording import LOADS, DrawnOffsets, Recording, RecordingStore, record
+from wt_gym.learning.linear_design import identified_plant
+from wt_gym.learning.options import LinearDesignTask
+from wt_gym.learning.recording import LOADS, DrawnOffsets, Recording, RecordingStore, record
 from wt_gym.runs.definition import described
 from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.store import RunStore
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
     from wt_gym.benchmark import BenchmarkTask, BenchmarkWind
     from wt_gym.control import Demand
     from wt_gym.control.controllers import Controller, Readings
-    from wt_gym.learning.linear_design.feedback import Plant
+    from wt_gym.learning.linear_design import Plant
     from wt_gym.runs.executors import Executor
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
@@ -502,7 +503,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--no-ladder", dest="ladder", action="store_false", help="without the ladder of information")
     parser.add_argument("--page", type=file_ending_in(".md"), metavar="FILE", help="put the tables into this page")
     parser.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
-    add_engine_options(parser, "runs")
+    add_shared(parser, *WORKERS)
     return parser.parse_args(words)
 
 

@@ -12,48 +12,34 @@ from __future__ import annotations
 import itertools
 import json
 import sys
-import time
 from typing import TYPE_CHECKING
 
 from wt_gym.base.files import require_writable
-from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
-from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
-from wt_gym.commands.site_options import add_simulator_option, add_site_option
-from wt_gym.runs.progress import clock
+from wt_gym.commands.options import MODELS, WORKERS, add_shared, agents_of, executor_of, turbine_of
+from wt_gym.commands.program import file_ending_in
+from wt_gym.runs.progress import TimeLeft
 
 if TYPE_CHECKING:
     import argparse
 
-    from wt_gym.experiment.comparison import ControllerRuns
+    from wt_gym.experiment.comparison import Case, ControllerRuns
+
+STOPPED = "shown are the winds in which every controller has run"
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("compare-controllers", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("controllers", nargs="*", metavar="CONTROLLER")
-    parser.add_argument("--turbine", default="nrel_5mw")
-    add_site_option(parser)
-    add_simulator_option(parser)
-    parser.add_argument(
-        "--wind-speed", nargs="+", type=float, default=[12.0, 15.0, 18.0], metavar="M_S", help="mean speeds [m/s]"
-    )
-    parser.add_argument(
-        "--wind-seeds",
-        nargs="*",
-        type=int,
-        default=[1001, 1002],
-        metavar="SEED",
-        help="turbulence seeds; none: steady wind",
-    )
-    parser.add_argument("--duration", type=float, default=150.0, help="measured, s")
-    parser.add_argument("--skip", type=float, default=30.0, help="before it, s")
-    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
-    parser.add_argument("--control-dt", type=float, help="s")
-    add_model_options(parser)
-    add_engine_options(parser, "runs")
+    add_shared(
+        parser, "turbine", "site", "simulator", wind_speed=[12.0, 15.0, 18.0],
+        wind_seeds={"nargs": "*", "default": [1001, 1002], "help": "turbulence seeds; none: steady wind"},
+        duration={"default": 150.0, "help": "measured time [s] (default: %(default)s)"},
+        skip={"help": "time before it [s] (default: %(default)s)"},
+    )  # fmt: skip
+    parser.add_argument("--control-dt", type=float, metavar="S", help="step of the controller [s]")
+    add_shared(parser, "fidelity", *MODELS, *WORKERS)
     parser.add_argument("--report", type=file_ending_in(".html"), metavar="FILE", help="HTML page to write")
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    return parser.parse_args(words)
+    add_shared(parser, "json")
 
 
 def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.Namespace) -> None:
@@ -61,10 +47,8 @@ def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.N
     from wt_gym.experiment.comparison import in_all_winds
     from wt_gym.experiment.comparison_page import write_comparison
 
-    settings = {
-        name: getattr(arguments, name)
-        for name in ("turbine", "wind_speed", "wind_seeds", "duration", "skip", "fidelity", "control_dt", "simulator")
-    }
+    names = ("turbine", "wind_speed", "wind_seeds", "duration", "skip", "fidelity", "control_dt", "simulator")
+    settings = {name: getattr(arguments, name) for name in names}
     print(f"report: {write_comparison(in_all_winds(runs), arguments.report, turbine, settings)}")
 
 
@@ -90,46 +74,31 @@ def show(runs: list[ControllerRuns], as_json: bool) -> None:
         print(json.dumps(rows), flush=True)
 
 
-def main(words: list[str] | None = None) -> None:
-    """Run."""
-    arguments = parse_arguments(words)
+def run(arguments: argparse.Namespace) -> None:
+    """Run, and show what was done of a stopped series too."""
+    from wt_gym.experiment.comparison import Case, run_cases
+    from wt_gym.experiment.names import COMPARED, available, read_name
 
-    began, runs_of = time.monotonic(), itertools.count(1)
+    names = agents_of(arguments, arguments.controllers or available(COMPARED))
+    controllers = {label: ((name := read_name(text)).target, name.parameters) for label, text in names.items()}
+    cases = [Case(wind, seed) for wind in arguments.wind_speed for seed in (arguments.wind_seeds or [None])]
+    if arguments.report:
+        require_writable(arguments.report.parent)
+    turbine = turbine_of(arguments)
+    left, numbers = TimeLeft(len(cases) * len(controllers)), itertools.count(1)
 
     def progress(name: str, case: Case) -> None:
-        done, total = next(runs_of), len(cases) * len(controllers)
-        elapsed = time.monotonic() - began
-        left = elapsed / done * (total - done)
-        print(
-            f"run {done}/{total}: {name} at {case.label}, {clock(elapsed)} min, about {clock(left)} min left",
-            file=sys.stderr, flush=True,
-        )  # fmt: skip
+        print(f"run {left.text(next(numbers))}: {name} at {case.label}", file=sys.stderr, flush=True)
 
     runs: list[ControllerRuns] = []
-    with user_errors(), stoppable("shown are the winds in which every controller has run"):
-        from wt_gym.experiment.comparison import Case, run_cases
-        from wt_gym.experiment.names import COMPARED, available, named_choices, read_name, with_model_options
-        from wt_gym.simulation.fidelity import suited_fidelity
-        from wt_gym.turbines import load_turbine
-        from wt_gym.turbines.model import with_site
-
-        chosen = arguments.controllers or available(COMPARED)
-        given = named_choices(with_model_options(chosen, arguments.algo, arguments.trust))
-        names = {label: read_name(text) for label, text in given.items()}
-        controllers = {label: (name.target, name.parameters) for label, name in names.items()}
-        cases = [Case(wind, seed) for wind in arguments.wind_speed for seed in (arguments.wind_seeds or [None])]
-        if arguments.report:
-            require_writable(arguments.report.parent)
-        turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
-        arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
-        try:
-            with executor_of(arguments) as executor:
-                run_cases(
-                    turbine, controllers, cases, arguments.duration, arguments.skip, arguments.fidelity,
-                    arguments.control_dt, progress, runs, simulator=arguments.simulator, executor=executor,
-                )  # fmt: skip
-        finally:  # of a stopped series too
-            if any(run.done for run in runs):
-                show(runs, arguments.json)
-                if arguments.report:
-                    write_report(runs, turbine.title, arguments)
+    try:
+        with executor_of(arguments) as executor:
+            run_cases(
+                turbine, controllers, cases, arguments.duration, arguments.skip, arguments.fidelity,
+                arguments.control_dt, progress, runs, simulator=arguments.simulator, executor=executor,
+            )  # fmt: skip
+    finally:
+        if any(run.done for run in runs):
+            show(runs, arguments.json)
+            if arguments.report:
+                write_report(runs, turbine.title, arguments)

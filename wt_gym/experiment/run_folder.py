@@ -47,7 +47,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``seeds``, a list of int, ``config``, as of `wt_gym.learning.training.config.TrainingConfig.to_json`, and, once
+        ``seeds``, a list of int, ``config``, fields of `wt_gym.learning.options.TrainingConfig`, and, once
         there is one, ``summary``.
 
     Raises

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["ProgressLine", "clock"]
+__all__ = ["ProgressLine", "TimeLeft", "clock"]
 
 
 def clock(seconds: float) -> str:
@@ -45,3 +45,22 @@ class ProgressLine:
             self._width = 0 if final else len(text)
         else:
             print(text, file=sys.stderr, flush=True)
+
+
+class TimeLeft:
+    """Time that is left of several jobs of equal length, from now on.
+
+    Parameters
+    ----------
+    total : int
+        Number of jobs.
+    """
+
+    def __init__(self, total: int):
+        self._total, self._began = total, time.monotonic()
+
+    def text(self, done: int) -> str:
+        """Tell how many jobs are done, and the time of those and of the others."""
+        passed = time.monotonic() - self._began
+        left = passed / done * (self._total - done)
+        return f"{done}/{self._total} after {clock(passed)} min, about {clock(left)} min left"

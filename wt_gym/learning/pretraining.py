@@ -27,24 +27,22 @@ from wt_gym.envs.dial import DIAL_NAMES, dial_of, scaled
 from wt_gym.envs.options import wind_files_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.trained_agent import TrainedAgent
-from wt_gym.learning.linear_design.identification import explained_share, identify
-from wt_gym.learning.linear_design.recording import Excitation, RecordingStore
-from wt_gym.learning.pretraining.episodes import (
-    EpisodeJob,
-    PlayedActions,
-    RecordedEpisode,
-    check_environment,
-    record_episode,
-)
-from wt_gym.learning.pretraining.objective import (
+from wt_gym.learning.options import Excitation
+from wt_gym.learning.pretraining_episodes import (
     OUTPUTS,
+    EpisodeJob,
     Limits,
     LinearizedEpisode,
     Plants,
+    PlayedActions,
+    RecordedEpisode,
+    check_environment,
     load_metrics,
     plant_outputs,
+    record_episode,
     tensor,
 )
+from wt_gym.learning.recording import RecordingStore, explained_share, identify
 from wt_gym.runs.definition import described
 from wt_gym.runs.progress import clock
 
@@ -58,7 +56,7 @@ if TYPE_CHECKING:
     from wt_gym.deployment.export.policy import Network
     from wt_gym.envs.dial import DialTerm
     from wt_gym.envs.turbine_env import WindTurbineEnv
-    from wt_gym.learning.pretraining.options import PretrainingOptions
+    from wt_gym.learning.options import PretrainingOptions
     from wt_gym.runs.executors import Executor
 
 __all__ = ["FRONT_SETTINGS", "Round", "forecast_front", "pretrain"]
@@ -178,12 +176,7 @@ class _Budget:
 
 
 class _Deployed:
-    """Policy without torch, as it acts in a process that records.
-
-    Parameters
-    ----------
-    network : Network
-    """
+    """Policy without torch, as it acts in a process that records."""
 
     def __init__(self, network: Network) -> None:
         self._network = network
@@ -213,10 +206,8 @@ def pretrain(
     ----------
     model : PPO or A2C
         Fresh; its last layer is set to zero first, so that it begins as the base controller alone.
-    env_id : str
     env_kwargs : dict
         JSON values.
-    options : PretrainingOptions
     executor : Executor
         Entered.
     seed : int
@@ -332,7 +323,6 @@ def forecast_front(
     ----------
     actor : callable
         Actions of observations.
-    held_out : sequence of LinearizedEpisode
     settings : mapping of str to mapping, optional
         Factors of the dial by name of a setting; None: those of the recordings, called "own".
 
