@@ -9,7 +9,7 @@ import numpy as np
 from dial_front import covered
 from task_scores import STORM_CONTROLLER
 
-from wt_gym.benchmark import load_task
+from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.comparison import half_width
 
 DATA = Path(__file__).resolve().parents[1] / "data"

@@ -23,12 +23,11 @@ from ray.cluster_utils import Cluster  # noqa: E402
 
 from wt_gym.analysis.results import Wind  # noqa: E402
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate  # noqa: E402
-from wt_gym.experiment.loadcases.cases import plan_of  # noqa: E402
-from wt_gym.experiment.loadcases.study import LoadCaseConfig, run_load_cases  # noqa: E402
+from wt_gym.experiment.execute import ATTEMPTS, RayExecutor  # noqa: E402
+from wt_gym.experiment.loadcase_runs import LoadCaseConfig, run_load_cases  # noqa: E402
+from wt_gym.experiment.loadcases import plan_of  # noqa: E402
+from wt_gym.experiment.store import SWEEP_FILE  # noqa: E402
 from wt_gym.experiment.trained_agent import TrainedAgent  # noqa: E402
-from wt_gym.runs.executors import ATTEMPTS  # noqa: E402
-from wt_gym.runs.ray_executor import RayExecutor  # noqa: E402
-from wt_gym.runs.store import SWEEP_FILE  # noqa: E402
 from wt_gym.turbines import load_turbine  # noqa: E402
 
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers do not find the modules of tests
@@ -71,7 +70,7 @@ def workers_at_work(pid: int) -> list[int]:
     while left:
         for child, title in children.get(left.pop(), []):
             left.append(child)
-            if title.startswith(b"ray::_do"):
+            if title.startswith(b"ray::played"):
                 found.append(child)
     return found
 

@@ -13,13 +13,20 @@ from stable_baselines3 import PPO
 from turbine_contract import PLAIN
 
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
-from wt_gym.benchmark.run import benchmark_metrics, delivered_power, make_env
-from wt_gym.benchmark.scoring import wind_score
-from wt_gym.benchmark.tasks import task_file
-from wt_gym.experiment.benchmark_runs import definition_of, entry_of, jobs_of, results_of, run_jobs
-from wt_gym.experiment.trained_environment import resolved_arguments
-from wt_gym.runs.executors import ProcessExecutor
+from wt_gym.experiment.benchmark import (
+    ResultFolder,
+    definition_of,
+    entry_of,
+    jobs_of,
+    make_env,
+    play_task,
+    results_of,
+    run_jobs,
+    wind_score,
+)
+from wt_gym.experiment.benchmark_tasks import BenchmarkTask, Reference, task_file
+from wt_gym.experiment.environments import resolved_arguments
+from wt_gym.experiment.run import benchmark_metrics, delivered_power
 from wt_gym.turbines import load_turbine
 
 
@@ -35,7 +42,7 @@ def played(choice, wind=0, name="load-reduction-18", **changes):
     """Result of an agent in one wind."""
     task = short(name, **changes)
     entry = entry_of(choice)
-    return play(task, task.winds[wind], entry.make, entry.interface)
+    return play_task(task, task.winds[wind], entry.make, entry.interface)
 
 
 def same_numbers(first, second):
@@ -60,12 +67,6 @@ def test_winds_and_controllers_differ():
     assert wide > narrow == pytest.approx(played("discon")["metrics"]["pitch_travel"], rel=1e-6)
 
 
-def test_random_actions_are_the_same_again():
-    first = played("random")
-    assert first["metrics"]["pitch_travel"] > played("discon")["metrics"]["pitch_travel"]
-    assert same_numbers(first, played.__wrapped__("random"))
-
-
 def test_power_is_corrected_for_what_the_rotor_stores():
     class Brake:
         """Asks for more torque above what balances the air: the rotor slows down and its energy turns into power."""
@@ -74,7 +75,7 @@ def test_power_is_corrected_for_what_the_rotor_stores():
             return np.array([0.0, 1.0], dtype=np.float32), state
 
     task = short("below-rated-8")
-    brake = play(task, task.winds[0], lambda env: Brake())["metrics"]
+    brake = play_task(task, task.winds[0], lambda env: Brake())["metrics"]
     base = played("discon", name="below-rated-8")["metrics"]
     assert brake["mean_power"] > 1.01 * base["mean_power"]
     gained = brake["mean_power"] - base["mean_power"]
@@ -102,7 +103,7 @@ def test_captured_power_counts_what_is_delivered(monkeypatch):
     turbine, time = load_turbine("nrel_5mw"), np.arange(0.0, 100.2, 0.2)
     rated, speed = turbine.drivetrain.rated_power, np.full(time.size, turbine.drivetrain.rated_rotor_speed)
     power = np.where(time % 40.0 < 20.0, 1.1, 0.6) * rated
-    monkeypatch.setattr("wt_gym.benchmark.run.run_metrics", lambda data, turbine, skip: {"mean_power": power.mean()})
+    monkeypatch.setattr("wt_gym.experiment.run.run_metrics", lambda data, turbine, skip: {"mean_power": power.mean()})
     channels = {"generator_power": power, "rotor_speed": speed, "rotor_speed_max": 1.02 * speed}
     data = xr.Dataset({name: ("time", values) for name, values in channels.items()}, {"time": time})
     found = benchmark_metrics(data, turbine, 20.0)
@@ -122,7 +123,7 @@ def test_an_agent_that_feathers_cannot_score():
     task, baseline = short(), played("discon")
     wind = task.winds[0]
     reference = Reference(task.digest, {}, {wind.label: baseline["metrics"]}, "ipc", 0.02, {})
-    feather = play(task, wind, lambda env: Feather(), interface)
+    feather = play_task(task, wind, lambda env: Feather(), interface)
     assert wind_score(task, wind, baseline, reference).score == 0.0
     assert wind_score(task, wind, feather, reference).score == task.clip[0]
     assert feather["metrics"]["captured_power"] < 0.9 * baseline["metrics"]["captured_power"]
@@ -147,14 +148,14 @@ def test_a_series_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
     task, entries, folder, made = short(), [entry_of("discon")], ResultFolder(tmp_path), []
     jobs = jobs_of([task], entries)
 
-    def stop_in_the_third(job, on_step=None):
+    def stop_in_the_third(self, job):
         if len(made) == 2:
             raise KeyboardInterrupt
         made.append(job)
         return {"definition": definition_of(job), "agent": "discon"} | played("discon")
 
     with monkeypatch.context() as patch:
-        patch.setattr("wt_gym.experiment.benchmark_runs._run", stop_in_the_third)
+        patch.setattr("wt_gym.experiment.benchmark._BenchmarkRuns.__call__", stop_in_the_third)
         with pytest.raises(KeyboardInterrupt):
             run_jobs(jobs, folder, progress=False)
         assert [result["definition"] for result in folder] == sorted(
@@ -192,7 +193,7 @@ def test_trained_models_run_as_they_were_trained(model):
     assert entry.interface["observation"] == ["rotor", "pitch"]
     assert "wind_speed" not in entry.interface
     task = short()
-    result = play(task, task.winds[0], entry.make, entry.interface)
+    result = play_task(task, task.winds[0], entry.make, entry.interface)
     assert result["ending"] == "time"
     assert result["metrics"] != played("zero")["metrics"]
 
@@ -252,23 +253,14 @@ def test_models_whose_control_step_does_not_fit_are_refused(model):
     for step in (0.25, 0.05):
         entry = at_step(model, step)
         with pytest.raises(ValueError, match=rf"control step of {step} s, that of the environment must be the same or"):
-            play(task, task.winds[0], entry.make, entry.interface)
+            play_task(task, task.winds[0], entry.make, entry.interface)
     entry = at_step(model, 0.4)
     with pytest.raises(ValueError, match=r"must be the same, got 0.1 s"):
-        play(task, task.winds[0], entry.make, entry.interface | {"history": 2})
-
-
-@pytest.mark.slow
-def test_two_processes_make_the_runs_of_one(tmp_path):
-    task, folder = short(), ResultFolder(tmp_path)
-    jobs = jobs_of([task], [entry_of("discon")])[:2]
-    assert run_jobs(jobs, folder, ProcessExecutor(2), progress=False) == 2
-    for k, job in enumerate(jobs):
-        assert same_numbers(folder.read(definition_of(job)), played("discon", k))
+        play_task(task, task.winds[0], entry.make, entry.interface | {"history": 2})
 
 
 def test_the_example_of_the_page_runs(capsys):
     page = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
-    (example,) = (x for x in re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL) if "play(" in x)
+    (example,) = (x for x in re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL) if "play_task(" in x)
     exec(compile(example, "docs/benchmark.md", "exec"), {})
     assert capsys.readouterr().out.startswith("time 1")

@@ -12,13 +12,11 @@ from stable_baselines3 import PPO
 from turbine_contract import PLAIN
 
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.benchmark import BenchmarkTask, ResultFolder
-from wt_gym.benchmark.archive import read_archive, write_archive
-from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import run as run_command
-from wt_gym.experiment.benchmark_runs import entry_of, jobs_of, run_jobs
-from wt_gym.experiment.benchmark_verification import drawn, opened, pack, verify
-from wt_gym.experiment.trained_environment import resolved_arguments
+from wt_gym.experiment.benchmark import ResultFolder, entry_of, jobs_of, run_jobs
+from wt_gym.experiment.benchmark_archive import drawn, opened, pack, read_archive, verify, write_archive
+from wt_gym.experiment.benchmark_tasks import BenchmarkTask, task_file
+from wt_gym.experiment.environments import resolved_arguments
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +27,7 @@ def task():
 
 @pytest.fixture(autouse=True)
 def short(task, monkeypatch):
-    monkeypatch.setattr("wt_gym.experiment.benchmark_verification.load_task", lambda name: task)
+    monkeypatch.setattr("wt_gym.experiment.benchmark_archive.load_task", lambda name: task)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +73,7 @@ def test_a_metric_that_was_changed_is_found(entry, tmp_path, capsys):
         result = next(one for one in folder if one["agent"] == "random")
         result["metrics"]["blade_flap_del"] *= 0.999
         changed = ResultFolder(tmp_path)
-        changed.write(result)
+        changed.keep(result["definition"], result)
         (made,) = verify(changed, models)
         assert (made.same, made.metric) == (False, "blade_flap_del")
         assert made.deviation == pytest.approx(1e-3, rel=0.01)
@@ -88,7 +86,7 @@ def test_other_sources_are_named_and_compared_all_the_same(entry, tmp_path):
     result = next(one for one in entry[2] if one["agent"] == "random")
     result["definition"]["fingerprint"]["canary"]["residual/return"] = "0"
     folder = ResultFolder(tmp_path)
-    folder.write(result)
+    folder.keep(result["definition"], result)
     (made,) = verify(folder, {})
     assert (made.same, made.other) == (True, ("behavior (residual/return by 1 of its range)",))
 

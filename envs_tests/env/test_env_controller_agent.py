@@ -7,7 +7,7 @@ import pytest
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.control.controllers import IndividualPitch, make_controller
 from wt_gym.control.sensors import from_harmonic, to_harmonic
-from wt_gym.experiment.controller_agent import ControllerAgent
+from wt_gym.experiment.agents import ControllerAgent
 
 TURBULENT = "wt_gym/NREL5MW-Turbulent-v1"
 

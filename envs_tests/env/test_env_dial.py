@@ -12,17 +12,16 @@ from wt_gym.analysis.results import Wind
 from wt_gym.analysis.summary import results_table
 from wt_gym.base.files import shipped_folder
 from wt_gym.deployment.export.openfast_flight import Scene, fly
-from wt_gym.envs import VectorReward, reward_store
+from wt_gym.envs import VectorReward
+from wt_gym.envs import twin as reward_store
 from wt_gym.envs.dial import DIAL_NAMES, factor_of
 from wt_gym.envs.terminations import Costs, violated
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.experiment.constant import ConstantAgent
-from wt_gym.experiment.evaluation import evaluate
-from wt_gym.experiment.evaluation_config import EvaluationConfig
+from wt_gym.experiment.agents import ConstantAgent, UniformAgent
+from wt_gym.experiment.environments import trained_arguments
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.experiment.run import play
 from wt_gym.experiment.trained_agent import TrainedAgent
-from wt_gym.experiment.trained_environment import trained_arguments
-from wt_gym.experiment.uniform import UniformAgent
-from wt_gym.runs.playing import play
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

@@ -1,6 +1,5 @@
 """Evaluations kept in a folder: stopped and gone on with, refused, overwritten; controllers as agents."""
 
-import argparse
 import json
 import re
 import shlex
@@ -12,23 +11,22 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.analysis.results import Evaluation, Wind
-from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.commands import evaluate as command
 from wt_gym.commands import parse as parse_command
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment import evaluation as module
-from wt_gym.experiment import evaluation_run
-from wt_gym.experiment.constant import ConstantAgent
-from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
-from wt_gym.experiment.evaluation_folder import EvaluationFolder
-from wt_gym.experiment.evaluation_winds import DEFAULT_WIND_SEEDS
-from wt_gym.experiment.pool import AgentPool, Environments
-from wt_gym.experiment.trained_environment import check_environment, resolved_arguments
-from wt_gym.experiment.training_notes import training_notes
+from wt_gym.experiment.agents import ConstantAgent
+from wt_gym.experiment.environments import AgentExperiment, Environments, check_environment, resolved_arguments
+from wt_gym.experiment.evaluation import (
+    DEFAULT_WIND_SEEDS,
+    EvaluationConfig,
+    EvaluationFolder,
+    evaluate,
+)
+from wt_gym.experiment.execute import ProcessExecutor, SerialExecutor
+from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.learning.options import TrainingConfig
-from wt_gym.runs.executors import ProcessExecutor
-from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -41,16 +39,16 @@ AGENTS = {"Baseline": "baseline", "Constant": "constant"}
 @pytest.fixture
 def count_runs(monkeypatch):
     """Agents and winds that are run; stops with Ctrl-C where told."""
-    done, original = [], module.run_agent
+    done, original = [], module._EvaluationRuns.__call__
 
-    def run(pool, job, **more):
+    def run(self, row):
         if len(done) == run.stop_after:
             raise KeyboardInterrupt
-        done.append((job[0], job[1].speed))
-        return original(pool, job, **more)
+        done.append((row[0], row[1].speed))
+        return original(self, row)
 
     run.stop_after = None
-    monkeypatch.setattr(module, "run_agent", run)
+    monkeypatch.setattr(module._EvaluationRuns, "__call__", run)
     return done, run
 
 
@@ -82,18 +80,6 @@ def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, count_runs):
     assert (result.climate.mean_speed, weighed.climate.mean_speed) == (10.0, 7.5)
 
 
-@pytest.mark.slow  # test_env_compare_agents.py has a quicker table in two processes
-def test_two_processes_make_the_runs_of_one(tmp_path):
-    with ProcessExecutor(2) as executor:
-        two = evaluate(AGENTS, CONFIG, folder=tmp_path, executor=executor, progress=False)
-    assert json.loads((tmp_path / SWEEP_FILE).read_text()) == [{"found": 0, "made": 4, "retried": 0, "lost": []}]
-    one = evaluate(AGENTS, CONFIG, progress=False)
-    assert two.to_json() == one.to_json()
-    for theirs, mine in zip(two.runs, one.runs, strict=True):
-        assert theirs.data.equals(mine.data)
-    assert Evaluation.load(tmp_path).to_json() == one.to_json()
-
-
 def test_objects_stay_in_their_process(tmp_path):
     with pytest.raises(ValueError, match="must be names or paths, got objects for Mine"):
         evaluate({"Baseline": "baseline", "Mine": object()}, CONFIG, executor=ProcessExecutor(2))
@@ -122,13 +108,6 @@ def test_another_evaluation_in_the_folder_is_refused_unless_overwritten(tmp_path
     (file,) = (tmp_path / "runs").glob("*.nc")
     assert re.fullmatch(r"constant_[0-9a-f]{16}\.nc", file.name)
     assert (tmp_path / "notes.txt").read_text() == "mine"
-
-
-def test_one_evaluation_at_a_time_in_a_folder(tmp_path, count_runs):
-    with EvaluationFolder(tmp_path, AGENTS, CONFIG), pytest.raises(ValueError, match="in use by another evaluation"):
-        evaluate(AGENTS, CONFIG, folder=tmp_path, progress=False)
-    assert count_runs[0] == []
-    assert not list(tmp_path.iterdir())
 
 
 def test_runs_of_another_behavior_are_not_continued(tmp_path):
@@ -314,24 +293,17 @@ class OfRecord(ConstantAgent):
 )
 def test_what_a_training_has_met_is_said(record, note, monkeypatch, caplog):
     played = []
-    monkeypatch.setattr(AgentPool, "results", lambda self, play, *_: played.append(len(caplog.records)) or ())
+    monkeypatch.setattr(SerialExecutor, "results", lambda *_: played.append(len(caplog.records)) or ())
     env = gym.make(STEADY)
     agents = {"Baseline": "baseline", "Model": OfRecord(layout_of(env), record)}
     env.close()
     winds = tuple(Wind(9.0, seed) for seed in (5, 7, 1001))
-    with pytest.raises(KeyError):  # no run is made
+    with pytest.raises(ValueError, match="zip"):  # no run is made
         evaluate(agents, replace(CONFIG, winds=winds), progress=False)
     found = [entry.getMessage() for entry in caplog.records]
     assert played == [len(found)]  # before any run
     assert len(found) == (0 if note is None else 1)
     assert all(text.startswith(note) and "\n" not in text for text in found)
-
-
-def test_notes_on_trainings_name_some_seeds_only():
-    agents = {"A": argparse.Namespace(record={"wind_seeds": list(range(1, 25))}), "B": object()}
-    notes = training_notes(agents, [Wind(9.0, seed) for seed in range(1, 11)])
-    assert list(notes) == ["A"]
-    assert "trained on wind seeds 1, 2, 3, 4, 5, 6 and 4 more of" in notes["A"]
 
 
 TRANSIENT = """--env-kwargs '{"gusts": ["EOG", "EDC", "ECD", "EWS"]}'"""
@@ -424,7 +396,7 @@ def drawn_inflow(rng):
 def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch):
     """Asked for two seeds at 15 m/s, whatever the wind of the environment is."""
     use(monkeypatch, RecordedSimulator)
-    monkeypatch.setattr(evaluation_run, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
     winds = (Wind(15.0, 1001), Wind(15.0, 1002))
     config = EvaluationConfig(STEADY, kwargs, winds, duration=3.0, skip=1.0, replay=0.0)
     agents = {"a": "constant", "b": "constant"}
@@ -437,18 +409,9 @@ def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch)
     assert (result.climate is not None) == in_operation
 
 
-def test_labels_of_winds_are_kept(monkeypatch, tmp_path):
-    use(monkeypatch, RecordedSimulator)
-    monkeypatch.setattr(evaluation_run, "_metrics", lambda *_: {"mean_power": 1.0})
-    config = EvaluationConfig(STEADY, {"inflow": drawn_inflow}, (Wind(15.0, 1001),), duration=3.0, skip=1.0, replay=0.0)
-    result = evaluate({"a": "constant"}, config, folder=tmp_path, progress=False)
-    assert Evaluation.load(tmp_path).winds == result.winds
-    assert evaluate({"a": "constant"}, config, folder=tmp_path, progress=False).winds == result.winds
-
-
 def test_agents_that_did_not_meet_one_wind_are_not_compared(monkeypatch):
     use(monkeypatch, RecordedSimulator)
-    monkeypatch.setattr(evaluation_run, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
     count = iter(range(100))
     kwargs = {"inflow": lambda rng: SteadyInflow(9.0 + 0.1 * next(count), 90.0)}
     config = EvaluationConfig(STEADY, kwargs, (Wind(9.0),), duration=3.0, skip=1.0, replay=0.0)
@@ -459,14 +422,11 @@ def test_agents_that_did_not_meet_one_wind_are_not_compared(monkeypatch):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"seed": -(2**40)}, "the seed must be from 0 to"),
-        ({"replay": -1.0}, "the length of the replay must lie between 0 and"),
-        ({"replay": 1e30}, "the length of the replay must lie between 0 and"),
-        ({"duration": 1e300}, "the duration must lie between 0 and"),
+        ({"duration": 20.0, "skip": 30.0}, "duration must be 2 s longer than skip"),
+        ({"env_kwargs": {"max_episode_steps": 50}}, "max_episode_steps follows"),
         ({"winds": (Wind(9.0, 10**23),)}, "a wind seed must be from 0 to 9223372036854775807, got 1000"),
         ({"winds": (Wind(9.0), Wind(9.0))}, "each once, got 9 m/s, 9 m/s"),
         ({"winds": ()}, "winds must be given"),
-        ({"mean_wind_speed": -3.0}, "mean_speed of a wind climate must be positive"),
     ],
 )
 def test_configurations_without_meaning_are_refused(changes, message, count_runs):
@@ -479,5 +439,5 @@ def test_refused_agents_leave_no_environment_open(monkeypatch):
     closed = []
     monkeypatch.setattr(WindTurbineEnv, "close", lambda self: closed.append(self))
     with pytest.raises(FileNotFoundError, match=r"no trained model at \./nobody"):
-        AgentPool({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v2", {})
+        AgentExperiment({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v2", {})
     assert len(closed) == 1

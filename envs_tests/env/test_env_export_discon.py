@@ -30,8 +30,8 @@ from wt_gym.deployment.export.discon import export_discon
 from wt_gym.deployment.export.openfast_flight import fly, scene_of
 from wt_gym.deployment.export.parts import controller_parts, seen_channels
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.experiment.environments import trained_arguments
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, TrainedAgent
-from wt_gym.experiment.trained_environment import trained_arguments
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine

@@ -216,7 +216,7 @@ def test_an_episode_of_the_real_rosco_starts_as_the_turbine_stands_in_the_wind(s
 
 
 def test_a_controller_without_supervisor_is_evaluated_without_set_point_and_states():
-    from wt_gym.experiment.pool import Environments
+    from wt_gym.experiment.environments import Environments
 
     there = Environments(ID, {"start": "steady"})
     other = there.environment_of("discon", {}).unwrapped

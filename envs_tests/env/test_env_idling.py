@@ -13,12 +13,12 @@ from wt_gym.commands import benchmark
 from wt_gym.commands import run as run_command
 from wt_gym.envs.terminations import IDLE_POWER, LEAST_SPELL, IdleClock
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.experiment.evaluation_config import EvaluationConfig
-from wt_gym.experiment.loadcases.report import load_case_tables
-from wt_gym.experiment.loadcases.results import CaseRun, LoadCaseResults
+from wt_gym.experiment.evaluation import EvaluationConfig
+from wt_gym.experiment.loadcase_report import load_case_tables
+from wt_gym.experiment.loadcase_runs import CaseRun, LoadCaseResults
 from wt_gym.experiment.robustness import Robustness, chosen
+from wt_gym.experiment.run import play, run_controller
 from wt_gym.learning import callbacks
-from wt_gym.runs.playing import play, run_controller
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch, VoltageDip
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -124,7 +124,7 @@ def test_spells_count_in_a_run_from_the_least_length_on():
             clock.advance(still, 1.0, None)
         clock.advance(runs, 1.0, None)
         assert clock.total == total
-    clock.start()
+    clock.begin(None)
     assert (clock.time, clock.total) == (0.0, 0.0)
 
 

@@ -142,8 +142,8 @@ def test_a_turned_world_is_the_same_for_every_controller(name):
 @pytest.mark.parametrize("folder", AGENTS, ids=lambda path: path.name)
 def test_a_turned_world_is_the_same_for_every_shipped_agent(folder):
     pytest.importorskip("stable_baselines3")
+    from wt_gym.experiment.environments import trained_arguments
     from wt_gym.experiment.trained_agent import TrainedAgent
-    from wt_gym.experiment.trained_environment import trained_arguments
 
     agent = TrainedAgent.load(folder)
     arguments = trained_arguments(agent.record) | {"wind_seeds": (1,)}
@@ -490,8 +490,8 @@ def test_a_side_side_damper_that_forgot_the_rotation_would_show():
 def test_a_mirrored_world_is_the_same_for_every_shipped_agent(folder):
     """Trained on a rotor that turns clockwise, it sees the other one in a mirror of its own."""
     pytest.importorskip("stable_baselines3")
+    from wt_gym.experiment.environments import trained_arguments
     from wt_gym.experiment.trained_agent import TrainedAgent
-    from wt_gym.experiment.trained_environment import trained_arguments
 
     agents = [TrainedAgent.load(folder) for _ in range(2)]
     arguments = trained_arguments(agents[0].record) | {"wind_seeds": (1,)}

@@ -12,9 +12,9 @@ from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
-from wt_gym.experiment.benchmark_runs import entries_of, entry_of
+from wt_gym.experiment.benchmark import entries_of, entry_of
+from wt_gym.experiment.environments import AgentExperiment
 from wt_gym.experiment.names import env_choices_of, named_choices
-from wt_gym.experiment.pool import AgentPool
 
 RESIDUAL = "wt_gym/LoadReduction-v2"
 STEADY = "wt_gym/NREL5MW-Steady-v1"
@@ -91,10 +91,10 @@ def test_a_controller_of_ones_own_runs_beneath(mine):
     assert turbine_env_of(env).controller.gain == 2
     env.close()
     agents = {"a": "baseline", "b": f"{mine}:Hold:gain=3", "c": "discon"}
-    with AgentPool(agents, RESIDUAL, {}) as pool:
+    with AgentExperiment(agents, RESIDUAL, {}) as pool:
         assert turbine_env_of(pool["b"][0]).controller.gain == 3
         assert pool["a"][0] is pool["c"][0]  # one name for one thing, in one environment
-    with AgentPool(agents, STEADY, {}) as pool:
+    with AgentExperiment(agents, STEADY, {}) as pool:
         assert pool.agents["b"].controller.gain == 3
 
 
@@ -106,7 +106,7 @@ def test_environments_know_the_baseline_by_all_its_names(name):
 
 
 def test_a_class_with_predict_runs_in_the_environment_that_it_chooses(mine):
-    with AgentPool({"a": "baseline", "b": f"{mine}:Rests:offset=0.5"}, RESIDUAL, {}) as pool:
+    with AgentExperiment({"a": "baseline", "b": f"{mine}:Rests:offset=0.5"}, RESIDUAL, {}) as pool:
         env, agent = pool["b"]
         layout = layout_of(env)
         assert layout.action.mode == "absolute"
@@ -134,7 +134,7 @@ def test_any_model_of_stable_baselines_enters(tmp_path, name):
     path = saved(tmp_path / "model.zip", cls, pitch="collective")
     (tmp_path / "model.json").write_text(json.dumps({"env_kwargs": {"pitch": "collective", "action_mode": "rate"}}))
     for text in (str(path), f"{path}:algo={name}"):
-        with AgentPool(named_choices(["baseline", f"m={text}"]), STEADY, {}) as pool:
+        with AgentExperiment(named_choices(["baseline", f"m={text}"]), STEADY, {}) as pool:
             env, agent = pool["m"]
             observation, _ = env.reset(seed=1)
             action, _ = agent.predict(observation)
@@ -150,14 +150,14 @@ def test_models_that_do_not_fit_are_refused(tmp_path):
     path = saved(tmp_path / "model.zip", SAC)
     with (
         pytest.raises(ValueError, match="is not a model of PPO but of SAC"),
-        AgentPool({"m": f"{path}:algo=PPO"}, STEADY, {}),
+        AgentExperiment({"m": f"{path}:algo=PPO"}, STEADY, {}),
     ):
         pass
     with pytest.raises(ValueError, match=r"must be one of .*got 'SAK'; did you mean 'SAC'"), \
-            AgentPool({"m": f"{path}:algo=SAK"}, STEADY, {}):  # fmt: skip
+            AgentExperiment({"m": f"{path}:algo=SAK"}, STEADY, {}):  # fmt: skip
         pass
     with pytest.raises(ValueError, match="m: the model takes observations"), \
-            AgentPool({"m": str(path)}, STEADY, {"pitch": "individual"}):  # fmt: skip
+            AgentExperiment({"m": str(path)}, STEADY, {"pitch": "individual"}):  # fmt: skip
         pass
     (tmp_path / "model.json").write_text('{"env": {}}')
     with pytest.raises(ValueError, match="must hold a table of algo and env_kwargs, got env"):
@@ -165,7 +165,7 @@ def test_models_that_do_not_fit_are_refused(tmp_path):
     no_model = tmp_path / "other.zip"
     no_model.write_bytes(b"no zip")
     with pytest.raises(ValueError, match="damaged, or not a model of stable-baselines3"), \
-            AgentPool({"m": str(no_model)}, STEADY, {}):  # fmt: skip
+            AgentExperiment({"m": str(no_model)}, STEADY, {}):  # fmt: skip
         pass
 
 
@@ -174,19 +174,19 @@ def test_no_code_in_a_model_is_run_unless_it_is_trusted(tmp_path):
 
     path, trace = saved(tmp_path / "model.zip", PPO), tmp_path / "trace"
     with_part(path, "ep_info_buffer", Evil(trace))  # nothing that a policy needs
-    with AgentPool({"m": str(path)}, STEADY, {}):
+    with AgentExperiment({"m": str(path)}, STEADY, {}):
         assert not trace.exists()
     with_part(path, "policy_class", Evil(trace))
     with pytest.raises(ValueError, match=r"needs \S+open for its policy_class: .*--trust"), \
-            AgentPool({"m": str(path)}, STEADY, {}):  # fmt: skip
+            AgentExperiment({"m": str(path)}, STEADY, {}):  # fmt: skip
         pass
     assert not trace.exists()
     (tmp_path / "vecnormalize.pkl").write_bytes(pickle.dumps(Evil(trace)))
     with pytest.raises(ValueError, match=r"statistics .* hold \S+open: .*--trust"), \
-            AgentPool({"m": str(path)}, STEADY, {}):  # fmt: skip
+            AgentExperiment({"m": str(path)}, STEADY, {}):  # fmt: skip
         pass
     assert not trace.exists()
     with pytest.raises(ValueError, match="no statistics of a training"), \
-            AgentPool({"m": f"{path}:trust=True"}, STEADY, {}):  # fmt: skip
+            AgentExperiment({"m": f"{path}:trust=True"}, STEADY, {}):  # fmt: skip
         pass
     assert trace.exists()  # trusted: it was run

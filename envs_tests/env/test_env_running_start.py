@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from wt_gym.base.canary import differing
-from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.control import Demand
 from wt_gym.control.controllers import DisconController
 from wt_gym.control.controllers.controller import memory_of
@@ -17,6 +16,7 @@ from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs import episode_start, record_store
 from wt_gym.envs.episode_start import RunningStart
 from wt_gym.envs.record_store import (
+    CATALOG,
     StartFile,
     digest_of_turbine,
     dimensions,
@@ -24,8 +24,8 @@ from wt_gym.envs.record_store import (
     record_canary,
     recorded_speeds,
 )
-from wt_gym.envs.recording import CATALOG
 from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, StartRecorder
+from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import parities
 from wt_gym.turbines import load_turbine

@@ -7,10 +7,10 @@ import pytest
 
 from wt_gym.analysis.results import Wind
 from wt_gym.base.files import shipped_folder
-from wt_gym.benchmark import load_task
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands.train import configuration
 from wt_gym.envs.options import registered_arguments
+from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.trained_agent import TrainedAgent
 

@@ -19,7 +19,7 @@ from wt_gym.commands import run as run_command
 from wt_gym.commands import train as train_command
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import evaluation
-from wt_gym.experiment.constant import ConstantAgent
+from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.names import named_choices
 from wt_gym.experiment.run_folder import RunFolder
 from wt_gym.experiment.trained_agent import TrainedAgent

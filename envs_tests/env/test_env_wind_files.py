@@ -17,10 +17,8 @@ from wt_gym.base.errors import InflowError
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands.evaluate import configuration
 from wt_gym.envs.wind_sampler import TRANSIENTS, WindOptions, WindSampler
-from wt_gym.experiment import evaluation_run
-from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
-from wt_gym.experiment.evaluation_folder import EvaluationFolder
-from wt_gym.experiment.evaluation_winds import winds_of
+from wt_gym.experiment import evaluation
+from wt_gym.experiment.evaluation import EvaluationConfig, EvaluationFolder, evaluate, winds_of
 from wt_gym.learning.callbacks import SelectionEvaluation
 from wt_gym.learning.options import DatasetConfig, TrainingConfig
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
@@ -208,7 +206,7 @@ def test_runs_of_an_evaluation_begin_where_the_pieces_do(files, monkeypatch):
             return super().reset(**given)
 
     use(monkeypatch, Watched)
-    monkeypatch.setattr(evaluation_run, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(evaluation, "_metrics", lambda *_: {"mean_power": 1.0})
     winds = tuple(Wind(15.0, draw=k) for k in (1, 2))
     config = EvaluationConfig(STEADY, {"inflow": str(files / "once.bts")}, winds, duration=20.0, skip=1.0, replay=0.0)
     evaluate({"a": "constant"}, config, progress=False)

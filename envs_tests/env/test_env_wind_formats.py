@@ -17,8 +17,7 @@ from wt_gym.commands.options import environment_of, site_word, wind_word
 from wt_gym.commands.train import configuration
 from wt_gym.envs.options import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
-from wt_gym.experiment.evaluation import EvaluationConfig
-from wt_gym.experiment.evaluation_winds import winds_of
+from wt_gym.experiment.evaluation import EvaluationConfig, winds_of
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInflow

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wt_gym.analysis.results import Wind
 from wt_gym.control import Demand
 from wt_gym.control.controllers import IndividualPitch, make_controller
 from wt_gym.control.sensors import from_harmonic, to_harmonic
-from wt_gym.experiment.comparison import Case, run_cases
-from wt_gym.runs.playing import run_controller
+from wt_gym.experiment.comparison import ComparisonConfig, run_cases
+from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -27,8 +28,9 @@ def turbine():
 def loads(turbine):
     """Metrics at 16 m/s over 100 s by controller."""
     names = ("discon", "ipc", "tower_dampers")
-    runs = run_cases(turbine, {name: (name, {}) for name in names}, [Case(16.0, SEED)], duration=100.0, skip=20.0)
-    return {run.name: run.metrics[Case(16.0, SEED)] for run in runs}
+    config = ComparisonConfig(duration=100.0, skip=20.0)
+    runs = run_cases(turbine, {name: (name, {}) for name in names}, [Wind(16.0, SEED)], config)
+    return {run.name: run.metrics[Wind(16.0, SEED)] for run in runs}
 
 
 def test_individual_pitch_lowers_the_flap_load(loads):

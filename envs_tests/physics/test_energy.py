@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from wt_gym.base.errors import SimulationError
+from wt_gym.experiment.run import run_baseline
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_frame_from_system
 from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.system import Joint
 from wt_gym.multibody.tree import output_kernels
-from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.turbine_structure import build_structure
 from wt_gym.turbines import load_turbine

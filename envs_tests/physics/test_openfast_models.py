@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.runs.playing import run_baseline
+from wt_gym.experiment.run import run_baseline
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.campbell import campbell
 from wt_gym.structure.beam import Beam, BeamSections

@@ -10,9 +10,9 @@ import pytest
 from wt_gym.base.errors import SimulationError
 from wt_gym.commands import parse
 from wt_gym.control import torque_curve
+from wt_gym.experiment.run import run_baseline
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.multibody.system import Joint, MultibodySystem
-from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Fidelity, Simulator
 from wt_gym.simulation.fidelity import ELASTODYN_NREL_5MW_TOWER, choose_fidelity, rated_tip_twist, tip_twist
 from wt_gym.structure.beam import Beam, BeamSections

@@ -11,8 +11,8 @@ from scipy.linalg import expm
 
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import ActionError, SimulationError
+from wt_gym.experiment.run import run_baseline
 from wt_gym.multibody.tree.tree_kernels import OK
-from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.models import blade_planform, turbine_bodies

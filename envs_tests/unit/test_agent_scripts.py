@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from wt_gym.control.controllers import make_controller
-from wt_gym.runs.playing import run_controller
+from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

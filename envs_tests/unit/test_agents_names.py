@@ -9,27 +9,21 @@ from wt_gym.experiment.names import (
     COMPARED,
     GROUPS,
     available,
-    controller_of,
     fingerprint,
-    is_controller_name,
     named_choices,
     own_controller,
     read_name,
-    split_name,
     with_model_options,
 )
 
 
 def test_controllers_come_with_parameters():
-    assert controller_of("ipc+tower_dampers") == ("ipc+tower_dampers", {})
-    assert controller_of("controller:constrained_ipc:level=0.1,leak_time=None") == (
-        "constrained_ipc",
-        {"level": 0.1, "leak_time": None},
-    )
-    assert is_controller_name("tsr_tracking:thrust_limit=0.95")
-    assert is_controller_name("controller:anything")  # said to be one: its maker refuses it by name
-    assert not is_controller_name("runs/ipc")
-    assert not is_controller_name("ipc+ppo")
+    name = read_name("controller:constrained_ipc:level=0.1,leak_time=None")
+    assert (name.kind, name.target, name.parameters) == (
+        "controller", "constrained_ipc", {"level": 0.1, "leak_time": None},
+    )  # fmt: skip
+    assert read_name("tsr_tracking:thrust_limit=0.95").kind == "controller"
+    assert read_name("controller:anything").kind == "controller"  # said to be one: its maker refuses it by name
 
 
 @pytest.mark.parametrize(
@@ -38,7 +32,7 @@ def test_controllers_come_with_parameters():
 )
 def test_parameters_without_meaning_are_refused(choice, message):
     with pytest.raises(ValueError, match=message):
-        controller_of(choice)
+        read_name(choice)
 
 
 def test_names_follow_from_choices_or_stand_in_front(tmp_path):
@@ -143,12 +137,6 @@ def test_a_class_is_known_by_its_file_and_its_parameters(tmp_path):
     assert named_choices([f"{file}:Mine:gain=1"]) == {"Mine:gain=1": f"{file}:Mine:gain=1"}
     file.write_text("class Mine:\n    gain = 2\n")
     assert fingerprint(f"{file}:Mine:gain=1")["sha256"] != first["sha256"]
-
-
-def test_a_name_has_no_colon():
-    assert split_name("mine=ipc:limit=0.1") == ("mine", "ipc:limit=0.1")
-    assert split_name("ipc:limit=0.1") == ("", "ipc:limit=0.1")
-    assert split_name("=ipc") == ("", "ipc")
 
 
 def test_a_model_is_known_by_what_its_files_hold(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.experiment.oscillation_notes import oscillation_notes, swings
+from wt_gym.experiment.evaluation import oscillation_notes, swings
 
 TIME = np.arange(0.0, 200.0, 0.2)
 

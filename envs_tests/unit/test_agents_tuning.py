@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import pytest
 
+from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import InflowError
-from wt_gym.benchmark import load_task
 from wt_gym.commands.tune import interval
 from wt_gym.experiment import comparison, tuning
-from wt_gym.experiment.comparison import Case, ControllerRuns, change, run_cases, table
+from wt_gym.experiment.benchmark_tasks import load_task
+from wt_gym.experiment.comparison import ComparisonConfig, ControllerRuns, change, comparison_table, run_cases
 from wt_gym.experiment.tuning import Cost, Range, TuningTask, tune
 from wt_gym.turbines import load_turbine
 
@@ -75,7 +76,7 @@ def test_the_first_trial_are_the_defaults(name):
 
 
 def test_held_back_seeds_and_empty_spaces_are_refused():
-    with pytest.raises(ValueError, match="1001"):
+    with pytest.raises(ValueError, match=r"seeds must be whole numbers from 1 to 24, got \(1, 1001\)"):
         TuningTask("ipc", seeds=(1, 1001))
     with pytest.raises(ValueError, match="the controller to tune must be among"):
         TuningTask("discon")
@@ -85,9 +86,9 @@ def test_held_back_seeds_and_empty_spaces_are_refused():
 @pytest.mark.parametrize(
     ("times", "message"),
     [
-        ({"duration": math.nan}, "the duration must lie between 2 and"),
-        ({"duration": 1e300}, "the duration must lie between 2 and"),
-        ({"skip": -3.0}, "the skipped start must lie between 0 and"),
+        ({"duration": math.nan}, "duration must"),
+        ({"duration": 1e300}, "duration must"),
+        ({"skip": -3.0}, "skip"),
     ],
 )
 def test_times_without_meaning_are_refused(times, message, monkeypatch):
@@ -96,16 +97,13 @@ def test_times_without_meaning_are_refused(times, message, monkeypatch):
         TuningTask("ipc", **times)
     turbine = load_turbine("nrel_5mw")
     with pytest.raises(ValueError, match=message):
-        run_cases(turbine, {"discon": ("discon", {})}, [Case(12.0)], **{"duration": 5.0} | times)
-    for step in (0.0, -0.1, math.nan):
-        with pytest.raises(ValueError, match="the control step must be above 0"):
-            run_cases(turbine, {"discon": ("discon", {})}, [Case(12.0)], 5.0, control_dt=step)
+        ComparisonConfig(**times)
     with pytest.raises(InflowError, match="speed must lie in"):  # of the last wind, before the first one runs
-        run_cases(turbine, {"discon": ("discon", {})}, [Case(12.0), Case(1e9)], 5.0)
+        run_cases(turbine, {"discon": ("discon", {})}, [Wind(12.0), Wind(1e9)])
 
 
 def test_changes_and_table():
-    cases = [Case(15.0, seed) for seed in (1, 2, 3)]
+    cases = [Wind(15.0, seed) for seed in (1, 2, 3)]
     first = ControllerRuns("discon", {c: METRICS for c in cases}, {})
     factors = (0.7, 0.8, 0.9)
     other = {c: METRICS | {"blade_flap_del": f * 6e6} for c, f in zip(cases, factors, strict=True)}
@@ -113,17 +111,17 @@ def test_changes_and_table():
     mean, half = change(second, first, 15.0, "blade_flap_del")
     assert mean == pytest.approx(-0.2)
     assert half == pytest.approx(4.303 * 0.1 / math.sqrt(3), rel=1e-3)
-    assert "-20.0 ± 24.8 %" in table([first, second])
+    assert "-20.0 ± 24.8 %" in comparison_table([first, second])
     assert math.isnan(change(second, first, 12.0, "blade_flap_del")[0])
 
 
 @pytest.mark.parametrize("metric", ["mean_power", "blade_flap_del"])
 def test_a_reference_of_zero_leaves_values(metric):
-    cases = [Case(3.0, seed) for seed in (1, 2)]
+    cases = [Wind(3.0, seed) for seed in (1, 2)]
     first = ControllerRuns("discon", {c: METRICS | {metric: 0.0} for c in cases}, {})
     second = ControllerRuns("ipc", {c: METRICS | {metric: 5e5} for c in cases}, {})
     assert math.isnan(change(second, first, 3.0, metric)[0])
-    row = table([first, second]).splitlines()[-1]
+    row = comparison_table([first, second]).splitlines()[-1]
     assert ("0.500 MW" if metric == "mean_power" else "0.50 MN m") in row
 
 
@@ -146,7 +144,7 @@ def test_what_cannot_be_made_is_refused_before_the_first_run(choice, parameters,
     monkeypatch.setattr(comparison, "play", lambda *_, **__: pytest.fail("a run was made"))
     chosen = {"discon": ("discon", {}), "last": (choice, parameters)}
     with pytest.raises(ValueError, match=message):
-        run_cases(load_turbine("nrel_5mw"), chosen, [Case(12.0)], 5.0)
+        run_cases(load_turbine("nrel_5mw"), chosen, [Wind(12.0)])
 
 
 def test_a_class_of_ones_own_is_tuned(monkeypatch, tmp_path):

@@ -51,7 +51,7 @@ for module in pkgutil.walk_packages(wt_gym.__path__, "wt_gym."):
 print(*sorted(lacking - {"ray", "minari", "optuna"}))
 """
 USE = """
-from wt_gym.runs.folder_lock import FolderLock
+from wt_gym.experiment.store import FolderLock
 from wt_gym.learning.environments import START_METHOD
 from wt_gym.base.files import remove_partial, write_text_whole
 from wt_gym.base.process_memory import peak_memory, resident_memory

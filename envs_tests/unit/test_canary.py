@@ -12,8 +12,7 @@ from wt_gym.envs.canary import canary_of, environment_canary
 from wt_gym.envs.faults import FaultTerm
 from wt_gym.envs.terminations import Limits
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.runs.definition import run_digest
-from wt_gym.runs.store import RunStore
+from wt_gym.experiment.store import RunStore, run_digest
 from wt_gym.turbines import load_turbine
 
 

@@ -21,20 +21,11 @@ from ceiling_oracle import (
 )
 
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.benchmark import (
-    BenchmarkTask,
-    Ceiling,
-    ceiling_of,
-    into_page,
-    leaderboard,
-    load_task,
-    task_names,
-    to_markdown,
-)
-from wt_gym.benchmark.tasks import task_file
 from wt_gym.control import Demand
 from wt_gym.control.controllers.linear_optimal import PitchOffsets
 from wt_gym.control.sensors import Lidar
+from wt_gym.experiment.benchmark import into_page, leaderboard, to_markdown
+from wt_gym.experiment.benchmark_tasks import BenchmarkTask, Ceiling, ceiling_of, load_task, task_file, task_names
 from wt_gym.learning.linear_design import Plant, forecast
 from wt_gym.learning.options import FeedbackOptions
 from wt_gym.learning.recording import Recording, respond
@@ -327,7 +318,7 @@ def test_runs_that_are_kept_are_not_made_again(turbine, monkeypatch, tmp_path):
         make_agent(None)
         return {"metrics": {"x": 1.0}, "ending": "time"}
 
-    monkeypatch.setattr(ceilings, "play", play)
+    monkeypatch.setattr(ceilings, "play_task", play)
     monkeypatch.setattr(ceilings, "OffsetsPlayer", Player)
     runs = ceilings._Runs(TASK, CeilingOptions(), tmp_path)
     first = runs.offsets(TASK.winds[0], np.zeros((3, 4)))
@@ -379,7 +370,7 @@ def test_the_table_says_how_high_the_ceiling_is(monkeypatch):
         "fingerprint": {"kernels": "a"},
     }  # fmt: skip
     result = {"definition": definition, "agent": "x", "ending": "time", "metrics": {}}
-    monkeypatch.setattr("wt_gym.benchmark.table.ceiling_of", lambda task: made())
+    monkeypatch.setattr("wt_gym.experiment.benchmark.ceiling_of", lambda task: made())
     text = to_markdown(leaderboard([result]))
     assert (
         "Ceiling with the wind known: an improvement of 18.00 %: 150 where `linear_optimal` has 100 (12.00 %), "
@@ -387,9 +378,10 @@ def test_the_table_says_how_high_the_ceiling_is(monkeypatch):
     )
     other = {"definition": "", "fingerprint": {"kernels": "b"}, "baseline": {}, "best_agent": "x",
              "best_improvement": 0.1, "improvements": {}}  # fmt: skip
-    monkeypatch.setattr("wt_gym.benchmark.table.load_task", lambda name: dataclasses.replace(TASK, reference=other))
+    known = dataclasses.replace(TASK, reference=other)
+    monkeypatch.setattr("wt_gym.experiment.benchmark.load_task", lambda name: known)
     assert "made with another kernels than the reference numbers" in to_markdown(leaderboard([result]))
-    monkeypatch.setattr("wt_gym.benchmark.table.ceiling_of", lambda task: None)
+    monkeypatch.setattr("wt_gym.experiment.benchmark.ceiling_of", lambda task: None)
     assert "Ceiling" not in to_markdown(leaderboard([result]))
 
 

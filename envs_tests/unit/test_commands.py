@@ -191,7 +191,7 @@ def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
         return recorder
 
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
-    monkeypatch.setattr("wt_gym.runs.playing.run_baseline", run)
+    monkeypatch.setattr("wt_gym.experiment.run.run_baseline", run)
     out = tmp_path / "new" / "run.nc"
     assert ended(run_command, "simulate", ["--wind-speed", "8", "12", "15", "--out", str(out)]) == 128 + number
     assert sorted(file.name for file in out.parent.iterdir()) == ["run_12.nc", "run_8.nc"]
@@ -284,9 +284,10 @@ def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch,
 
 
 def test_an_error_of_a_controller_is_printed_once_with_its_winds(capsys):
-    from wt_gym.experiment.comparison import COLUMNS, Case, ControllerRuns
+    from wt_gym.analysis.results import Wind
+    from wt_gym.experiment.comparison import COLUMNS, ControllerRuns
 
-    cases = [Case(wind, seed) for wind in (12.0, 15.0) for seed in (1, 2)]
+    cases = [Wind(wind, seed) for wind in (12.0, 15.0) for seed in (1, 2)]
     metrics = dict.fromkeys((key for key, _ in COLUMNS), 1e6)
     good = ControllerRuns("discon", dict.fromkeys(cases, metrics), {})
     compare_controllers.show([good, ControllerRuns("mine", {}, dict.fromkeys(cases, "it is broken"))], False)
@@ -355,7 +356,7 @@ def test_a_full_disk_ends_in_one_line_and_what_was_written_stays(monkeypatch, tm
         return recorder
 
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
-    monkeypatch.setattr("wt_gym.runs.playing.run_baseline", run)
+    monkeypatch.setattr("wt_gym.experiment.run.run_baseline", run)
     out = tmp_path / "run.nc"
     with files_of_at_most(400_000):
         error = ended(run_command, "simulate", ["--wind-speed", "8", "12", "--out", str(out)])

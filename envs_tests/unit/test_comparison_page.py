@@ -5,8 +5,8 @@ import re
 import pytest
 
 from wt_gym.analysis.report_page import Section, write_page
-from wt_gym.experiment.comparison import COLUMNS, Case, ControllerRuns
-from wt_gym.experiment.comparison_page import write_comparison
+from wt_gym.analysis.results import Wind
+from wt_gym.experiment.comparison import COLUMNS, ControllerRuns, write_comparison
 
 SEEDS = (1001, 1002, 1003)
 SETTINGS = {"duration": 150.0, "skip": 30.0, "fidelity": "training"}
@@ -14,7 +14,7 @@ SETTINGS = {"duration": 150.0, "skip": 30.0, "fidelity": "training"}
 
 def runs(name, factor, failed=False):
     """Flapwise loads of a controller over three seeds at two speeds; the others are 1."""
-    cases = [Case(speed, seed) for speed in (12.0, 18.0) for seed in SEEDS]
+    cases = [Wind(speed, seed) for speed in (12.0, 18.0) for seed in SEEDS]
     metrics = {
         case: {key: 1e6 for key, _ in COLUMNS} | {"blade_flap_del": 1e6 * factor(k)} for k, case in enumerate(cases)
     }

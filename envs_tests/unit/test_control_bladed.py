@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control import Demand, Lidar
@@ -19,9 +20,9 @@ from wt_gym.control.bladed.rosco import PERFORMANCE_FILE, quiet_input, tuned_inp
 from wt_gym.control.controllers import make_controller, parse_name
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.experiment.comparison import Case, run_cases
+from wt_gym.experiment.comparison import run_cases
 from wt_gym.experiment.names import fingerprint
-from wt_gym.runs.playing import run_controller
+from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import PathInflow, SteadyInflow
@@ -319,9 +320,7 @@ def test_rosco_runs_the_5mw_as_its_input_file_says():
 def test_rosco_against_tip_speed_ratio_tracking_below_rated():
     """In other 8 m/s winds ROSCO was seen to make 2090 kW at 9.68 rpm, `tsr_tracking` 2121 kW at 10.15 rpm."""
     controllers = {name: (name, {}) for name in ("tsr_tracking", "rosco")}
-    other, rosco = (
-        next(iter(run.metrics.values())) for run in run_cases(TURBINE, controllers, [Case(8.0, 1001)], 150.0)
-    )
+    other, rosco = (next(iter(run.metrics.values())) for run in run_cases(TURBINE, controllers, [Wind(8.0, 1001)]))
     assert rosco["mean_power"] / other["mean_power"] == pytest.approx(2090 / 2121, abs=0.015)
     assert rosco["rotor_speed_mean"] / other["rotor_speed_mean"] == pytest.approx(9.68 / 10.15, abs=0.015)
 

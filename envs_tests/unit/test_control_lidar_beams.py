@@ -13,7 +13,7 @@ from wt_gym.control import Lidar
 from wt_gym.control.bladed.records import channels_read, new_swap, write_lidar
 from wt_gym.control.controllers import WithLidar
 from wt_gym.envs.lidar import LIDAR_NOISE, lidar_noise
-from wt_gym.experiment.controller_agent import ObservedSignals
+from wt_gym.experiment.agents import ObservedSignals
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 

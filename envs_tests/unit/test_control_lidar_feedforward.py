@@ -20,8 +20,8 @@ from wt_gym.control.controllers import (
     readings_of,
 )
 from wt_gym.control.operating_point import operating_point
-from wt_gym.experiment.controller_agent import ControllerAgent
-from wt_gym.runs.playing import run_controller
+from wt_gym.experiment.agents import ControllerAgent
+from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import with_damper

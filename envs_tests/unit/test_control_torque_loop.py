@@ -15,7 +15,7 @@ from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindE
 from wt_gym.control.operating_point import operating_point, rotor_inertia
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.stability import LEAST_GROWTH, LoopMode, growing_mode, torque_loop_modes, winds_below_rated
-from wt_gym.runs.steady_check import DURATION
+from wt_gym.experiment.steady_check import DURATION
 from wt_gym.turbines import ControlData, load_turbine
 
 CATALOGUE = ("nrel_5mw", "nrel_5mw_monopile", "iea_15mw", "iea_15mw_monopile", "iea_22mw")

@@ -24,22 +24,20 @@ from envs_tests.physics.validation import load_cases
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
-from wt_gym.benchmark import load_task, task_names
 from wt_gym.commands import COMMANDS, loadcases, module_of, parse
 from wt_gym.commands.train import configuration
 from wt_gym.control.controllers import CONTROLLERS, make_controller
 from wt_gym.control.controllers import controller as contract
-from wt_gym.experiment.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
-from wt_gym.experiment.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
-from wt_gym.experiment.loadcases.cases import CASES, plan_of
-from wt_gym.experiment.loadcases.study import LoadCaseConfig
-from wt_gym.experiment.names import controller_of, is_controller_name
+from wt_gym.experiment.benchmark_tasks import load_task, task_names
+from wt_gym.experiment.evaluation import CONFIGURATION_FILE, DEFAULT_WIND_SEEDS, REPORT_FILE, EvaluationConfig
+from wt_gym.experiment.loadcase_runs import LoadCaseConfig
+from wt_gym.experiment.loadcases import CASES, plan_of
+from wt_gym.experiment.names import read_name
+from wt_gym.experiment.run import run_controller
+from wt_gym.experiment.store import SWEEP_FILE, digest
 from wt_gym.learning.callbacks import SELECTION_WIND_SEEDS
 from wt_gym.learning.hyperparameters import ALGORITHMS, read_hyperparameters
 from wt_gym.learning.options import TrainingConfig
-from wt_gym.runs.definition import digest
-from wt_gym.runs.playing import run_controller
-from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -129,9 +127,10 @@ def test_commands_are_accepted(name, words, tmp_path):
     if name in ("evaluate", "loadcases"):
         for agent in arguments.agents:
             choice = agent.split("=", 1)[1] if "=" in agent and ":" not in agent.split("=")[0] else agent
-            if is_controller_name(choice) and not re.search("^bladed:|file=", choice):  # the reader's files
-                controller, parameters = controller_of(choice)
-                make_controller(controller, load_turbine("nrel_5mw"), **parameters)
+            if re.search("^bladed:|file=|/|[.]py:|[.]zip", choice):  # files, of the reader too
+                continue
+            if (agent := read_name(choice)).kind == "controller":
+                make_controller(agent.target, load_turbine("nrel_5mw"), **agent.parameters)
     if name == "loadcases":
         assert loadcases.configuration(arguments).quick == ("--quick" in words)
     if name in ("train", "search") and not getattr(arguments, "resume", None):
@@ -254,7 +253,7 @@ def sizes_of_the_sets_of_load_cases():
     turbine, sizes = load_turbine("nrel_5mw"), []
     for quick in (False, True):
         plan = plan_of(turbine, quick)
-        conditions = {digest(c.to_json()): c for kind in CASES.values() for c in kind.conditions(turbine, plan)}
+        conditions = {digest(c.to_json()): c for kind in CASES.values() for c in kind.situations(turbine, plan)}
         minutes = round(sum(condition.duration for condition in conditions.values()) / 60.0)
         sizes += [len(conditions), minutes]
     pattern = r"Full set: (\d+) runs, (\d+) h (\d+) min.*quick set: (\d+) runs, (\d+) min"
@@ -329,7 +328,7 @@ def versions_of_ids_and_tasks():
 def public_modules():
     said = text_of("docs/versions.md").split("**Public interface.**")[1].split("and the modules of")[0]
     names = re.findall(r"`(wt_gym\.[a-z.]+)`", said)
-    assert len(names) >= 8
+    assert len(names) >= 6
     return {name for name in names if import_module(name).__all__}, {*names}
 
 
@@ -361,8 +360,8 @@ def what_ray_needs():
 
 def test_nothing_imports_ray_that_does_not_ask_for_it():
     program = (
-        "import sys, wt_gym.learning.train, wt_gym.experiment.evaluation, wt_gym.runs.executors, "
-        "wt_gym.learning.search, wt_gym.experiment.benchmark_runs; sys.exit('ray' in sys.modules)"
+        "import sys, wt_gym.learning.train, wt_gym.experiment.evaluation, wt_gym.experiment.execute, "
+        "wt_gym.learning.search, wt_gym.experiment.benchmark; sys.exit('ray' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0
 

@@ -11,7 +11,7 @@ from task_scores import RANDOM, STUDIES, Part, Study, measure, score_table
 
 from wt_gym.analysis.results import Wind
 from wt_gym.envs.wind_sampler import GUSTS, TRAINING_WIND_SEEDS
-from wt_gym.experiment import evaluation_run
+from wt_gym.experiment import evaluation
 from wt_gym.experiment.robustness import FAULT_CONDITIONS, NOMINAL
 from wt_gym.tasks import TASKS
 
@@ -119,15 +119,15 @@ def test_a_scoring_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
         (Part((Wind(12.0, 1001), Wind(16.0, 1001)), arguments={"start": "steady"}),), (STUDIES["Yaw"].columns[0],),
         duration=8.0, skip=2.0,
     )  # fmt: skip
-    begun, play = [], evaluation_run.play
+    begun, player = [], evaluation.EpisodePlayer
 
     def stopped_at_the_fourth(env, agent, **more):
         begun.append(agent)
         if len(begun) == 4:
             raise KeyboardInterrupt
-        return play(env, agent, **more)
+        return player(env, agent, **more)
 
-    monkeypatch.setattr(evaluation_run, "play", stopped_at_the_fourth)
+    monkeypatch.setattr(evaluation, "EpisodePlayer", stopped_at_the_fourth)
     with pytest.raises(KeyboardInterrupt):
         measure(study, folder=tmp_path)
     runs = measure(study, folder=tmp_path)

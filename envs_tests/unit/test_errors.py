@@ -8,10 +8,10 @@ import pytest
 
 from wt_gym.base import errors
 from wt_gym.base.errors import WtGymError, did_you_mean
-from wt_gym.benchmark import load_task
 from wt_gym.commands import main
 from wt_gym.commands.benchmark import chosen
 from wt_gym.commands.program import user_errors
+from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.names import read_name
 from wt_gym.learning.hyperparameters import check_hyperparameters
 from wt_gym.simulation import Simulator

@@ -3,7 +3,7 @@
 from itertools import product
 
 from wt_gym.analysis.results import Wind
-from wt_gym.experiment.evaluation_config import FIRST_SEED, EvaluationConfig
+from wt_gym.experiment.evaluation import FIRST_SEED, EvaluationConfig
 
 WINDS = tuple(Wind(10.0 + k, 1) for k in range(12))
 SEEDS = (0, 1, 7, 999, 1000, 1001, 2000, 11_000, 12_000, 10**6, 2**20, 1000 * 2**20, 2**32 - 1, 2**32)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.runs.folder_lock import FolderLock
+from wt_gym.experiment.store import FolderLock
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys
-from wt_gym.runs.folder_lock import FolderLock
+from wt_gym.experiment.store import FolderLock
 with FolderLock(sys.argv[1], "work"):
     print("held", flush=True)
     sys.stdin.read()

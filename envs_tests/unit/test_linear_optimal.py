@@ -9,9 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import ControllerError
-from wt_gym.benchmark import load_task
-from wt_gym.benchmark.run import benchmark_metrics
 from wt_gym.commands import run as run_command
 from wt_gym.control import Demand
 from wt_gym.control.controllers import Combined, FadeParameters, make_controller
@@ -34,7 +33,10 @@ from wt_gym.control.controllers.linear_optimal import (
     without_lasting,
 )
 from wt_gym.control.sensors import to_blades, to_fixed_frame
-from wt_gym.experiment.comparison import Case, inflow_of
+from wt_gym.experiment.benchmark_tasks import load_task
+from wt_gym.experiment.comparison import inflow_of
+from wt_gym.experiment.run import benchmark_metrics, run_controller
+from wt_gym.learning import linear_design as designing
 from wt_gym.learning.linear_design import (
     Plant,
     change_of_power,
@@ -45,10 +47,8 @@ from wt_gym.learning.linear_design import (
     forecast_change,
     minimize_quadratic,
 )
-from wt_gym.learning.linear_design import design as designing
 from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask
 from wt_gym.learning.recording import Recording, RecordingStore, explained_share, identify, respond
-from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
@@ -803,7 +803,7 @@ def test_the_command_writes_a_design(toy_runs, tmp_path, capsys):
 def test_the_shipped_design_improves_a_wind_that_it_has_not_seen(turbine):
     task, metrics = load_task("load-reduction-15"), {}
     for name in ("discon", "tuned", "linear_optimal"):
-        simulator = Simulator(turbine, inflow_of(turbine, Case(15.0, 1013)), "training")
+        simulator = Simulator(turbine, inflow_of(turbine, Wind(15.0, 1013)), "training")
         run = run_controller(simulator, make_controller(name, turbine), 210.0)
         metrics[name] = benchmark_metrics(run.to_dataset(), turbine, 30.0)
     gains = {name: task.improvement(found, metrics["discon"]) for name, found in metrics.items()}

@@ -110,7 +110,7 @@ def test_pickles_workers_and_data_find_their_way(installed, sources, tmp_path, e
     program = folder / "work" / "program.py"
     program.write_text(WORKERS)
     workers, settings = succeeds(folder / "venv" / "bin" / "python", program, folder=folder / "work").splitlines()
-    assert workers == "True wt_gym.runs.folder_lock"
+    assert workers == "True wt_gym.experiment.store"
     found, agents = settings.split()
     assert found == "True"
     assert Path(agents, "trained", "faults", "model.zip").is_file()

@@ -9,10 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.runs import RunDefinition, RunStore, make_runs
-from wt_gym.runs.definition import described
-from wt_gym.runs.executors import SerialExecutor
-from wt_gym.runs.store import SWEEP_FILE
+from wt_gym.experiment.execute import Experiment
+from wt_gym.experiment.store import SWEEP_FILE, RunDefinition, RunStore, described
 
 
 def definition(job):
@@ -20,16 +18,22 @@ def definition(job):
     return RunDefinition({"speed": speed}, 10.0, 2.0, {"kernels": "a"}, agent={"name": "discon"}).to_json()
 
 
-def made(jobs, store, done, work=lambda job: {"speed": job[0]}):
-    executor = SerialExecutor()
+class Rows(Experiment):
+    """Rows (speed, name) whose calls are counted."""
 
-    def counted(job):
-        done.append(job)
-        return work(job)
+    def __init__(self, done, work):
+        self.done, self.work = done, work
 
-    return make_runs(
-        jobs, lambda left: executor.results(counted, left), tally=executor.tally, store=store, define=definition
-    )
+    def definition(self, row):
+        return definition(row)
+
+    def __call__(self, row):
+        self.done.append(row)
+        return self.work(row)
+
+
+def made(rows, store, done, work=lambda row: {"speed": row[0]}):
+    return Rows(done, work).table(rows, store=store, progress=False)
 
 
 def test_what_decides_on_a_run_is_plain_data():
@@ -90,9 +94,9 @@ def test_numbers_that_are_not_finite_are_not_written(tmp_path):
 MADE = """
 import functools, numpy as np
 from dataclasses import dataclass
-from wt_gym.envs.rewards.fatigue import BladeFatigue
-from wt_gym.envs.rewards.function import FunctionTerm
-from wt_gym.runs.definition import RunDefinition
+from wt_gym.envs.fatigue import BladeFatigue
+from wt_gym.envs.rewards import FunctionTerm
+from wt_gym.experiment.store import RunDefinition
 from wt_gym.wind import SteadyInflow
 from wt_gym.wind.iec import reference_speed
 

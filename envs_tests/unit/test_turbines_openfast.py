@@ -16,7 +16,7 @@ from openfast_model import DEGREE, Model, principal, with_few_points
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.commands import run as run_command
 from wt_gym.control.controllers import make_controller
-from wt_gym.runs.steady_check import SteadyPoint, _run, steady_winds, verdict
+from wt_gym.experiment.steady_check import SteadyPoint, _run, steady_winds, verdict
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
@@ -651,7 +651,7 @@ class TestCheckInSteadyWinds:
                 made[4] = replace(made[4], **wrong)
                 return made
 
-            monkeypatch.setattr("wt_gym.runs.steady_check.steady_check", points)
+            monkeypatch.setattr("wt_gym.experiment.steady_check.steady_check", points)
             return path
 
         return give
@@ -701,7 +701,7 @@ class TestCheckInSteadyWinds:
         def simulator(turbine, inflow, fidelity=None):
             raise SimulationError(f"fidelity {fidelity}")
 
-        monkeypatch.setattr("wt_gym.runs.steady_check.Simulator", simulator)
+        monkeypatch.setattr("wt_gym.experiment.steady_check.Simulator", simulator)
         with pytest.raises(SimulationError, match="fidelity None"):
             _run(nrel_5mw, 8.0)
 

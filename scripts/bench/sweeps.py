@@ -19,7 +19,7 @@ from pathlib import Path
 from wt_gym.analysis.results import Wind
 from wt_gym.base.process_memory import peak_memory
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
-from wt_gym.runs.executors import ProcessExecutor, SerialExecutor, executor_for
+from wt_gym.experiment.execute import ProcessExecutor, SerialExecutor, executor_for
 
 
 def scaling(arguments: argparse.Namespace) -> dict:

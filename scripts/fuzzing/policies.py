@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.experiment.controller_agent import ControllerAgent
+from wt_gym.experiment.agents import ControllerAgent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

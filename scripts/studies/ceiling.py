@@ -3,9 +3,9 @@
     python scripts/studies/ceiling.py --task load-reduction --winds 3
     python scripts/studies/ceiling.py --page docs/benchmark.md      # with the tables of all ceilings
 
-Writes wt_gym/benchmark/data/ceilings/NAME.json. `make_ceiling` identifies the plant in training winds, learns offsets
-in the winds of the task (`ceiling_oracle`) and forecasts what linear laws with more and more information reach
-(`ceiling_ladder`). Every run is stored.
+Writes wt_gym/experiment/benchmark_data/ceilings/NAME.json. `make_ceiling` identifies the plant in training winds,
+learns offsets in the winds of the task (`ceiling_oracle`) and forecasts what linear laws with more and more information
+reach (`ceiling_ladder`). Every run is stored.
 """
 
 from __future__ import annotations
@@ -25,11 +25,9 @@ from ceiling_ladder import Rung, Seen, climb, known_wind, rungs_of, see
 from ceiling_oracle import OracleOptions, Played, best_of, learn_offsets
 
 from wt_gym.analysis.change import relative_change
+from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_text_whole
-from wt_gym.benchmark import ResultFolder, ceiling_file, ceiling_of, into_page, play, run_definition
-from wt_gym.benchmark.ceiling import Ceiling
-from wt_gym.benchmark.run import make_env
 from wt_gym.commands.benchmark import KEPT, chosen
 from wt_gym.commands.options import WORKERS, add_shared, executor_of
 from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
@@ -37,16 +35,25 @@ from wt_gym.control.controllers import Combined, lidar_of
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, PitchOffsets
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.experiment.benchmark_runs import Job, definition_of, entry_of
-from wt_gym.experiment.comparison import Case, inflow_of
-from wt_gym.experiment.constant import ConstantAgent
+from wt_gym.experiment.agents import ConstantAgent
+from wt_gym.experiment.benchmark import (
+    Job,
+    ResultFolder,
+    definition_of,
+    entry_of,
+    into_page,
+    make_env,
+    play_task,
+    run_definition,
+)
+from wt_gym.experiment.benchmark_tasks import Ceiling, ceiling_file, ceiling_of
+from wt_gym.experiment.comparison import inflow_of
+from wt_gym.experiment.execute import SerialExecutor
 from wt_gym.experiment.names import BASELINE, RESIDUAL_INTERFACE
+from wt_gym.experiment.store import RunStore, described
 from wt_gym.learning.linear_design import identified_plant
 from wt_gym.learning.options import LinearDesignTask
 from wt_gym.learning.recording import LOADS, DrawnOffsets, Recording, RecordingStore, record
-from wt_gym.runs.definition import described
-from wt_gym.runs.executors import SerialExecutor
-from wt_gym.runs.store import RunStore
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
@@ -54,11 +61,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from wt_gym.benchmark import BenchmarkTask, BenchmarkWind
     from wt_gym.control import Demand
     from wt_gym.control.controllers import Controller, Readings
+    from wt_gym.experiment.benchmark_tasks import BenchmarkTask, BenchmarkWind
+    from wt_gym.experiment.execute import Executor
     from wt_gym.learning.linear_design import Plant
-    from wt_gym.runs.executors import Executor
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
@@ -202,9 +209,9 @@ class _Runs:
         definition, results = definition_of(job), ResultFolder(self.folder)
         if (kept := results.find(definition)) is not None:
             return cast("dict[str, Any]", kept)
-        made = play(self.task, wind, job.entry.make, job.entry.interface)
+        made = play_task(self.task, wind, job.entry.make, job.entry.interface)
         result = {"definition": definition, "agent": job.entry.name, **made}
-        results.write(result)
+        results.keep(definition, result)
         return result
 
     def offsets(self, wind: BenchmarkWind, levels: NDArray[np.float64]) -> tuple[dict[str, Any], Recording | None]:
@@ -227,12 +234,12 @@ class _Runs:
             players.append(OffsetsPlayer(env, levels, oracle.limit, oracle.rate_limit))
             return players[-1]
 
-        made = play(self.task, wind, make, interface)
+        made = play_task(self.task, wind, make, interface)
         result = {"definition": definition, "agent": "offsets", **made}
         recording = players[-1].recording() if made["ending"] == "time" else None
         if recording is not None:
             recordings.keep(definition, recording)
-        results.write(result)
+        results.keep(definition, result)
         return result, recording
 
 
@@ -304,7 +311,7 @@ def make_ceiling(
         Of the runs; what is there is not made again.
     options : CeilingOptions, optional
     executor : Executor, optional
-        Of `wt_gym.runs.executors`, entered: does the runs, one wind after another by default.
+        Of `wt_gym.experiment.execute`, entered: does the runs, one wind after another by default.
     progress : callable, optional
         Called with a line after every recording, wind and rung.
 
@@ -400,7 +407,7 @@ def _ladder(
     def both(speed: float) -> tuple[list[Seen], list[Seen]]:
         """Training winds, and those of the task, at a speed."""
         if speed not in seen:
-            inflows = {seed: inflow_of(turbine, Case(speed, seed)) for seed in task.seeds}
+            inflows = {seed: inflow_of(turbine, Wind(speed, seed)) for seed in task.seeds}
             fitted = [see(found[speed, seed, False], turbine, inflows[seed]) for seed in task.seeds]
             tested = []
             for wind in winds:

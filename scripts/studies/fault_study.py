@@ -21,11 +21,10 @@ from task_scores import STEADY, signed
 
 from wt_gym.analysis.change import relative_change
 from wt_gym.base.files import write_text_whole
-from wt_gym.benchmark.run import benchmark_metrics
-from wt_gym.benchmark.tasks import load_task
-from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
-from wt_gym.experiment.evaluation_winds import winds_for
+from wt_gym.experiment.benchmark_tasks import load_task
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate, winds_for
 from wt_gym.experiment.robustness import CONDITIONS, COST_TASK, FAULT_CONDITIONS, NOMINAL, chosen
+from wt_gym.experiment.run import benchmark_metrics
 from wt_gym.tasks import DEFAULT_ENV
 from wt_gym.turbines import load_turbine
 

@@ -17,10 +17,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wt_gym.analysis.change import relative_change
+from wt_gym.analysis.results import Wind
 from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
-from wt_gym.benchmark import load_task
 from wt_gym.control.controllers.linear_optimal import save_design
-from wt_gym.experiment.comparison import Case, run_cases
+from wt_gym.experiment.benchmark_tasks import load_task
+from wt_gym.experiment.comparison import ComparisonConfig, run_cases
 from wt_gym.learning.linear_design import default_speeds, design
 from wt_gym.learning.options import LinearDesignTask
 from wt_gym.learning.recording import Recording, RecordingStore
@@ -67,10 +68,10 @@ def designs(arguments, turbine):
 def rows_of(turbine, controllers, arguments):
     """Mean change of each controller against the first in the same winds, with the standard error of the cost."""
     task = load_task("load-reduction-15")
-    cases = [Case(arguments.wind_speed, seed) for seed in arguments.seeds]
+    cases = [Wind(arguments.wind_speed, seed) for seed in arguments.seeds]
     runs = run_cases(
-        turbine, {label: (choice, {}) for label, choice in controllers.items()}, cases, arguments.duration,
-        progress=lambda label, case: print(f"{label}, seed {case.seed}", flush=True),
+        turbine, {label: (choice, {}) for label, choice in controllers.items()}, cases,
+        ComparisonConfig(duration=arguments.duration), progress=True,
     )  # fmt: skip
     for run in runs:
         if run.failures:

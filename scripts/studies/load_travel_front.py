@@ -27,13 +27,13 @@ from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, ba
 from wt_gym.commands import benchmark as command
 from wt_gym.commands.options import MODELS, WORKERS, add_shared
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
-from wt_gym.experiment.benchmark_runs import Entry, entries_of, entry_of
+from wt_gym.experiment.benchmark import Entry, entries_of, entry_of
 from wt_gym.experiment.names import BASELINE, LEVELS, with_model_options
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from wt_gym.benchmark import BenchmarkTask
+    from wt_gym.experiment.benchmark_tasks import BenchmarkTask
 
 DATA = Path(__file__).resolve().parents[2] / "docs" / "data"
 BANDWIDTHS = (0.025, 0.05, 0.1, 0.2, 0.4)

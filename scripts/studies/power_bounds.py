@@ -54,7 +54,7 @@ from wt_gym.control.design import rotor_inertia
 from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.power import efficiency
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.experiment.evaluation_config import EvaluationConfig
+from wt_gym.experiment.evaluation import EvaluationConfig
 from wt_gym.wind import TurningInflow
 
 if TYPE_CHECKING:

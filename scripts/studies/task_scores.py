@@ -97,7 +97,7 @@ class Study:
     task : str
         Of `wt_gym.tasks.TASKS`.
     agents : tuple of str
-        Words and paths as for `wt_gym.experiment.pool.load_agent`, or `RANDOM`; the base controller first.
+        Words and paths as for `wt_gym.experiment.agents.load_agent`, or `RANDOM`; the base controller first.
     parts : tuple of Part
     columns : tuple of Column
     duration, skip : float
@@ -117,7 +117,7 @@ class Study:
     @property
     def env_id(self) -> str:
         """Id of the task."""
-        return TASKS[self.task].ids[-1]
+        return TASKS[self.task].id
 
 
 def _winds(speeds: Iterable[float], n_seeds: int) -> tuple[Wind, ...]:

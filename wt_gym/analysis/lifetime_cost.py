@@ -13,7 +13,7 @@ LIFETIME_COST_WEIGHTS = {
     "pitch_duty_cycle": 0.1,
     "torque_rate": 0.05,
 }
-"""Change of the cost of energy by a relative change of each metric of `wt_gym.benchmark.run.benchmark_metrics`.
+"""Change of the cost of energy by a relative change of each metric of `wt_gym.experiment.run.benchmark_metrics`.
 
 One per cent of energy is worth one per cent of the cost. A load that rises by one per cent asks for about as much more
 material where fatigue decides: the weights are about the shares of blades and tower in the cost of a turbine (some 20 %

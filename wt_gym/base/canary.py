@@ -34,7 +34,7 @@ __all__ = [
 Canary: TypeAlias = "dict[str, str]"
 """Numbers of each channel, as text; a JSON value."""
 CANARY = "canary"
-"""Key of the canary in a fingerprint (`wt_gym.benchmark.benchmark_fingerprint`)."""
+"""Key of the canary in a fingerprint (`wt_gym.experiment.run.benchmark_fingerprint`)."""
 TOLERANCE = 1e-4
 """Largest difference of two versions that are the same, over the range of a channel, or over its single number [-]."""
 _SMALLEST_RANGE = 1e-3

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Any
 
-    from wt_gym.benchmark import BenchmarkTask
-    from wt_gym.experiment.benchmark_runs import Entry
+    from wt_gym.experiment.benchmark import Entry
+    from wt_gym.experiment.benchmark_tasks import BenchmarkTask
 
 KEPT = "runs/benchmark"
 EPILOG = UNSAFE
@@ -80,7 +80,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def chosen(names: list[str]) -> list[BenchmarkTask]:
     """Tasks of the words of the command line."""
     from wt_gym.base.errors import BenchmarkError, did_you_mean
-    from wt_gym.benchmark import load_task, task_names
+    from wt_gym.experiment.benchmark_tasks import load_task, task_names
 
     found = []
     for name in names:
@@ -104,7 +104,8 @@ def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     """Lines on tasks in which what is run now can have no score: their reference numbers do not fit the sources."""
     from wt_gym.base.canary import differing
     from wt_gym.base.errors import BenchmarkError
-    from wt_gym.benchmark import reference_of, run_definition
+    from wt_gym.experiment.benchmark import run_definition
+    from wt_gym.experiment.benchmark_tasks import reference_of
 
     lines: list[str] = []
     others: dict[str, list[str]] = {}
@@ -141,8 +142,7 @@ def idle_lines(results: Iterable[dict[str, Any]]) -> list[str]:
 
 def run_agents(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run agents."""
-    from wt_gym.benchmark import ResultFolder
-    from wt_gym.experiment.benchmark_runs import definition_of, entries_of, jobs_of, run_jobs
+    from wt_gym.experiment.benchmark import ResultFolder, definition_of, entries_of, jobs_of, run_jobs
     from wt_gym.experiment.names import with_model_options
 
     tasks = chosen(arguments.task)
@@ -162,7 +162,7 @@ def table(arguments: argparse.Namespace) -> dict[str, Any]:
     """Score a folder."""
     from wt_gym.base.errors import BenchmarkError
     from wt_gym.base.files import write_text_whole
-    from wt_gym.benchmark import ResultFolder, into_page, leaderboard, to_markdown
+    from wt_gym.experiment.benchmark import ResultFolder, into_page, leaderboard, to_markdown
 
     results = list(ResultFolder(arguments.folder))
     if not results:
@@ -179,8 +179,8 @@ def table(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def archive(arguments: argparse.Namespace) -> dict[str, Any]:
     """Pack a folder."""
-    from wt_gym.benchmark import ResultFolder
-    from wt_gym.experiment.benchmark_verification import pack
+    from wt_gym.experiment.benchmark import ResultFolder
+    from wt_gym.experiment.benchmark_archive import pack
 
     found = pack(ResultFolder(arguments.folder), arguments.models, arguments.out)
     print(f"{arguments.out}: {found['runs']} runs, {found['models']} models, {found['bytes'] / 1e3:.0f} kB")
@@ -191,8 +191,8 @@ def archive(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def verify(arguments: argparse.Namespace) -> dict[str, Any]:
     """Repeat runs of others."""
-    from wt_gym.experiment.benchmark_verification import opened
-    from wt_gym.experiment.benchmark_verification import verify as repeat
+    from wt_gym.experiment.benchmark_archive import opened
+    from wt_gym.experiment.benchmark_archive import verify as repeat
 
     if arguments.sample < 0:
         raise ValueError(f"--sample must be at least 0, got {arguments.sample}")
@@ -211,8 +211,7 @@ def results(
     arguments: argparse.Namespace, asked: list[tuple[BenchmarkTask, list[Entry]]]
 ) -> list[dict[str, dict[str, Any]]]:
     """Run entries in their tasks, all beside each other; give the results of each task by the name of the entry."""
-    from wt_gym.benchmark import ResultFolder
-    from wt_gym.experiment.benchmark_runs import jobs_of, results_of, run_jobs
+    from wt_gym.experiment.benchmark import ResultFolder, jobs_of, results_of, run_jobs
 
     folder = ResultFolder(arguments.out)
     with executor_of(arguments) as executor:
@@ -223,8 +222,8 @@ def results(
 def reference(arguments: argparse.Namespace) -> dict[str, Any]:
     """Renew reference numbers."""
     from wt_gym.base.errors import BenchmarkError
-    from wt_gym.benchmark import make_reference, write_reference
-    from wt_gym.experiment.benchmark_runs import entries_of
+    from wt_gym.experiment.benchmark import entries_of
+    from wt_gym.experiment.benchmark_tasks import make_reference, write_reference
 
     if not IN_CLONE:
         raise BenchmarkError(

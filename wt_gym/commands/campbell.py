@@ -99,7 +99,7 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
     import numpy as np
 
     from wt_gym.control.operating_point import operating_point
-    from wt_gym.runs.progress import ProgressLine
+    from wt_gym.experiment.execute import ProgressLine
     from wt_gym.simulation import Simulator
     from wt_gym.simulation.campbell import campbell
     from wt_gym.wind import SteadyInflow

@@ -9,20 +9,17 @@ one, discon, rosco (where its package is installed), tsr_tracking, ipc and tuned
 
 from __future__ import annotations
 
-import itertools
 import json
-import sys
 from typing import TYPE_CHECKING
 
 from wt_gym.base.files import require_writable
 from wt_gym.commands.options import MODELS, WORKERS, add_shared, agents_of, executor_of, turbine_of
 from wt_gym.commands.program import file_ending_in
-from wt_gym.runs.progress import TimeLeft
 
 if TYPE_CHECKING:
     import argparse
 
-    from wt_gym.experiment.comparison import Case, ControllerRuns
+    from wt_gym.experiment.comparison import ControllerRuns
 
 STOPPED = "shown are the winds in which every controller has run"
 
@@ -44,8 +41,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.Namespace) -> None:
     """Write the page of the winds in which every controller has run."""
-    from wt_gym.experiment.comparison import in_all_winds
-    from wt_gym.experiment.comparison_page import write_comparison
+    from wt_gym.experiment.comparison import in_all_winds, write_comparison
 
     names = ("turbine", "wind_speed", "wind_seeds", "duration", "skip", "fidelity", "control_dt", "simulator")
     settings = {name: getattr(arguments, name) for name in names}
@@ -55,19 +51,19 @@ def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.N
 def show(runs: list[ControllerRuns], as_json: bool) -> None:
     """Print the table of the winds in which every controller has run, and what failed."""
     from wt_gym.analysis.metrics import idle_sentence
-    from wt_gym.experiment.comparison import in_all_winds, table
+    from wt_gym.experiment.comparison import comparison_table, in_all_winds
 
     runs = in_all_winds(runs)
-    print(table(runs))
+    print(comparison_table(runs))
     for run in runs:
         for message in dict.fromkeys(run.failures.values()):
-            cases = [case.label for case, own in run.failures.items() if own == message]
-            print(f"{run.name} at {'; '.join(cases)}: {message}")
-        if sentence := idle_sentence(run.name, ((case.label, time) for case, time in run.idle.items())):
+            winds = [wind.label for wind, own in run.failures.items() if own == message]
+            print(f"{run.name} at {'; '.join(winds)}: {message}")
+        if sentence := idle_sentence(run.name, ((wind.label, time) for wind, time in run.idle.items())):
             print(sentence)
     if as_json:
         rows = [
-            {"controller": r.name, "wind_speed": c.wind_speed, "seed": c.seed, **m}
+            {"controller": r.name, "wind_speed": c.speed, "seed": c.seed, **m}
             for r in runs
             for c, m in r.metrics.items()
         ]
@@ -76,27 +72,24 @@ def show(runs: list[ControllerRuns], as_json: bool) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Run, and show what was done of a stopped series too."""
-    from wt_gym.experiment.comparison import Case, run_cases
+    from wt_gym.analysis.results import Wind
+    from wt_gym.experiment.comparison import ComparisonConfig, run_cases
     from wt_gym.experiment.names import COMPARED, available, read_name
 
     names = agents_of(arguments, arguments.controllers or available(COMPARED))
     controllers = {label: ((name := read_name(text)).target, name.parameters) for label, text in names.items()}
-    cases = [Case(wind, seed) for wind in arguments.wind_speed for seed in (arguments.wind_seeds or [None])]
+    winds = [Wind(wind, seed) for wind in arguments.wind_speed for seed in (arguments.wind_seeds or [None])]
     if arguments.report:
         require_writable(arguments.report.parent)
     turbine = turbine_of(arguments)
-    left, numbers = TimeLeft(len(cases) * len(controllers)), itertools.count(1)
-
-    def progress(name: str, case: Case) -> None:
-        print(f"run {left.text(next(numbers))}: {name} at {case.label}", file=sys.stderr, flush=True)
-
+    settings = ComparisonConfig(
+        duration=arguments.duration, skip=arguments.skip, fidelity=arguments.fidelity,
+        control_dt=arguments.control_dt, simulator=arguments.simulator,
+    )  # fmt: skip
     runs: list[ControllerRuns] = []
     try:
         with executor_of(arguments) as executor:
-            run_cases(
-                turbine, controllers, cases, arguments.duration, arguments.skip, arguments.fidelity,
-                arguments.control_dt, progress, runs, simulator=arguments.simulator, executor=executor,
-            )  # fmt: skip
+            run_cases(turbine, controllers, winds, settings, runs=runs, executor=executor, progress=True)
     finally:
         if any(run.done for run in runs):
             show(runs, arguments.json)

@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> None:
     import gymnasium as gym
 
     from wt_gym.envs.turbine_env import turbine_env_of
-    from wt_gym.experiment.compilation import compile_kernels
+    from wt_gym.experiment.environments import compile_kernels
     from wt_gym.simulation import Simulator
     from wt_gym.simulation.compilation import compile_ahead
 

@@ -49,8 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def configuration(arguments: argparse.Namespace, simulator: str | dict[str, Any]) -> EvaluationConfig:
     """Evaluation of the options with one of the simulators."""
-    from wt_gym.experiment.evaluation import EvaluationConfig
-    from wt_gym.experiment.evaluation_winds import winds_for
+    from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
 
     kwargs = environment_of(arguments, simulator, start="steady")
     winds = winds_for(arguments.env, kwargs, arguments.wind_speed, arguments.wind_seeds, None, arguments.duration)

@@ -76,8 +76,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     """Configuration of the options."""
-    from wt_gym.experiment.evaluation import EvaluationConfig
-    from wt_gym.experiment.evaluation_winds import winds_for
+    from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
 
     kwargs = environment_of(arguments)
     return EvaluationConfig(
@@ -97,8 +96,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from wt_gym.analysis.report import write_report
     from wt_gym.analysis.results import run_files
     from wt_gym.analysis.summary import results_table, summarize
-    from wt_gym.experiment.evaluation import evaluate
-    from wt_gym.experiment.evaluation_folder import REPORT_FILE
+    from wt_gym.experiment.evaluation import REPORT_FILE, evaluate
 
     out, crosscheck = Path(arguments.out), None
     with executor_of(arguments) as executor:

@@ -160,8 +160,8 @@ _COLUMNS = (
 
 def check_steady(turbine: Turbine, model: Path) -> list[dict[str, Any]]:
     """Run the turbine in nine steady winds and print a row for each; return the rows."""
-    from wt_gym.runs.progress import ProgressLine, clock
-    from wt_gym.runs.steady_check import DURATION, steady_check, steady_winds, verdict
+    from wt_gym.experiment.execute import ProgressLine, clock
+    from wt_gym.experiment.steady_check import DURATION, steady_check, steady_winds, verdict
     from wt_gym.turbines.openfast_control import find_steady_table
 
     table, winds, line = find_steady_table(model, turbine.drivetrain.rated_power), steady_winds(turbine), ProgressLine()

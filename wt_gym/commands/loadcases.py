@@ -31,7 +31,7 @@ from wt_gym.commands.program import UNSAFE
 if TYPE_CHECKING:
     import argparse
 
-    from wt_gym.experiment.loadcases.study import LoadCaseConfig
+    from wt_gym.experiment.loadcase_runs import LoadCaseConfig
 
 EPILOG = UNSAFE
 STOPPED = "the same command resumes with what is in {out}"
@@ -57,8 +57,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
     """Configuration of the options."""
-    from wt_gym.experiment.loadcases.cases import CASES
-    from wt_gym.experiment.loadcases.study import LoadCaseConfig
+    from wt_gym.experiment.loadcase_runs import LoadCaseConfig
+    from wt_gym.experiment.loadcases import CASES
 
     kwargs = environment_of(arguments)
     cases = tuple(arguments.case or CASES)
@@ -75,8 +75,8 @@ def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run load cases, write the report and print the tables."""
-    from wt_gym.experiment.loadcases.report import load_case_tables, write_load_case_report
-    from wt_gym.experiment.loadcases.study import REPORT_FILE, run_load_cases
+    from wt_gym.experiment.loadcase_report import load_case_tables, write_load_case_report
+    from wt_gym.experiment.loadcase_runs import REPORT_FILE, run_load_cases
 
     out = Path(arguments.out)
     with executor_of(arguments) as executor:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from wt_gym.deployment.export.openfast_flight import Scene
-    from wt_gym.runs.executors import Executor
+    from wt_gym.experiment.execute import Executor
     from wt_gym.turbines import Turbine
 
 __all__ = [
@@ -155,9 +155,9 @@ def executor_of(arguments: argparse.Namespace) -> Executor:
     Raises
     ------
     ValueError
-        As `wt_gym.runs.executors.executor_for`.
+        As `wt_gym.experiment.execute.executor_for`.
     """
-    from wt_gym.runs.executors import executor_for
+    from wt_gym.experiment.execute import executor_for
 
     return executor_for(arguments.engine, arguments.jobs, arguments.address)
 

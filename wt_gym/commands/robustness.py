@@ -12,7 +12,6 @@ folder of the results as soon as it is done: the same command resumes. docs/howt
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,6 @@ from wt_gym.commands.program import UNSAFE
 if TYPE_CHECKING:
     import argparse
 
-    from wt_gym.experiment.robustness import Condition
 
 EPILOG = UNSAFE
 STOPPED = "the same command resumes with what is in {out}"
@@ -50,8 +48,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any] | None:
     """Run the conditions and print the table, or list them."""
-    from wt_gym.experiment.evaluation_config import EvaluationConfig
-    from wt_gym.experiment.evaluation_winds import winds_for
+    from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
     from wt_gym.experiment.robustness import CONDITIONS, FAULT_CONDITIONS, chosen, run_robustness
 
     if arguments.list:
@@ -59,9 +56,6 @@ def run(arguments: argparse.Namespace) -> dict[str, Any] | None:
         width = max(map(len, known))
         print("\n".join(f"{one.name:{width}}  {one.text}" for one in known.values()))
         return None
-
-    def told(condition: Condition) -> None:
-        print(f"{condition.name}: {condition.text}", file=sys.stderr, flush=True)
 
     with executor_of(arguments) as executor:
         if not arguments.agents:
@@ -75,7 +69,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any] | None:
         results = run_robustness(
             agents_of(arguments, [arguments.reference, *arguments.agents]), config, conditions,
             folder=Path(arguments.out), overwrite=arguments.overwrite,
-            allow_other_environment=arguments.allow_other_environment, executor=executor, told=told,
+            allow_other_environment=arguments.allow_other_environment, executor=executor,
         )  # fmt: skip
     print(results.to_markdown())
     print(f"results: {arguments.out}")

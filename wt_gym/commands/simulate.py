@@ -191,8 +191,8 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
 def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Recorder:
     """Run one wind; what was simulated is written where a file is given, of a stopped run too."""
     from wt_gym.envs.operation import simulator_maker
-    from wt_gym.runs.playing import run_baseline
-    from wt_gym.runs.progress import ProgressLine
+    from wt_gym.experiment.execute import ProgressLine
+    from wt_gym.experiment.run import run_baseline
     from wt_gym.simulation import Recorder
 
     make = simulator_maker(arguments.simulator, arguments.turbine, pictured=False, longest=lambda: arguments.duration)

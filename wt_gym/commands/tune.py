@@ -9,16 +9,13 @@ Needs the extra "tune".
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.options import add_shared, turbine_of
+from wt_gym.commands.options import add_shared
 from wt_gym.commands.program import file_ending_in
-from wt_gym.runs.progress import TimeLeft
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
 
 STOPPED = "the trials so far are in the file of --out, if it was given"
 
@@ -59,25 +56,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "json")
 
 
-def shown(parameters: Mapping[str, float]) -> str:
-    """Parameters in a sentence."""
-    return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
-
-
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Tune."""
-    from wt_gym.experiment.tuning import Cost, Range, TuningTask, tune
+    from wt_gym.experiment.tuning import Cost, Range, TuningTask, parameters_text, tune
+    from wt_gym.turbines import load_turbine
+    from wt_gym.turbines.model import with_site
 
-    left, fidelity = TimeLeft(arguments.trials), arguments.fidelity
-
-    def progress(number: int, cost: float, parameters: Mapping[str, float]) -> None:
-        print(f"trial {left.text(number + 1)}: cost {cost:+.4f} with {shown(parameters)}", file=sys.stderr, flush=True)
-
+    turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
+    cost = Cost(dict(arguments.weights)) if arguments.weights else Cost()
     task = TuningTask(
         arguments.controller, arguments.reference, tuple(arguments.wind_speed), tuple(arguments.wind_seeds),
-        arguments.duration, arguments.skip, fidelity, Cost(dict(arguments.weights)) if arguments.weights else Cost(),
+        arguments.duration, arguments.skip, arguments.fidelity, cost,
         {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
     )  # fmt: skip
-    record = tune(turbine_of(arguments), task, arguments.trials, arguments.seed, arguments.out, progress)
-    print(f"best: cost {record['best']['cost']:+.4f} with {shown(record['best']['parameters'])}")
+    record = tune(turbine, task, arguments.trials, arguments.seed, arguments.out, progress=True)
+    print(f"best: cost {record['best']['cost']:+.4f} with {parameters_text(record['best']['parameters'])}")
     return record

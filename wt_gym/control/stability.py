@@ -210,7 +210,7 @@ def _gust_answers(
 
 @dataclass(frozen=True)
 class LoopReport:
-    """What `check_speed_loop` has found."""
+    """Result of `check_speed_loop`."""
 
     modes: tuple[LoopMode, ...]  #: the least damped mode in each wind
     least_damped: LoopMode | None  #: of all modes that move the rotor more than the tower, and all that grow
@@ -302,8 +302,8 @@ _SPACING = 1.0
 LEAST_GROWTH = 0.01
 """Growth from which on a mode counts as growing [1/s].
 
-It is one e-fold in the 100 s of the check in steady winds (`wt_gym.runs.steady_check`). Slower growth is less than the
-error of the linear model: simulations of public models with a growth of 0.001 1/s decay.
+It is one e-fold in the 100 s of the check in steady winds (`wt_gym.experiment.steady_check`). Slower growth is less
+than the error of the linear model: simulations of public models with a growth of 0.001 1/s decay.
 """
 _NAMES = (
     "rotor", "generator", "twist", "wake", "position", "velocity", "filter", "filter_rate", "estimate", "wind",

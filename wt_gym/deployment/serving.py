@@ -25,9 +25,9 @@ from wt_gym.envs.channels import RESIDUAL_GROUPS
 from wt_gym.envs.observations import Observer
 from wt_gym.envs.options import flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.experiment.agents import load_agent, load_model
+from wt_gym.experiment.environments import training_arguments
 from wt_gym.experiment.names import env_choices_of, read_name
-from wt_gym.experiment.pool import load_agent, load_model
-from wt_gym.experiment.trained_environment import training_arguments
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.tasks import DEFAULT_ENV

@@ -1,60 +1,54 @@
-"""Controllers compared in the same winds, each against the first."""
+"""Controllers compared in the same winds, each against the first: runs, table and page."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import partial
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import stdtrit
 
 from wt_gym.analysis.change import is_relative, relative_change
-from wt_gym.analysis.metrics import idle_time
+from wt_gym.analysis.metrics import METRICS, idle_time
+from wt_gym.analysis.paired import Estimate
+from wt_gym.analysis.plots import agent_styles
+from wt_gym.analysis.report_page import Row, Section, agent_label, legend, settings_element, table, today, write_page
+from wt_gym.analysis.results import Wind
+from wt_gym.analysis.summary import format_estimate, format_value
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.options import check_duration
-from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
+from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers import Name, make_controller
 from wt_gym.envs.operation import OWN, simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.experiment.names import RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
-from wt_gym.experiment.pool import load_agent, load_model
-from wt_gym.experiment.trained_environment import environment_of_training
-from wt_gym.runs.executors import SerialExecutor
-from wt_gym.runs.playing import play, run_controller
-from wt_gym.runs.table import make_runs
+from wt_gym.experiment.agents import load_agent, load_model
+from wt_gym.experiment.environments import environment_of_training
+from wt_gym.experiment.execute import Experiment
+from wt_gym.experiment.names import INTERFACE, RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
+from wt_gym.experiment.run import LEAST_MEASURED, benchmark_metrics, play, run_controller
+from wt_gym.simulation import Fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
 
     import xarray as xr
 
     from wt_gym.envs.episode import Agent
-    from wt_gym.runs.executors import Executor
-    from wt_gym.simulation import Fidelity
+    from wt_gym.experiment.execute import Executor
     from wt_gym.simulation.contract import TurbineSimulator
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "COLUMNS",
-    "LEAST_FOR_INTERVAL",
-    "LEAST_MEASURED",
-    "RESIDUAL_INTERFACE",
-    "Case",
-    "ControllerRuns",
-    "change",
-    "check_times",
-    "half_width",
-    "in_all_winds",
-    "inflow_of",
-    "run_agent",
-    "run_cases",
-    "table",
-]
+    "COLUMNS", "ComparisonConfig", "ControllerRuns", "change", "comparison_table", "half_width", "in_all_winds",
+    "inflow_of", "run_cases", "write_comparison",
+]  # fmt: skip
 
 COLUMNS = (
     ("mean_power", "power"),
@@ -68,90 +62,72 @@ COLUMNS = (
 )
 """Metrics of `wt_gym.analysis.metrics` and their short names."""
 
-LEAST_MEASURED = 2.0
-"""Shortest time that metrics are taken of, and longest interval of a controller [s]."""
-
-
-@dataclass(frozen=True)
-class Case:
-    """A wind: mean speed [m/s] and turbulence seed (None: steady)."""
-
-    wind_speed: float
-    seed: int | None = None
-
-    @property
-    def label(self) -> str:
-        """Name for sentences."""
-        return f"{self.wind_speed:g} m/s" + ("" if self.seed is None else f", seed {self.seed}")
-
 
 @dataclass
 class ControllerRuns:
-    """Metrics of one controller by case; a run that failed has none, its message stands in ``failures``.
+    """Metrics of one controller by wind; a run that failed has none, its message stands in ``failures``.
 
     ``idle`` has the time in which the turbine made no power without a reason [s], see `wt_gym.envs.terminations`.
     """
 
     name: str
-    metrics: dict[Case, dict[str, float]]
-    failures: dict[Case, str]
-    idle: dict[Case, float] = field(default_factory=dict)
+    metrics: dict[Wind, dict[str, float]]
+    failures: dict[Wind, str]
+    idle: dict[Wind, float] = field(default_factory=dict)
 
     @property
-    def done(self) -> tuple[Case, ...]:
-        """Cases that were run, whether they failed or not."""
+    def done(self) -> tuple[Wind, ...]:
+        """Winds that were run, whether runs failed or not."""
         return (*self.metrics, *self.failures)
 
 
-def inflow_of(turbine: Turbine, case: Case, shear_exponent: float = 0.2) -> Inflow:
-    """Wind of a case: sheared, with Kaimal turbulence of the turbine's class if there is a seed."""
-    steady = _steady(turbine, case, shear_exponent)
-    if case.seed is None:
+def inflow_of(turbine: Turbine, wind: Wind, shear_exponent: float = 0.2) -> Inflow:
+    """Inflow of a wind: sheared, with Kaimal turbulence of the turbine's class if there is a seed."""
+    steady = _steady(turbine, wind, shear_exponent)
+    if wind.seed is None:
         return steady
     box = TurbulenceBox.kaimal(
-        case.wind_speed, turbine.hub_height, turbine.rotor_diameter, turbine.turbulence_class, seed=case.seed,
+        wind.speed, turbine.hub_height, turbine.rotor_diameter, turbine.turbulence_class, seed=wind.seed,
         turbine_class=turbine.iec_class,
     )  # fmt: skip
     return TurbulentInflow(box, steady)
 
 
-def _steady(turbine: Turbine, case: Case, shear_exponent: float) -> SteadyInflow:
-    """Mean wind of a case; refuses a speed without meaning."""
-    return SteadyInflow(case.wind_speed, turbine.hub_height, shear_exponent=shear_exponent)
+def _steady(turbine: Turbine, wind: Wind, shear_exponent: float) -> SteadyInflow:
+    """Mean wind; refuses a speed without meaning."""
+    return SteadyInflow(wind.speed, turbine.hub_height, shear_exponent=shear_exponent)
 
 
-def check_times(duration: float, skip: float, control_dt: float | None = None) -> None:
-    """Refuse times of a comparison that have no meaning.
+@option_record
+class ComparisonConfig(Options):
+    """Length of the runs of a comparison, and their simulation.
 
-    Parameters
-    ----------
-    duration, skip : float
-        Measured time and time before it [s].
-    control_dt : float, optional
-        Interval of the controllers [s].
-
-    Raises
-    ------
-    ValueError
+    ``simulator`` is as the argument of the environment, for controllers and agents.
     """
-    check_duration("the duration", duration, LEAST_MEASURED)
-    check_duration("the skipped start", skip)
-    if control_dt is not None and not 0.0 < control_dt <= LEAST_MEASURED:
-        raise ValueError(f"the control step must be above 0 and at most {LEAST_MEASURED:g} s, got {control_dt!r}")
+
+    title = "comparison"
+
+    duration: float = option("measured time", default=150.0, unit="s", low=LEAST_MEASURED, high=LONGEST)
+    skip: float = option("time before it", default=30.0, unit="s", low=0.0, high=LONGEST)
+    fidelity: str | Fidelity | None = option(
+        "fidelity of the simulator", default=None, kinds=(str, Fidelity), otherwise="that of the turbine"
+    )
+    control_dt: float | None = option(
+        "interval of the controllers; signals are recorded at it, and agents of a longer one hold their actions",
+        default=None, unit="s", low=0.0, high=LEAST_MEASURED, above=True, otherwise="step of the simulator",
+    )  # fmt: skip
+    simulator: Any = OWN
 
 
 def run_cases(
     turbine: Turbine,
     controllers: Mapping[str, tuple[str, dict[str, Any]]],
-    cases: Iterable[Case],
-    duration: float,
-    skip: float = 30.0,
-    fidelity: str | Fidelity | None = None,
-    control_dt: float | None = None,
-    progress: Callable[[str, Case], None] | None = None,
+    winds: Iterable[Wind],
+    config: ComparisonConfig | None = None,
+    *,
     runs: list[ControllerRuns] | None = None,
-    simulator: Any = OWN,
     executor: Executor | None = None,
+    progress: bool = False,
 ) -> list[ControllerRuns]:
     """Run every controller in every wind.
 
@@ -160,225 +136,152 @@ def run_cases(
 
     Parameters
     ----------
-    turbine : Turbine
     controllers : mapping
         From a label to name and parameters: of a controller as `make_controller` takes them, or of any agent that
         `wt_gym.experiment.names.read_name` knows, which runs in an environment with the same wind.
-    cases : iterable of Case
-    duration, skip : float
-        Measured time and time before it [s].
-    fidelity : str or Fidelity, optional
-        As of the simulator.
-    control_dt : float, optional
-        [s]; by default the step of the simulator.
-    progress : callable, optional
-        Called with label and case after every run.
+    winds : iterable of Wind
+        Mean speed and seed of the turbulence; without a seed the wind is steady.
     runs : list of ControllerRuns, optional
-        That get the metrics, by default new ones. The caller's own have what was done where the series is stopped.
-    simulator : str, mapping or callable
-        What simulates controllers and agents, as the argument of the environment.
-    executor : Executor, optional
-        Of `wt_gym.runs.executors`, entered: does the runs, by default one after another. The numbers are the same.
+        That get the metrics, by default new ones. The caller's own have those of the runs before the series stopped.
+    executor, progress
+        As of `wt_gym.experiment.evaluation.evaluate`.
 
     Raises
     ------
     ValueError
-        If a time is out of range.
         If a controller or agent cannot be made; nothing has run then.
     wt_gym.base.errors.InflowError
         If a wind cannot be made; nothing has run then.
     """
-    cases = list(cases)
-    check_times(duration, skip, control_dt)
-    for case in cases:
-        _steady(turbine, case, 0.0)
+    winds = list(winds)
+    for wind in winds:
+        _steady(turbine, wind, 0.0)
     runs = [] if runs is None else runs
-    own = {label: ControllerRuns(label, {}, {}) for label in controllers}
-    runs += own.values()
-    executor = SerialExecutor() if executor is None else executor
-
-    def told(job: tuple[str, Case], outcome: tuple[dict[str, float] | None, str | None, float], _: int) -> None:
-        (label, case), (metrics, failure, idle) = job, outcome
+    by_label = {label: ControllerRuns(label, {}, {}) for label in controllers}
+    runs += by_label.values()
+    experiment = _Comparison(turbine, dict(controllers), config or ComparisonConfig())
+    experiment.check(_steady(turbine, winds[0], 0.0))
+    rows = [(label, wind) for wind in winds for label in controllers]
+    for number, (metrics, failure, idle) in experiment.played(rows, executor, progress=progress):
+        label, wind = rows[number]
         if metrics is not None:
-            own[label].metrics[case], own[label].idle[case] = metrics, idle
+            by_label[label].metrics[wind], by_label[label].idle[wind] = metrics, idle
         else:
-            own[label].failures[case] = str(failure)
-        if progress is not None:
-            progress(label, case)
-
-    fidelity = suited_fidelity(turbine) if fidelity is None else fidelity
-    in_environments = not all(is_base_controller(choice) for choice, _ in controllers.values())
-    run = _Runner(turbine, dict(controllers), in_environments, duration, skip, fidelity, control_dt, simulator)
-    run.check(_steady(turbine, cases[0], 0.0))
-    make_runs(
-        [(label, case) for case in cases for label in controllers], partial(executor.results, run),
-        tally=executor.tally, label=lambda job: f"{job[0]} at {job[1].label}", told=told,
-    )  # fmt: skip
+            by_label[label].failures[wind] = str(failure)
     return runs
 
 
-@dataclass
-class _Runner:
-    """Does one run of a comparison; simulator and wind stay from one to the next, and go to no other process."""
+class _Comparison(Experiment):
+    """Rows of a comparison: label of a controller and wind.
 
-    turbine: Turbine
-    controllers: dict[str, tuple[str, dict[str, Any]]]
-    in_environments: bool
-    duration: float
-    skip: float
-    fidelity: Any
-    control_dt: float | None
-    simulator: Any
-    _running: TurbineSimulator | None = None
-    _wind: tuple[Case, Inflow] | None = None
+    Simulator and inflow stay from one row to the next, and go to no other process.
+    """
+
+    def __init__(self, turbine: Turbine, controllers: dict[str, tuple[str, dict[str, Any]]], config: ComparisonConfig):
+        self._turbine, self._controllers, self._config = turbine, controllers, config
+        self._fidelity = suited_fidelity(turbine) if config.fidelity is None else config.fidelity
+        self._in_environments = not all(is_base_controller(choice) for choice, _ in controllers.values())
+        self._whole = config.skip + config.duration
+        self._simulator: TurbineSimulator | None = None
+        self._wind: tuple[Wind, Inflow] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_running": None, "_wind": None}
+        return vars(self) | {"_simulator": None, "_wind": None}
 
-    def __call__(self, job: tuple[str, Case]) -> tuple[dict[str, float] | None, str | None, float]:
+    def definition(self, row: tuple[str, Wind]) -> dict[str, Any]:
+        return {"label": row[0], "speed": row[1].speed, "seed": row[1].seed}
+
+    def label(self, row: tuple[str, Wind]) -> str:
+        return f"{row[0]} at {row[1].name}"
+
+    def __call__(self, row: tuple[str, Wind]) -> tuple[dict[str, float] | None, str | None, float]:
         """Metrics of a controller in a wind, or why there are none, and `idle_time` [s]."""
-        (label, case), whole = job, self.skip + self.duration
-        choice, parameters = self.controllers[label]
+        label, wind = row
+        if self._wind is None or self._wind[0] != wind:
+            self._wind = wind, inflow_of(self._turbine, wind)
         try:
-            if self.in_environments:
-                agent = Name(read_name(choice).kind, choice, parameters)
-                data = run_agent(
-                    self.turbine, agent, self._inflow(case), whole, self.fidelity, self.control_dt, self.simulator
-                )
-            else:
-                controller = make_controller(choice, self.turbine, **parameters)
-                data = run_controller(self._placed(case), controller, whole, self.control_dt, name=label).to_dataset()
-            return benchmark_metrics(data, self.turbine, self.skip), None, idle_time(data)
+            data = (self._played if self._in_environments else self._controlled)(label, self._wind[1])
+            return benchmark_metrics(data, self._turbine, self._config.skip), None, idle_time(data)
         except SimulationError as error:
             return None, str(error), 0.0
 
     def check(self, inflow: Inflow) -> None:
         """Make every controller or agent once, in any wind: what cannot be made is refused before the first run."""
-        for label, (choice, parameters) in self.controllers.items():
+        for label, (choice, parameters) in self._controllers.items():
             try:
-                if not self.in_environments:
-                    make_controller(choice, self.turbine, **parameters)
-                    continue
-                name = Name(read_name(choice).kind, choice, parameters)
-                environment_and_agent(self.turbine, name, inflow, self.fidelity, self.control_dt, self.simulator)[
-                    0
-                ].close()
+                if self._in_environments:
+                    self._environment(label, inflow)[0].close()
+                else:
+                    make_controller(choice, self._turbine, **parameters)
             except (ValueError, TypeError, OSError) as error:
                 raise ValueError(f"{label}: {error}") from error
 
-    def _inflow(self, case: Case) -> Inflow:
-        if self._wind is None or self._wind[0] != case:
-            self._wind = case, inflow_of(self.turbine, case)
-        return self._wind[1]
+    def _controlled(self, label: str, inflow: Inflow) -> xr.Dataset:
+        """Signals of a controller on the bare simulator."""
+        if self._simulator is None:
+            maker = simulator_maker(self._config.simulator, self._turbine, pictured=False, longest=lambda: self._whole)
+            self._simulator = maker(self._turbine, inflow, self._fidelity)
+        self._simulator.inflow = inflow
+        choice, parameters = self._controllers[label]
+        controller = make_controller(choice, self._turbine, **parameters)
+        return run_controller(
+            self._simulator, controller, self._whole, self._config.control_dt, name=label
+        ).to_dataset()
 
-    def _placed(self, case: Case) -> TurbineSimulator:
-        """The simulator in the wind of a case."""
-        inflow = self._inflow(case)
-        if self._running is None:
-            whole = self.skip + self.duration
-            maker = simulator_maker(self.simulator, self.turbine, pictured=False, longest=lambda: whole)
-            self._running = maker(self.turbine, inflow, self.fidelity)
-        self._running.inflow = inflow
-        return self._running
+    def _played(self, label: str, inflow: Inflow) -> xr.Dataset:
+        """Signals of an agent in an environment, at the start and after every control step."""
+        env, agent = self._environment(label, inflow)
+        try:
+            episode = play(env, agent, seed=0, options={"azimuth": 0.0}, duration=self._whole)
+            if episode.ending != "time":
+                raise SimulationError(f"ended after {episode.time:g} s: {episode.failure or episode.ending}")
+            return episode.data
+        finally:
+            env.close()
 
+    def _environment(self, label: str, inflow: Inflow) -> tuple[WindTurbineEnv, Agent]:
+        """Environment of the training of an agent, or the one that it chooses, and the agent in it.
 
-def run_agent(
-    turbine: Turbine,
-    name: Name,
-    inflow: Inflow,
-    duration: float,
-    fidelity: str | Fidelity | None = None,
-    control_dt: float | None = None,
-    simulator: Any = OWN,
-) -> xr.Dataset:
-    """Simulate under an agent in an environment: that of its training, or the one that it chooses.
-
-    A controller is the base controller of zero actions, and so are words without an environment of their own.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    name : Name
-        Of the agent.
-    inflow : Inflow
-    duration : float
-        [s].
-    fidelity : str or Fidelity, optional
-        As of the simulator.
-    control_dt : float, optional
-        [s]; by default the step of the simulator, at which controllers are recorded too: what is sampled less often
-        has smaller loads. An agent that was trained with a longer step holds its actions.
-    simulator : str, mapping or callable
-        As the argument of the environment.
-
-    Returns
-    -------
-    xarray.Dataset
-        Signals at the start and after every control step.
-
-    Raises
-    ------
-    wt_gym.base.errors.SimulationError
-        If the episode ends before its time.
-    ValueError
-        If the agent does not fit its environment.
-    """
-    env, agent = environment_and_agent(turbine, name, inflow, fidelity, control_dt, simulator)
-    try:
-        episode = play(env, agent, seed=0, options={"azimuth": 0.0}, duration=duration)
-        if episode.ending != "time":
-            raise SimulationError(f"ended after {episode.time:g} s: {episode.failure or episode.ending}")
-        return episode.data
-    finally:
-        env.close()
-
-
-def environment_and_agent(
-    turbine: Turbine,
-    name: Name,
-    inflow: Inflow,
-    fidelity: str | Fidelity | None = None,
-    control_dt: float | None = None,
-    simulator: Any = OWN,
-) -> tuple[WindTurbineEnv, Agent]:
-    """Environment of `run_agent` and the agent in it; parameters as there."""
-    found = load_model(name) if name.kind == "trained" else None
-    record = (found.record if found is not None else None) or {}
-    interface = environment_of_training(record, INTERFACE) | env_choices_of(name.text)
-    if name.kind == "word" or is_base_controller(name.text):
-        interface |= RESIDUAL_INTERFACE
-    if is_base_controller(name.text):
-        interface["controller"] = partial(make_controller, name.text)
-    fidelity = suited_fidelity(turbine) if fidelity is None else fidelity
-    step = fidelity_of(fidelity).step_for(turbine.drivetrain.rated_rotor_speed)
-    interface["control_dt"] = control_dt or interface.get("control_dt") or step
-    interface |= {"inflow": inflow, "wind_speed": None, "start": "steady", "simulator": simulator}
-    env = WindTurbineEnv(turbine, fidelity=fidelity, **interface)
-    try:
-        agent = load_agent(name.text, env.layout, env) if found is None else found
-        if found is not None:
-            found.enter(env.layout)
-    except BaseException:
-        env.close()
-        raise
-    return env, agent
+        A controller is the base controller of zero actions, and so are words without an environment of their own.
+        """
+        choice, parameters = self._controllers[label]
+        name, config = Name(read_name(choice).kind, choice, parameters), self._config
+        model = load_model(name) if name.kind == "trained" else None
+        record = (model.record if model is not None else None) or {}
+        interface = environment_of_training(record, INTERFACE) | env_choices_of(name.text)
+        if name.kind == "word" or is_base_controller(name.text):
+            interface |= RESIDUAL_INTERFACE
+        if is_base_controller(name.text):
+            interface["controller"] = partial(make_controller, name.text)
+        step = fidelity_of(self._fidelity).step_for(self._turbine.drivetrain.rated_rotor_speed)
+        interface["control_dt"] = config.control_dt or interface.get("control_dt") or step
+        interface |= {"inflow": inflow, "wind_speed": None, "start": "steady", "simulator": config.simulator}
+        env = WindTurbineEnv(self._turbine, fidelity=self._fidelity, **interface)
+        try:
+            agent = load_agent(name.text, env.layout, env) if model is None else model
+            if model is not None:
+                model.enter(env.layout)
+        except BaseException:
+            env.close()
+            raise
+        return env, agent
 
 
 def in_all_winds(runs: list[ControllerRuns]) -> list[ControllerRuns]:
     """Give the same without the winds in which only some have run, because the series was stopped there."""
-    done = [case for case in runs[0].done if all(case in run.done for run in runs)]
+    done = [wind for wind in runs[0].done if all(wind in run.done for run in runs)]
     return [
         ControllerRuns(
             run.name,
-            {case: run.metrics[case] for case in done if case in run.metrics},
-            {case: run.failures[case] for case in done if case in run.failures},
+            {wind: run.metrics[wind] for wind in done if wind in run.metrics},
+            {wind: run.failures[wind] for wind in done if wind in run.failures},
             run.idle,
         )
         for run in runs
     ]
 
 
-def table(runs: list[ControllerRuns]) -> str:
+def comparison_table(runs: list[ControllerRuns]) -> str:
     """Markdown by wind speed: the first controller's means over the seeds, and the changes of the others against it.
 
     A change is the mean over the seeds of the relative change in the same wind; from three seeds on with the half width
@@ -387,15 +290,17 @@ def table(runs: list[ControllerRuns]) -> str:
     """
     head = ["wind", "controller", *(name for _, name in COLUMNS)]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    for speed in sorted({case.wind_speed for case in runs[0].metrics}):
+    for speed in sorted({wind.speed for wind in runs[0].metrics}):
         for run in runs:
             cells = [_cell(key, run, runs[0], speed) for key, _ in COLUMNS]
             lines.append(f"| {speed:g} | {run.name} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
-def change(run: ControllerRuns, reference: ControllerRuns, wind_speed: float, metric: str) -> tuple[float, float]:
-    """Mean relative change of a metric over the seeds of a wind speed, and the half width of its 95 % interval.
+def change(
+    run: ControllerRuns, reference: ControllerRuns, wind_speed: float | None, metric: str
+) -> tuple[float, float]:
+    """Mean relative change of a metric over the seeds of a wind speed, or over all winds, with half its 95 % interval.
 
     Returns
     -------
@@ -421,9 +326,11 @@ def half_width(values: np.ndarray) -> float:
     return float(stdtrit(values.size - 1, 0.975) * values.std(ddof=1) / np.sqrt(values.size))
 
 
-def _pairs(run: ControllerRuns, reference: ControllerRuns, wind_speed: float, metric: str) -> list[tuple[float, float]]:
+def _pairs(
+    run: ControllerRuns, reference: ControllerRuns, wind_speed: float | None, metric: str
+) -> list[tuple[float, float]]:
     """Values of a metric in the winds of a speed in which both ran: of the run and of the reference."""
-    cases = [c for c in run.metrics if c.wind_speed == wind_speed and c in reference.metrics]
+    cases = [c for c in run.metrics if wind_speed in (None, c.speed) and c in reference.metrics]
     return [(run.metrics[c][metric], reference.metrics[c][metric]) for c in cases]
 
 
@@ -444,3 +351,126 @@ def _cell(key: str, run: ControllerRuns, reference: ControllerRuns, speed: float
     if run is reference or np.isnan(mean):
         return f"{value / 1e6:.3f} MW" if key == "mean_power" else f"{value / 1e6:.2f} MN m"
     return f"{100 * mean:+.1f} %" if np.isnan(half) else f"{100 * mean:+.1f} ± {100 * half:.1f} %"
+
+
+# ---- the page ----
+
+_HEADS = {
+    "mean_power": "Power", "blade_flap_del": "Flap DEL", "blade_edge_del": "Edge DEL",
+    "tower_fore_aft_del": "Fore-aft DEL", "tower_side_side_del": "Side-side DEL", "pitch_duty_cycle": "Pitch duty",
+    "torque_rate": "Torque rate", "rotor_speed_max": "Speed, largest",
+}  # fmt: skip
+_VALUES = ("pitch_duty_cycle", "torque_rate", "rotor_speed_max")
+"""Shown as means, not as changes."""
+_LOADS = {
+    "blade_flap_del": "flapwise blade fatigue", "tower_fore_aft_del": "fore-aft tower fatigue",
+    "tower_side_side_del": "side-side tower fatigue",
+}  # fmt: skip
+
+
+class _Compared:
+    """Names for the colors."""
+
+    def __init__(self, runs: Sequence[ControllerRuns]):
+        self.agents = [run.name for run in runs]
+
+
+def write_comparison(
+    runs: Sequence[ControllerRuns], path: str | Path, turbine: str, settings: Mapping[str, Any]
+) -> Path:
+    """Write the page.
+
+    Parameters
+    ----------
+    runs : sequence of ControllerRuns
+        In the same winds; the first is the reference.
+    path : str or path
+        HTML file; its folder is created if missing.
+    turbine : str
+        Title of the turbine.
+    settings : mapping
+        With ``duration`` and ``skip`` [s], and what else it was made with.
+    """
+    cases = runs[0].done
+    speeds = sorted({case.speed for case in cases})
+    seeds = list(dict.fromkeys(case.seed for case in cases if case.seed is not None))
+    marks = [
+        f"changes against <b>{escape(runs[0].name)}</b> in the same winds: mean over the seeds, with its 95 % interval"
+        f" (Student's t) from {LEAST_FOR_INTERVAL} seeds on",
+        "pitch, torque and speed: means",
+    ]
+    failures = "".join(
+        f"<li>{escape(f'{run.name} at {case.speed:g} m/s, seed {case.seed}: {message}')}</li>"
+        for run in runs
+        for case, message in run.failures.items()
+    )
+    return write_page(
+        path,
+        title=f"{turbine}: controllers compared",
+        result=_result(runs),
+        facts={
+            "Turbine": turbine,
+            "Mean wind speed": f"{', '.join(f'{speed:g}' for speed in speeds)} m/s",
+            "Winds": f"seeds {', '.join(map(str, seeds))}" if seeds else "steady",
+            "Duration": f"{settings['duration']:g} s each, after {settings['skip']:g} s that are left out",
+            "Simulation": f"fidelity \u201c{settings['fidelity']}\u201d",
+            "Date": today(),
+        },
+        sections=[
+            Section("verdict", f"What changes against {runs[0].name}?", legend(more=marks) + _blocks(runs, speeds),
+                    link="Changes"),
+            Section("failed", "What failed", f"<ul>{failures}</ul>" if failures else ""),
+            Section("method", "Settings", settings_element(settings)),
+        ],
+    )  # fmt: skip
+
+
+def _result(runs: Sequence[ControllerRuns]) -> str:
+    """The controller with the least fatigue over all winds, and what it changes."""
+    reference, *others = runs
+    if not others:
+        return f"{reference.name} alone, in {len(reference.metrics)} winds."
+    changes = {run.name: {key: change(run, reference, None, key)[0] for key in _LOADS} for run in others if run.metrics}
+    least = {name: float(np.mean(list(found.values()))) for name, found in changes.items()}
+    known = {name: value for name, value in least.items() if not math.isnan(value)}
+    if not known:
+        return f"No wind in which {reference.name} and another controller ran."
+    best = min(known, key=known.__getitem__)
+    if known[best] >= 0.0:
+        return f"No controller has less fatigue than {reference.name} in the mean of blade and tower."
+    words = ", ".join(f"{name} by {_percent(changes[best][key])}" for key, name in _LOADS.items())
+    power = change(next(run for run in others if run.name == best), reference, None, "mean_power")[0]
+    more = "" if math.isnan(power) else f", and power by {_percent(power)}"
+    winds = f"mean over {len(reference.metrics)} winds"
+    return f"Least fatigue: {best} changes {words}{more} against {reference.name}, {winds}."
+
+
+def _percent(value: float) -> str:
+    return f"{100.0 * value:+.1f}\u00a0%".replace("-", "\u2212")
+
+
+def _blocks(runs: Sequence[ControllerRuns], speeds: Sequence[float]) -> str:
+    """A block a wind speed, a row a controller."""
+    styles = agent_styles(_Compared(runs))
+    rows = []
+    for speed in speeds:
+        rows.append(Row(f"{speed:g} m/s"))
+        rows += [
+            Row(agent_label(run.name, styles[run.name]), [_html_cell(key, run, runs[0], speed) for key, _ in COLUMNS])
+            for run in runs
+        ]
+    return table(["Controller", *(_HEADS[key] for key, _ in COLUMNS)], rows)
+
+
+def _html_cell(key: str, run: ControllerRuns, reference: ControllerRuns, speed: float) -> str:
+    """Value of the reference or of a metric that is shown as such, else a change with its mark."""
+    values = [m[key] for c, m in run.metrics.items() if c.speed == speed]
+    if not values:
+        return "failed"
+    mean, half = change(run, reference, speed, key)
+    if run is reference or key in _VALUES or math.isnan(mean):
+        return f"{format_value(key, float(np.mean(values)))} {METRICS[key].unit}"
+    found = Estimate(mean, mean - half, mean + half, True, len(values))
+    value, _, interval = format_estimate(key, found).partition(" [")
+    kind = "none" if value == "=" else found.kind(key)
+    return f"<span class='diff main {kind}'>{value}{f'<small>[{interval}</small>' if interval else ''}</span>"

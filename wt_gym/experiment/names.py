@@ -6,6 +6,7 @@ import hashlib
 import importlib.util
 import logging
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,6 @@ from wt_gym.control.controllers.names import (
     compiled_files,
     is_agent_class,
     load_class,
-    name_and_parameters,
     parse_name,
     source_digest,
 )
@@ -26,29 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 __all__ = [
-    "BASELINE",
-    "COMPARED",
-    "GROUPS",
-    "LEVELS",
-    "PREFIX",
-    "RESIDUAL_INTERFACE",
-    "WORDS",
-    "available",
-    "checked_choices",
-    "controller_of",
-    "default_name",
-    "each_named",
-    "each_seed",
-    "env_choices_of",
-    "fingerprint",
-    "is_base_controller",
-    "is_controller_name",
-    "named_choices",
-    "own_controller",
-    "read_name",
-    "split_name",
-    "with_model_options",
-]
+    "BASELINE", "COMPARED", "GROUPS", "INTERFACE", "LEVELS", "PREFIX", "RESIDUAL_INTERFACE", "available",
+    "default_name", "each_named", "env_choices_of", "fingerprint", "is_base_controller", "named_choices",
+    "own_controller", "read_name", "split_name", "with_model_options",
+]  # fmt: skip
 
 _log = logging.getLogger(__name__)
 WORDS = ("zero", "random", "planner")
@@ -66,6 +47,11 @@ GROUPS = {
 """Words of the benchmark that stand for several agents."""
 COMPARED = (BASELINE, ROSCO, "tsr_tracking", "ipc", "tuned")
 """Controllers that are compared where none is named."""
+INTERFACE = (
+    "action_mode", "pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "residual_form",
+    "controller", "observation", "history", "sensor_washout",
+)  # fmt: skip
+"""Arguments of the environment that an agent may choose: what it sees, what its actions mean, its base controller."""
 RESIDUAL_INTERFACE: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
 """Arguments of an environment in which a controller is the base controller of zero actions."""
 _WORD_ALIASES = {"constant": "zero", "Constant action": "zero"}
@@ -77,7 +63,6 @@ def read_name(choice: str, near: Iterable[str] = ()) -> Name:
 
     Parameters
     ----------
-    choice : str
     near : iterable of str
         Further names that may have been meant, for the message.
 
@@ -102,36 +87,6 @@ def available(choices: Iterable[str]) -> tuple[str, ...]:
         return found
     _log.warning("rosco is left out: the package rosco is not installed (pip install --no-deps rosco)")
     return tuple(choice for choice in found if choice != ROSCO)
-
-
-def is_controller_name(choice: str) -> bool:
-    """Whether a choice names a controller of the library: ``controller:`` in front, or a name of `CONTROLLERS`."""
-    try:
-        return read_name(choice).kind == "controller"
-    except (ValueError, FileNotFoundError):
-        return False
-
-
-def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
-    """Name and parameters of a controller, with or without ``controller:`` in front.
-
-    Parameters
-    ----------
-    choice : str
-        For example ``"ipc+tower_dampers"`` or ``"constrained_ipc:level=0.1"``.
-
-    Returns
-    -------
-    name : str
-    parameters : dict
-        Both as `wt_gym.control.controllers.make_controller` takes them.
-
-    Raises
-    ------
-    ValueError
-        See `wt_gym.control.controllers.name_and_parameters`.
-    """
-    return name_and_parameters(choice.removeprefix(PREFIX))
 
 
 def is_base_controller(choice: str) -> bool:
@@ -170,8 +125,6 @@ def checked_choices(given: Any, choice: str) -> dict[str, Any]:
     ValueError
         If they are not a table, or one is not the agent's to choose.
     """
-    from wt_gym.benchmark.run import INTERFACE
-
     if not isinstance(given, dict):
         raise ValueError(f"env_kwargs of {choice} must be a table of arguments of the environment, got {given!r}")
     if foreign := [key for key in given if key not in INTERFACE]:
@@ -192,14 +145,7 @@ def split_name(text: str) -> tuple[str, str]:
 
 
 def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
-    """What "baseline" means in an environment: the base controller of residual actions, else `BASELINE`.
-
-    Parameters
-    ----------
-    env_id : str
-    env_kwargs : mapping
-        Arguments besides those of the id.
-    """
+    """Meaning of "baseline" in an environment: the base controller of residual actions, else `BASELINE`."""
     from wt_gym.envs.options import registered_arguments
 
     arguments = registered_arguments(env_id, env_kwargs)
@@ -209,56 +155,29 @@ def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
 
 
 def with_model_options(choices: Iterable[str], algo: str | None = None, trust: bool = False) -> list[str]:
-    """Names in which trained models carry the options of a command line, where they say nothing themselves.
+    """Names in which trained models carry algorithm and trust of a command line, where they say nothing themselves.
 
-    Parameters
-    ----------
-    choices : iterable of str
-        With or without ``NAME=`` in front.
-    algo : str, optional
-        Algorithm.
-    trust : bool
-        Load what could run code.
+    Names may have ``NAME=`` in front; with trust a model is loaded that could run code.
     """
     made = []
     for given in choices:
         label, choice = split_name(given)
         more: dict[str, Any] = ({"algo": algo} if algo else {}) | ({"trust": True} if trust else {})
-        if more and _is_model(choice):
-            name = read_name(choice)
-            choice = Name(name.kind, name.target, more | name.parameters).text
+        if more:
+            with suppress(ValueError, FileNotFoundError):  # what is no name at all is refused where it is used
+                name = read_name(choice)
+                if name.kind == "trained":
+                    choice = Name(name.kind, name.target, more | name.parameters).text
         made.append(f"{label}={choice}" if label else choice)
     return made
-
-
-def _is_model(choice: str) -> bool:
-    """Whether a choice is a trained model; what is not a name at all is refused where it is used."""
-    try:
-        return read_name(choice).kind == "trained"
-    except (ValueError, FileNotFoundError):
-        return False
 
 
 def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]:
     """Names for the agents of a command line: ``NAME=CHOICE``, or a name that follows from the choice.
 
-    Parameters
-    ----------
-    choices : iterable of str
-        Names of agents, with or without a label in front. The folder of a training with several seeds stands for one
-        agent a seed.
-    own : str
-        What "baseline" means, see `own_controller`.
-
-    Returns
-    -------
-    dict
-        Label to name, aliases resolved, in the given order.
-
-    Raises
-    ------
-    ValueError
-        If two agents get the same label, or a choice is none.
+    The folder of a training with several seeds stands for one agent a seed; ``own`` is what "baseline" means, see
+    `own_controller`. Returns label to name, aliases resolved, in the given order. Raises a `ValueError` if two agents
+    get the same label, or a choice is none.
     """
     named = dict[str, str]()
     for shown, single in each_named(choices, own):
@@ -273,19 +192,9 @@ def each_named(
     own: str = BASELINE,
     groups: Mapping[str, Iterable[str]] | None = None,
 ) -> Iterator[tuple[str, str]]:
-    """Label and name of each agent of a command line, aliases resolved.
+    """Label and name of each agent of a command line, aliases resolved; arguments as of `named_choices`.
 
-    Parameters
-    ----------
-    choices, own
-        As of `named_choices`.
-    groups : mapping, optional
-        Words that stand for several choices.
-
-    Raises
-    ------
-    ValueError
-        If a choice is none.
+    ``groups`` has words that stand for several choices. Raises a `ValueError` if a choice is none.
     """
     known = groups or {}
     for given in (single for word in choices for single in (available(known[word]) if word in known else (word,))):
@@ -298,46 +207,26 @@ def each_named(
 def each_seed(name: Name) -> list[tuple[str, str]]:
     """Suffix of the label and text of each seed where a name is the folder of a training with several seeds.
 
-    Returns
-    -------
-    list of (str, str)
-        One pair with an empty suffix for anything else.
-
-    Raises
-    ------
-    FileNotFoundError
-        If no seed has been trained.
-    ValueError
-        If the plan of the training is damaged.
+    One pair with an empty suffix for anything else. Raises a `FileNotFoundError` if no seed has been trained, and a
+    `ValueError` if the plan of the training is damaged.
     """
     if name.kind != "trained":
         return [("", name.text)]
+    from wt_gym.experiment.run_folder import SEEDS_FILE, read_plan, seed_folder
     from wt_gym.experiment.trained_agent import MODEL_FILE  # torch takes seconds to import
 
-    folders = _folders_of_seeds(Path(name.target))
-    if not folders:
+    folder = Path(name.target)
+    if not (folder / SEEDS_FILE).is_file():
         return [("", name.text)]
-    trained = {seed: folder for seed, folder in folders.items() if (folder / MODEL_FILE).is_file()}
+    folders = {seed: seed_folder(folder, seed) for seed in sorted(read_plan(folder)["seeds"])}
+    trained = {seed: path for seed, path in folders.items() if (path / MODEL_FILE).is_file()}
     if not trained:
         raise FileNotFoundError(f"no trained model in {name.target} yet: none of its seeds has one")
-    return [(f" seed {seed}", Name(name.kind, str(folder), name.parameters).text) for seed, folder in trained.items()]
-
-
-def _folders_of_seeds(folder: Path) -> dict[int, Path]:
-    """Folders of the seeds by number, as the plan of the training names them; none for anything else."""
-    from wt_gym.experiment.run_folder import SEEDS_FILE, read_plan, seed_folder
-
-    if not (folder / SEEDS_FILE).is_file():
-        return {}
-    return {seed: seed_folder(folder, seed) for seed in sorted(read_plan(folder)["seeds"])}
+    return [(f" seed {seed}", Name(name.kind, str(path), name.parameters).text) for seed, path in trained.items()]
 
 
 def fingerprint(choice: str) -> dict[str, Any]:
     """What an agent is, to tell whether a stopped evaluation can resume with it.
-
-    Parameters
-    ----------
-    choice : str
 
     Returns
     -------

@@ -43,10 +43,6 @@ _ACTIVATIONS: dict[type[torch.nn.Module], _Activation] = {
 class FlatVector:
     """A number for every element of a policy's parameters in one vector, with a view of the shape of each parameter.
 
-    Parameters
-    ----------
-    policy : torch.nn.Module
-
     Attributes
     ----------
     values : numpy.ndarray, shape (n,), float32
@@ -130,21 +126,11 @@ class _Network:
 
 
 class Sample(NamedTuple):
-    """Actions drawn for a batch of observations.
+    """Actions drawn for a batch of observations."""
 
-    Attributes
-    ----------
-    actions : numpy.ndarray, shape (n, n_act), float32
-        Before they are clipped to the range of the actions.
-    values : numpy.ndarray, shape (n,), float32
-        Of the value function.
-    log_probs : numpy.ndarray, shape (n,), float32
-        Logarithm of the probability density of each action.
-    """
-
-    actions: np.ndarray
-    values: np.ndarray
-    log_probs: np.ndarray
+    actions: np.ndarray  #: before they are clipped to the range of the actions, shape (n, n_act)
+    values: np.ndarray  #: of the value function, shape (n,)
+    log_probs: np.ndarray  #: logarithm of the probability density of each action, shape (n,)
 
 
 class PolicyArrays:
@@ -218,10 +204,6 @@ class PolicyArrays:
         Parameters
         ----------
         observations : numpy.ndarray, shape (n, n_obs)
-
-        Returns
-        -------
-        numpy.ndarray, shape (n,), float32
         """
         return self._critic.forward(np.asarray(observations, np.float32))[:, 0]
 
@@ -231,10 +213,6 @@ class PolicyArrays:
         Parameters
         ----------
         observations : numpy.ndarray, shape (n, n_obs)
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, n_act), float32
         """
         return self._actor.forward(np.asarray(observations, np.float32))
 

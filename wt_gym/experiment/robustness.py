@@ -1,9 +1,9 @@
-"""Agents on turbines, with sensors and in winds that they were not made for: what is left of their gain.
+"""Agents on turbines, with sensors and in winds that they were not made for: the share of their gain that is left.
 
 Every condition is a variation of the environment (`wt_gym.envs.variation`), or a fault in it
-(`wt_gym.envs.faults`), in which all agents meet the same winds. The
-gain of an agent is that of the load-reduction tasks of the benchmark, wind by wind against a reference in the same
-condition: the baseline controller, and the controller that the agent acts on top of.
+(`wt_gym.envs.faults`), in which all agents meet the same winds. The gain of an agent is that of the load-reduction
+tasks of the benchmark, wind by wind against a reference in the same condition: the baseline controller, and the
+controller that the agent acts on top of.
 """
 
 from __future__ import annotations
@@ -14,33 +14,33 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gymnasium as gym
 import numpy as np
 
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, bootstrap_interval
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import write_text_whole
-from wt_gym.benchmark.run import benchmark_metrics
-from wt_gym.benchmark.tasks import load_task
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.options import registered_arguments
-from wt_gym.envs.variation import Variation
-from wt_gym.experiment.evaluation import evaluate
-from wt_gym.experiment.evaluation_config import EvaluationConfig
+from wt_gym.envs.options import Variation, registered_arguments
+from wt_gym.experiment.agents import load_model
+from wt_gym.experiment.benchmark_tasks import load_task
+from wt_gym.experiment.environments import trained_arguments
+from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.experiment.execute import ProgressLine
 from wt_gym.experiment.names import own_controller, read_name
-from wt_gym.experiment.pool import load_model
-from wt_gym.experiment.trained_environment import trained_arguments
+from wt_gym.experiment.run import benchmark_metrics
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from wt_gym.analysis.results import Evaluation, Wind
-    from wt_gym.runs.executors import Executor
+    from wt_gym.experiment.execute import Executor
+    from wt_gym.turbines import Turbine
 
 __all__ = [
-    "CONDITIONS", "COST_TASK", "FAULTS", "FAULT_CONDITIONS", "NOMINAL", "RESULTS_FILE", "Condition", "Gain",
-    "Robustness", "base_of", "chosen",
-    "run_robustness",
+    "CONDITIONS", "COST_TASK", "FAULTS", "FAULT_CONDITIONS", "NOMINAL", "Condition", "Gain", "Robustness",
+    "base_of", "chosen", "run_robustness",
 ]  # fmt: skip
 
 NOMINAL = "nominal"
@@ -54,21 +54,12 @@ FAULT_TIME = 25.0
 
 @dataclass(frozen=True)
 class Condition:
-    """What differs from the nominal turbine, sensors and wind.
-
-    Attributes
-    ----------
-    name : str
-    text : str
-    variation : Variation
-    fault : str
-        Kind of `wt_gym.envs.faults.FAULT_KINDS` that breaks; "" for none.
-    """
+    """What differs from the nominal turbine, sensors and wind."""
 
     name: str
     text: str
     variation: Variation = field(default_factory=Variation)
-    fault: str = ""
+    fault: str = ""  #: kind of `wt_gym.envs.faults.FAULT_KINDS` that breaks; "" for none
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -153,50 +144,26 @@ def chosen(names: Iterable[str] | None = None) -> tuple[Condition, ...]:
 
 @dataclass(frozen=True)
 class Gain:
-    """Mean gain over the winds, with its 95 % interval.
+    """Mean gain over the winds, with its 95 % interval."""
 
-    Attributes
-    ----------
-    value : float or None
-        None where a run ended early.
-    low, high : float or None
-        None where there are too few winds.
-    by_wind : tuple of float or None
-        None for a run that ended early.
-    """
-
-    value: float | None
-    low: float | None
-    high: float | None
-    by_wind: tuple[float | None, ...]
+    value: float | None  #: none where a run ended early
+    low: float | None  #: lower end of the interval; None where there are too few winds
+    high: float | None  #: upper end
+    by_wind: tuple[float | None, ...]  #: none for a run that ended early
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """Gains of agents in conditions.
+    """Gains of agents in conditions."""
 
-    Attributes
-    ----------
-    settings : dict
-        Environment, winds and lengths.
-    reference : str
-        The first agent.
-    bases : dict
-        Name of the controller that an agent acts on top of, None without one.
-    conditions : tuple of Condition
-    over_reference, over_base : dict
-        `Gain` by condition and agent.
-    idle : dict
-        Sentences on agents under which the turbine made no power without a reason, by condition.
-    """
-
-    settings: dict[str, Any]
-    reference: str
-    bases: dict[str, str | None]
+    settings: dict[str, Any]  #: environment, winds and lengths
+    reference: str  #: the first agent
+    bases: dict[str, str | None]  #: name of the controller that an agent acts on top of, None without one
     conditions: tuple[Condition, ...]
-    over_reference: dict[str, dict[str, Gain]]
-    over_base: dict[str, dict[str, Gain]]
+    over_reference: dict[str, dict[str, Gain]]  #: `Gain` over the reference by condition and agent
+    over_base: dict[str, dict[str, Gain]]  #: `Gain` over the base controller
     idle: dict[str, list[str]] = field(default_factory=dict)
+    """Sentences on agents under which the turbine made no power without a reason, by condition."""
 
     def kept(self, condition: str, agent: str) -> float | None:
         """Share of the nominal gain over the base controller that is left; None where there was none."""
@@ -259,17 +226,7 @@ def _shown(gain: Gain | None) -> str:
 def base_of(choice: str, env_id: str, env_kwargs: Mapping[str, Any]) -> str | None:
     """Name of the controller that an agent acts on top of.
 
-    Parameters
-    ----------
-    choice : str
-        As of `wt_gym.experiment.names.read_name`.
-    env_id : str
-    env_kwargs : mapping
-
-    Returns
-    -------
-    str or None
-        Of a trained residual agent the controller of its training, of a controller None: it is one itself.
+    Of a trained residual agent the controller of its training, of a controller None: it is one itself.
     """
     name = read_name(choice)
     if name.kind == "controller":
@@ -294,7 +251,6 @@ def run_robustness(
     allow_other_environment: bool = False,
     executor: Executor | None = None,
     progress: bool = True,
-    told: Callable[[Condition], None] | None = None,
 ) -> Robustness:
     """Run agents in conditions; each condition is an evaluation of its own in the folder, whose runs are kept.
 
@@ -310,8 +266,6 @@ def run_robustness(
         Gets a folder a condition, and the results as JSON and Markdown.
     overwrite, allow_other_environment, executor, progress
         As of `wt_gym.experiment.evaluation.evaluate`.
-    told : callable, optional
-        Called with each condition before it is run.
 
     Raises
     ------
@@ -330,20 +284,22 @@ def run_robustness(
             everyone[base] = base
     label = {choice: name for name, choice in reversed(everyone.items())}
     shown = {name: None if base is None else label[base] for name, base in bases.items()}
-    reference = next(iter(given))
+    reference, line = next(iter(given)), ProgressLine(progress)
+    env = gym.make(config.env_id, **config.env_kwargs)
+    turbine = layout_of(env).turbine
+    env.close()
     over_reference: dict[str, dict[str, Gain]] = {}
     over_base: dict[str, dict[str, Gain]] = {}
     idle: dict[str, list[str]] = {}
     for one in conditions:
-        if told is not None:
-            told(one)
+        line.show(f"{one.name}: {one.text}", final=True)
         found = evaluate(
             everyone, replace(config, env_kwargs={**config.env_kwargs, **one.arguments}, replay=0.0),
             folder=folder / one.name, overwrite=overwrite, allow_other_environment=allow_other_environment,
             executor=executor, progress=progress,
         )  # fmt: skip
         idle[one.name] = list(found.idle_sentences.values())
-        metrics = _metrics(found, config)
+        metrics = _metrics(found, turbine, config.skip)
         over_reference[one.name] = {name: _gain(metrics, name, reference) for name in given if name != reference}
         over_base[one.name] = {name: _gain(metrics, name, base) for name, base in shown.items() if base is not None}
     settings = {
@@ -360,19 +316,13 @@ def run_robustness(
 _Metrics = dict[str, dict["Wind", "dict[str, float] | None"]]
 
 
-def _metrics(evaluation: Evaluation, config: EvaluationConfig) -> _Metrics:
+def _metrics(evaluation: Evaluation, turbine: Turbine, skip: float) -> _Metrics:
     """Metrics of every agent in every wind; None of a run that ended early."""
-    import gymnasium as gym
-
-    env = gym.make(config.env_id, **config.env_kwargs)
-    turbine = layout_of(env).turbine
-    env.close()
-    found: _Metrics = {}
+    metrics: _Metrics = {}
     for run in evaluation.runs:
-        complete = run.complete
         data = run.data.isel(time=slice(1, None))
-        found.setdefault(run.agent, {})[run.wind] = benchmark_metrics(data, turbine, config.skip) if complete else None
-    return found
+        metrics.setdefault(run.agent, {})[run.wind] = benchmark_metrics(data, turbine, skip) if run.complete else None
+    return metrics
 
 
 def _gain(metrics: _Metrics, agent: str, reference: str) -> Gain:

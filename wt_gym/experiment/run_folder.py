@@ -7,6 +7,7 @@ import shutil
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.files import write_text_whole
+from wt_gym.experiment.store import FolderLock
 from wt_gym.experiment.trained_agent import (
     BEST_MODEL_FILE,
     BEST_NORMALIZATION_FILE,
@@ -15,7 +16,6 @@ from wt_gym.experiment.trained_agent import (
     RECORD_FILE,
     read_record,
 )
-from wt_gym.runs.folder_lock import FolderLock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,18 +44,9 @@ def seed_folder(folder: Path, seed: int) -> Path:
 def read_plan(folder: Path) -> dict[str, Any]:
     """Read the plan of a training with several seeds: which ones are its own, whatever other folders there are.
 
-    Returns
-    -------
-    dict
-        ``seeds``, a list of int, ``config``, fields of `wt_gym.learning.options.TrainingConfig`, and, once
-        there is one, ``summary``.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the folder holds no such training.
-    ValueError
-        If the plan is damaged.
+    Returns ``seeds``, ``config`` (`wt_gym.learning.training.config.TrainingConfig.to_json`) and, once there is one,
+    ``summary``. Raises a `FileNotFoundError` if the folder holds no such training, a `ValueError` if the plan is
+    damaged.
     """
     file = folder / SEEDS_FILE
     try:
@@ -138,12 +129,7 @@ class RunFolder(FolderLock):
         return any(True for _ in self._left())
 
     def refuse_used(self, overwrite: bool) -> None:
-        """Refuse a folder in which a training has been, unless that is to be overwritten.
-
-        Raises
-        ------
-        ValueError
-        """
+        """Refuse a folder in which a training has been, unless that is to be overwritten."""
         if self.used and not overwrite:
             raise ValueError(f"{self.path} holds a training already: resume it, overwrite it, or take another folder")
 

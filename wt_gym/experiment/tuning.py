@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import platform
+import time
 from dataclasses import asdict, dataclass, field
 from inspect import signature
 from pathlib import Path
@@ -18,20 +19,25 @@ import numpy as np
 
 import wt_gym
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
+from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import require_writable, write_text_whole
-from wt_gym.control.controllers.names import SHORT_FOR, load_class
+from wt_gym.base.options import LONGEST, Options, option, option_record
+from wt_gym.control.controllers.names import BASELINE, SHORT_FOR, load_class
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
-from wt_gym.experiment.comparison import Case, check_times, run_cases
+from wt_gym.experiment.benchmark_tasks import Term, improvement
+from wt_gym.experiment.comparison import ComparisonConfig, run_cases
+from wt_gym.experiment.execute import ProgressLine, clock
 from wt_gym.experiment.names import read_name
+from wt_gym.experiment.run import LEAST_MEASURED
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Mapping
 
     from wt_gym.experiment.comparison import ControllerRuns
     from wt_gym.turbines import Turbine
 
-__all__ = ["SPACES", "Cost", "Range", "TuningTask", "tune"]
+__all__ = ["SPACES", "Cost", "Range", "TuningTask", "parameters_text", "tune"]
 
 
 @dataclass(frozen=True)
@@ -81,33 +87,23 @@ SPACES: dict[str, dict[str, Range]] = {
 class Cost:
     """Weighted sum of the changes against a reference in the same wind, averaged over the winds; less is better.
 
-    What falls short of the least power costs ten times its share more, so that no search sells power for loads.
-
-    ``sum w_k (x_k / x_k,ref - 1)``. What a drive does (duty cycle of the pitch, rate of the torque) counts over its
-    full use instead, ``w_k (x_k - x_k,ref) / full``: the reference's own may be nearly zero.
-
-    Attributes
-    ----------
-    weights : dict
-        By the keys of `wt_gym.benchmark.run.benchmark_metrics`. By default
-        `wt_gym.analysis.lifetime_cost.LIFETIME_COST_WEIGHTS`, by which the load-reduction tasks of the benchmark score
-        too: one per cent of energy is one per cent of cost.
-    least_power : float
-        Captured power over that of the reference; the benchmark's load-reduction tasks allow no less either.
+    ``sum w_k (x_k / x_k,ref - 1)``: by default the negative of what the load-reduction tasks of the benchmark score, so
+    that one per cent of energy is one per cent of cost. The activity of a drive (duty cycle of the pitch, rate of the
+    torque) counts over its full use instead, ``w_k (x_k - x_k,ref) / full``: the reference's may be nearly zero. Power
+    below the least costs ten times its share more, so that no search sells power for loads.
     """
 
     weights: dict[str, float] = field(default_factory=lambda: dict(LIFETIME_COST_WEIGHTS))
+    """By the keys of `wt_gym.experiment.run.benchmark_metrics`."""
     least_power: float = 0.995
+    """Captured power over that of the reference; the benchmark's load-reduction tasks allow no less either."""
 
     def of(self, metrics: dict[str, float], reference: dict[str, float], turbine: Turbine) -> float:
         """Cost of a run against the reference in the same wind."""
         full_use = {"pitch_duty_cycle": 1.0, "torque_rate": turbine.drivetrain.max_torque_rate or math.inf}
-        changes = (
-            weight * (metrics[key] - reference[key]) / full_use.get(key, reference[key])
-            for key, weight in self.weights.items()
-        )
+        terms = [Term(key, weight, full_use.get(key)) for key, weight in self.weights.items()]
         missing = max(self.least_power - metrics["captured_power"] / reference["captured_power"], 0.0)
-        return float(sum(changes) + _OF_MISSING_POWER * missing)
+        return float(_OF_MISSING_POWER * missing - improvement(terms, metrics, reference))
 
 
 _OF_MISSING_POWER = 10.0
@@ -115,65 +111,45 @@ FAILURE_COST = 10.0
 """Of a wind in which the simulation failed."""
 
 
-@dataclass(frozen=True)
-class TuningTask:
-    """What is tuned, where, and by which cost.
+@option_record
+class TuningTask(Options):
+    """Controller to tune, winds, and cost.
 
-    Attributes
-    ----------
-    controller : str
-        Names of the catalogue, or a class of yours as ``path/file.py:Class``.
-    reference : str
-        Controller that the cost compares with.
-    winds : tuple of float
-        [m/s].
-    seeds : tuple of int
-        Turbulence seeds, of `TRAINING_WIND_SEEDS`.
-    duration, skip : float
-        Measured time and time before it [s].
-    fidelity : str, optional
-        As of the simulator.
-    cost : Cost
-    space : dict of Range, optional
-        By default those of the parts of the name in `SPACES`; of a class of yours its attribute ``SPACE``: low
-        and high by name.
-
-    Raises
-    ------
-    ValueError
-        If a seed is not one of training, a time is out of range, or nothing is known to search.
+    ``cost`` is a `Cost`. ``space``, a mapping of parameters to `Range`, is by default that of the parts of the name in
+    `SPACES`; of a class of yours its attribute ``SPACE``: low and high by name.
     """
 
-    controller: str
-    reference: str = "discon"
-    winds: tuple[float, ...] = (12.0, 15.0, 18.0)
-    seeds: tuple[int, ...] = (1, 2)
-    duration: float = 150.0
-    skip: float = 30.0
-    fidelity: str | None = None
+    title = "tuning"
+
+    controller: str = option("names of the catalogue, or a class of yours as ``path/file.py:Class``", default="ipc")
+    reference: str = option("controller that the cost compares with", default=BASELINE)
+    winds: tuple[float, ...] = option("mean wind speeds", default=(12.0, 15.0, 18.0), unit="m/s", low=0.0, above=True)
+    seeds: tuple[int, ...] = option(
+        "turbulence seeds of training", default=(1, 2), low=min(TRAINING_WIND_SEEDS), high=max(TRAINING_WIND_SEEDS)
+    )
+    duration: float = option("measured time", default=150.0, unit="s", low=LEAST_MEASURED, high=LONGEST)
+    skip: float = option("time before it", default=30.0, unit="s", low=0.0, high=LONGEST)
+    fidelity: str | None = option("fidelity of the simulator", default=None, otherwise="that of the turbine")
     cost: Cost = field(default_factory=Cost)
     space: dict[str, Range] | None = None
 
-    def __post_init__(self) -> None:
-        held_back = sorted(set(self.seeds) - set(TRAINING_WIND_SEEDS))
-        if held_back:
-            raise ValueError(f"seeds of a tuning must be training seeds (1 … 24), got {held_back}")
-        check_times(self.duration, self.skip)
-        for name in ("controller", "reference"):
-            object.__setattr__(self, name, read_name(getattr(self, name)).text)
-        if self.space is None and read_name(self.controller).kind == "class":
-            given = getattr(load_class(read_name(self.controller).target), "SPACE", {})
-            object.__setattr__(self, "space", {name: Range(*limits) for name, limits in given.items()})
-        if self.space is None:
+    def check(self) -> None:
+        """Resolve aliases and the search space; refuse a controller without one."""
+        for key in ("controller", "reference"):
+            self._set(key, read_name(getattr(self, key)).text)
+        name, space = read_name(self.controller), self.space
+        if space is None and name.kind == "class":
+            limits = getattr(load_class(name.target), "SPACE", {})
+            space = {key: Range(*interval) for key, interval in limits.items()}
+        elif space is None:
             parts = _parts(self.controller)
-            several = len(parts) > 1
-            found = {
-                f"{part}__{name}" if several else name: interval
+            space = {
+                f"{part}__{key}" if len(parts) > 1 else key: interval
                 for part in parts
-                for name, interval in SPACES.get(part, {}).items()
+                for key, interval in SPACES.get(part, {}).items()
             }
-            object.__setattr__(self, "space", found)
-        if not self.space:
+        self._set("space", space)
+        if not space:
             raise ValueError(
                 f"the controller to tune must be among {', '.join(SPACES)}, got {self.controller!r}; "
                 'a class of your own has SPACE = {"parameter": (low, high)}, and --space says what else is searched'
@@ -186,7 +162,7 @@ def tune(
     trials: int,
     seed: int = 0,
     output: Path | None = None,
-    progress: Callable[[int, float, dict[str, float]], None] | None = None,
+    progress: bool = False,
 ) -> dict[str, Any]:
     """Search the parameters of least cost.
 
@@ -194,15 +170,12 @@ def tune(
 
     Parameters
     ----------
-    turbine : Turbine
-    task : TuningTask
-    trials : int
     seed : int
         Of the search.
     output : Path, optional
         JSON file with the record, written after every trial.
-    progress : callable, optional
-        Called with number, cost and parameters of every trial.
+    progress : bool
+        Show each trial on standard error.
 
     Returns
     -------
@@ -224,16 +197,19 @@ def tune(
         raise ValueError(f"the number of trials must be at least 1, got {trials}")
     if output is not None:
         require_writable(output.parent)
-    cases = [Case(wind, number) for wind in task.winds for number in task.seeds]
+    line, began = ProgressLine(progress), time.monotonic()
+    winds = [Wind(wind, number) for wind in task.winds for number in task.seeds]
+
+    settings = ComparisonConfig(duration=task.duration, skip=task.skip, fidelity=task.fidelity)
 
     def runs(choice: str, parameters: dict[str, float]) -> ControllerRuns:
         name = read_name(choice)
         given = {choice: (name.target, name.parameters | parameters)}
-        return run_cases(turbine, given, cases, task.duration, task.skip, task.fidelity)[0]
+        return run_cases(turbine, given, winds, settings)[0]
 
     reference = runs(task.reference, {})
     if reference.failures:
-        failures = "; ".join(f"{case.label}: {message}" for case, message in reference.failures.items())
+        failures = "; ".join(f"{wind.label}: {message}" for wind, message in reference.failures.items())
         raise SimulationError(f"the reference {task.reference!r} failed: {failures}")
 
     unknown = [name for name in task.cost.weights if any(name not in found for found in reference.metrics.values())]
@@ -250,8 +226,8 @@ def tune(
         }
         run = runs(task.controller, parameters)
         single = [
-            task.cost.of(run.metrics[case], reference.metrics[case], turbine) if case in run.metrics else FAILURE_COST
-            for case in cases
+            task.cost.of(run.metrics[wind], reference.metrics[wind], turbine) if wind in run.metrics else FAILURE_COST
+            for wind in winds
         ]
         return float(np.mean(single))
 
@@ -272,11 +248,19 @@ def tune(
         record["best"] = min(record["trials"], key=lambda row: row["cost"])
         if output is not None:
             write_text_whole(output, json.dumps(record, indent=1) + "\n")
-        if progress is not None:
-            progress(trial.number, cast("float", trial.value), trial.params)
+        done, elapsed = trial.number + 1, time.monotonic() - began
+        line.show(
+            f"trial {done}/{trials}: cost {trial.value:+.4f} with {parameters_text(trial.params)}, {clock(elapsed)} "
+            f"min, about {clock(elapsed / done * (trials - done))} min left", final=True,
+        )  # fmt: skip
 
     study.optimize(cost, n_trials=trials, callbacks=[note])
     return record
+
+
+def parameters_text(parameters: Mapping[str, float]) -> str:
+    """Parameters in a sentence."""
+    return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
 
 
 def _parts(controller: str) -> list[str]:

@@ -22,7 +22,7 @@ from wt_gym.analysis.results import Wind
 from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
-from wt_gym.runs.progress import ProgressLine, clock
+from wt_gym.experiment.execute import ProgressLine, clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -14,10 +14,9 @@ from gymnasium.envs.registration import EnvSpec
 import wt_gym
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
+from wt_gym.experiment.agents import UniformAgent, load_agent, load_model
+from wt_gym.experiment.environments import check_environment
 from wt_gym.experiment.names import env_choices_of, read_name
-from wt_gym.experiment.pool import load_agent, load_model
-from wt_gym.experiment.trained_environment import check_environment
-from wt_gym.experiment.uniform import UniformAgent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -28,7 +28,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv,
 
 from wt_gym.envs.terminations import PITCH_TRAVEL
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
-from wt_gym.experiment.compilation import compile_kernels
+from wt_gym.experiment.environments import compile_kernels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

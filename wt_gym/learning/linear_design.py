@@ -23,7 +23,6 @@ from scipy.signal import fftconvolve
 import wt_gym
 from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
-from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.linear_optimal import (
     OUTPUTS,
@@ -36,6 +35,8 @@ from wt_gym.control.controllers.linear_optimal import (
     spread_over_bins,
     without_lasting,
 )
+from wt_gym.experiment.execute import SerialExecutor
+from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.learning.options import FeedbackOptions, LinearDesignTask
 from wt_gym.learning.recording import (
     LOADS,
@@ -51,7 +52,6 @@ from wt_gym.learning.recording import (
     to_blades,
     without_slow,
 )
-from wt_gym.runs.executors import SerialExecutor
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from wt_gym.runs.executors import Executor
+    from wt_gym.experiment.execute import Executor
     from wt_gym.turbines import Turbine
 
 __all__ = [
@@ -464,7 +464,7 @@ def design(
     store : RecordingStore, optional
         Keeps recordings; what is there is not made again.
     executor : Executor, optional
-        Of `wt_gym.runs.executors`, entered: does the runs.
+        Of `wt_gym.experiment.execute`, entered: does the runs.
     progress : callable, optional
         Called with a line after every run and every feedback.
 

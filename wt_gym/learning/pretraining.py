@@ -21,11 +21,13 @@ import torch
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
 from wt_gym.base.constants import DAY
-from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.deployment.export.policy import network_of
 from wt_gym.envs.dial import DIAL_NAMES, dial_of, scaled
 from wt_gym.envs.options import wind_files_of
 from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.experiment.execute import clock
+from wt_gym.experiment.run import benchmark_fingerprint
+from wt_gym.experiment.store import described
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning.options import Excitation
 from wt_gym.learning.pretraining_episodes import (
@@ -43,8 +45,6 @@ from wt_gym.learning.pretraining_episodes import (
     tensor,
 )
 from wt_gym.learning.recording import RecordingStore, explained_share, identify
-from wt_gym.runs.definition import described
-from wt_gym.runs.progress import clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     from wt_gym.deployment.export.policy import Network
     from wt_gym.envs.dial import DialTerm
     from wt_gym.envs.turbine_env import WindTurbineEnv
+    from wt_gym.experiment.execute import Executor
     from wt_gym.learning.options import PretrainingOptions
-    from wt_gym.runs.executors import Executor
 
 __all__ = ["FRONT_SETTINGS", "Round", "forecast_front", "pretrain"]
 

@@ -36,8 +36,8 @@ from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.experiment.constant import ConstantAgent
-from wt_gym.runs.playing import play
+from wt_gym.experiment.agents import ConstantAgent
+from wt_gym.experiment.run import EpisodePlayer
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
-    from wt_gym.envs.episode import Agent, EpisodeStep
+    from wt_gym.envs.episode import Agent
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
 __all__ = [
@@ -259,17 +259,17 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
     share: list[float] = []
     individual: list[float] = []
 
-    def told(step: EpisodeStep) -> None:
+    options: dict[str, Any] = {"wind_speed": job.speed, "wind_seed": job.seed, "time_offset": 0.0}
+    if job.dial is not None:
+        options["dial"] = dict(zip(DIAL_NAMES, job.dial, strict=True))
+    player = EpisodePlayer(env, agent, seed=job.seed, options=options, duration=job.duration)
+    for _ in player:
         operation = plain.operation
         share.append(1.0 if operation.residual is None else operation.residual.share)
         watcher = fault_supervisor_of(plain.controller)
         individual.append(1.0 if watcher is None else watcher.share)
         demands.append((operation.base, operation.demand))
-
-    options: dict[str, Any] = {"wind_speed": job.speed, "wind_seed": job.seed, "time_offset": 0.0}
-    if job.dial is not None:
-        options["dial"] = dict(zip(DIAL_NAMES, job.dial, strict=True))
-    done = play(env, agent, seed=job.seed, options=options, duration=job.duration, on_step=told)
+    done = player.episode
     if done.ending != "time":
         raise SimulationError(
             f"the episode at {job.speed:g} m/s, seed {job.seed}, ended after {done.time:g} s ({done.ending}): "

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import fftconvolve
 
+from wt_gym.analysis.results import Wind
 from wt_gym.base.canary import differing
 from wt_gym.base.files import whole_file
 from wt_gym.control.controllers import make_controller
@@ -21,10 +22,10 @@ from wt_gym.control.controllers.linear_optimal import (
     recorded_outputs,
     side_sign,
 )
-from wt_gym.experiment.comparison import Case, inflow_of
+from wt_gym.experiment.comparison import inflow_of
+from wt_gym.experiment.run import run_controller
+from wt_gym.experiment.store import run_digest
 from wt_gym.learning.options import Excitation
-from wt_gym.runs.definition import run_digest
-from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 
 if TYPE_CHECKING:
@@ -236,7 +237,7 @@ def record(
     wt_gym.base.errors.SimulationError
         If the simulation fails.
     """
-    simulator = Simulator(turbine, inflow_of(turbine, Case(wind_speed, seed)), fidelity)
+    simulator = Simulator(turbine, inflow_of(turbine, Wind(wind_speed, seed)), fidelity)
     levels = np.zeros((3, 0))
     if drawn is not None:
         excitation, own_seed = drawn

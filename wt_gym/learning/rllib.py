@@ -27,7 +27,8 @@ from ray.tune.search import BasicVariantGenerator
 from stable_baselines3.common.callbacks import CallbackList
 
 from wt_gym.base.files import write_whole
-from wt_gym.experiment.compilation import compile_kernels_of
+from wt_gym.experiment.environments import compile_kernels_of
+from wt_gym.experiment.execute import connected, processors, warm_nodes
 from wt_gym.experiment.run_folder import RunFolder
 from wt_gym.learning.hyperparameters import of_each_copy
 from wt_gym.learning.rllib_environment import (
@@ -39,7 +40,6 @@ from wt_gym.learning.rllib_environment import (
 )
 from wt_gym.learning.search import SPACES, Choice, Range, check_search, claim, tried, write_best
 from wt_gym.learning.train import Learner, train
-from wt_gym.runs.ray_cluster import connected, processors, warm_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -219,7 +219,7 @@ class RllibLearner(Learner):
     Parameters
     ----------
     address : str, optional
-        As of `wt_gym.runs.executors.executor_for`.
+        As of `wt_gym.experiment.execute.executor_for`.
     runners : int, optional
         Processes that step the environments, a processor each; 0: the one that learns. Default: as many as there are
         processors, and at most one an environment, such that the environments can be divided.
@@ -370,7 +370,7 @@ def tune_search(
     config, folder, trials, progress
         As of `wt_gym.learning.search.search`. The number of trials is fixed when the search begins.
     address : str, optional
-        As of `wt_gym.runs.executors.executor_for`.
+        As of `wt_gym.experiment.execute.executor_for`.
 
     Returns
     -------

@@ -18,9 +18,10 @@ from stable_baselines3.common.logger import Logger, configure
 import wt_gym
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.terminations import PITCH_TRAVEL
+from wt_gym.experiment.environments import resolved_arguments, trained_arguments
+from wt_gym.experiment.execute import executor_for
 from wt_gym.experiment.run_folder import RunFolder
 from wt_gym.experiment.trained_agent import BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, RECORD_FILE, TrainedAgent
-from wt_gym.experiment.trained_environment import resolved_arguments, trained_arguments
 from wt_gym.learning.callbacks import (
     FIGURES,
     Checkpoints,
@@ -33,7 +34,6 @@ from wt_gym.learning.callbacks import (
 from wt_gym.learning.environments import BudgetUpdates, budgeted_of, make_training_env
 from wt_gym.learning.models import load_model, make_model, save_model, save_replay_buffer
 from wt_gym.learning.options import PretrainingOptions, TrainingConfig
-from wt_gym.runs.executors import executor_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -57,7 +57,7 @@ class Learner:
     Attributes
     ----------
     engine : str
-        Of `wt_gym.runs.executors.ENGINES`.
+        Of `wt_gym.experiment.execute.ENGINES`.
     packages : tuple of str
         Whose versions the record names.
     samples_here : bool

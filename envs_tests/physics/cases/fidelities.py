@@ -127,7 +127,7 @@ def conduct(experiment: Experiment, choice: str | Fidelity, save_to: Path | None
         `QUANTITIES`. Damage-equivalent loads at 1 Hz have the exponents 10 (mean of the blade roots) and 4 (tower).
     """
     from wt_gym.control.controllers.discon import BaselineParameters
-    from wt_gym.runs.playing import run_baseline
+    from wt_gym.experiment.run import run_baseline
 
     simulator = Simulator(TURBINE, inflow=experiment.inflow(), fidelity=choice)
     turbine = simulator.turbine

@@ -11,12 +11,12 @@ from envs_tests.physics.cases.rotating_beams import EI, LENGTH, MASS
 from envs_tests.physics.cases.tools import upward_crossings
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.analysis.metrics import damage_equivalent_load
+from wt_gym.experiment.run import run_baseline
 from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
 from wt_gym.multibody.observer_frame.observer_frame_body import Substructure
 from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_frame_from_system
 from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.system import Joint, MultibodySystem
-from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.turbine_structure import tower_beam
 from wt_gym.structure.beam import Beam, BeamSections

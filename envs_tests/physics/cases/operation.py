@@ -9,11 +9,12 @@ import numpy as np
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case, read_table, worst
 from wt_gym.analysis.metrics import damage_equivalent_load
+from wt_gym.analysis.results import Wind
 from wt_gym.base.constants import GRAVITY
 from wt_gym.control import Demand
 from wt_gym.control.controllers import WindEstimator, checked_demand, make_controller, readings_of
-from wt_gym.experiment.comparison import Case, change, inflow_of, run_cases, table
-from wt_gym.runs.playing import run_baseline, run_controller
+from wt_gym.experiment.comparison import ComparisonConfig, change, comparison_table, inflow_of, run_cases
+from wt_gym.experiment.run import run_baseline, run_controller
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
@@ -322,8 +323,8 @@ PUBLISHED = "published cuts by individual pitch: 14 % (free wake, Perez-Becker 2
 def controllers() -> CaseResult:
     """Bounds on what must hold of each controller; the table stands in the notes, the front in a figure."""
     turbine = load_turbine("nrel_5mw")
-    cases = [Case(wind, seed) for wind in WINDS for seed in SEEDS]
-    runs = run_cases(turbine, CONTROLLERS, cases, DURATION, SKIP)
+    cases = [Wind(wind, seed) for wind in WINDS for seed in SEEDS]
+    runs = run_cases(turbine, CONTROLLERS, cases, ComparisonConfig(duration=DURATION, skip=SKIP))
     by_name, reference = {run.name: run for run in runs}, runs[0]
 
     def percent(name: str, wind: float, metric: str) -> float:
@@ -341,12 +342,12 @@ def controllers() -> CaseResult:
     curves = []
     for wind in WINDS:
         names = ["discon", *(n for n in CONTROLLERS if n.startswith("constrained")), "ipc", "ipc_2p"]
-        duty = [np.mean([m["pitch_duty_cycle"] for c, m in by_name[n].metrics.items() if c.wind_speed == wind])
+        duty = [np.mean([m["pitch_duty_cycle"] for c, m in by_name[n].metrics.items() if c.speed == wind])
                 for n in names]  # fmt: skip
         loads = [percent(n, wind, "blade_flap_del") for n in names]
         curves.append(Curve(np.array(duty), np.array(loads), f"{wind:g} m/s", "o"))
     figure = Figure(tuple(curves), "pitch duty cycle", "flap DEL against the baseline [%]")
-    return CaseResult(checks, {"Front of load against pitch travel": figure}, table(runs))
+    return CaseResult(checks, {"Front of load against pitch travel": figure}, comparison_table(runs))
 
 
 @case(
@@ -360,7 +361,7 @@ def wind_estimate(winds=(8.0, 12.0, 16.0), duration=200.0) -> CaseResult:
     turbine, checks, lines, figures = load_turbine("nrel_5mw"), [], [], {}
     simulator, dt, skip = None, 0.1, 300
     for wind in winds:
-        inflow = cast("TurbulentInflow", inflow_of(turbine, Case(wind, SEEDS[0])))
+        inflow = cast("TurbulentInflow", inflow_of(turbine, Wind(wind, SEEDS[0])))
         simulator = simulator or Simulator(turbine, inflow)
         simulator.inflow = inflow
         estimator = WindEstimator.of_turbine(turbine)

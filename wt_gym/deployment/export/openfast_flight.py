@@ -36,11 +36,10 @@ from wt_gym.deployment.export.discon import export_discon
 from wt_gym.envs.options import flat_arguments
 from wt_gym.envs.power_reference import GridOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
-from wt_gym.experiment.constant import ConstantAgent
-from wt_gym.experiment.pool import load_model
+from wt_gym.experiment.agents import ConstantAgent, load_model
+from wt_gym.experiment.environments import training_arguments
+from wt_gym.experiment.run import play
 from wt_gym.experiment.trained_agent import model_card
-from wt_gym.experiment.trained_environment import training_arguments
-from wt_gym.runs.playing import play
 from wt_gym.tasks import DEFAULT_ENV
 from wt_gym.wind.inflow import start_speed
 

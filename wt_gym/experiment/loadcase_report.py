@@ -29,12 +29,11 @@ from wt_gym.analysis.report_page import (
     write_page,
 )
 from wt_gym.analysis.summary import format_difference, format_value
-from wt_gym.experiment.loadcases.cases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
-from wt_gym.experiment.loadcases.results import CLEARANCE, PARKED, SPEED
-from wt_gym.experiment.loadcases.study import RUNS_FOLDER, TABLE_FILE
+from wt_gym.experiment.loadcase_runs import CLEARANCE, PARKED, RUNS_FOLDER, SPEED, TABLE_FILE
+from wt_gym.experiment.loadcases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
 
 if TYPE_CHECKING:
-    from wt_gym.experiment.loadcases.results import CaseRun, LoadCaseResults, Value
+    from wt_gym.experiment.loadcase_runs import CaseRun, LoadCaseResults, Value
 
 __all__ = ["load_case_tables", "write_load_case_report"]
 
@@ -96,10 +95,6 @@ _NONE = "\u2013"
 def load_case_tables(results: LoadCaseResults) -> list[str]:
     """Markdown: design loads by case and agent, and loads over a life.
 
-    Parameters
-    ----------
-    results : LoadCaseResults
-
     Returns
     -------
     list of str
@@ -119,7 +114,7 @@ def _idle_lines(results: LoadCaseResults) -> list[str]:
     lines = []
     for agent in results.agents:
         runs = [run for case in results.cases for run in results.runs.get((case, agent), [])]
-        lines.append(idle_sentence(agent, ((run.condition.name, run.result.get("idle_time", 0.0)) for run in runs)))
+        lines.append(idle_sentence(agent, ((run.situation.name, run.result.get("idle_time", 0.0)) for run in runs)))
     sentences = [line for line in lines if line is not None]
     return ["", *sentences] if sentences else []
 
@@ -166,14 +161,8 @@ def write_load_case_report(results: LoadCaseResults, path: str | Path, title: st
 
     Parameters
     ----------
-    results : LoadCaseResults
     path : str or path
         HTML file; its folder is created if missing.
-    title : str, optional
-
-    Returns
-    -------
-    pathlib.Path
     """
     path = Path(path)
     return write_page(
@@ -369,9 +358,9 @@ def _failed(results: LoadCaseResults) -> str:
 
 def _failed_run(case: str, agent: str, end: str, run: CaseRun) -> str:
     """One run that ended early, in words."""
-    seed = "" if run.condition.seed is None else f", seed {run.condition.seed}"
+    seed = "" if run.situation.seed is None else f", seed {run.situation.seed}"
     why = "" if run.result["failure"] is None else f": {run.result['failure']}"
-    return f"DLC {case}, {agent}, {run.condition.name}{seed}: {_ENDINGS[end]} after {run.result['time']:.1f} s{why}"
+    return f"DLC {case}, {agent}, {run.situation.name}{seed}: {_ENDINGS[end]} after {run.result['time']:.1f} s{why}"
 
 
 def _transients(results: LoadCaseResults) -> str:
@@ -382,10 +371,10 @@ def _transients(results: LoadCaseResults) -> str:
         for agent in results.agents:
             for run in results.runs.get((case, agent), []):
                 if run.result["trace"]:
-                    shown.setdefault(run.condition.group, {}).setdefault(agent, run)
+                    shown.setdefault(run.situation.group, {}).setdefault(agent, run)
         for runs in shown.values():
             name = f"trace{len(parts)}"
-            heading = f"DLC {case}: {next(iter(runs.values())).condition.name}"
+            heading = f"DLC {case}: {next(iter(runs.values())).situation.name}"
             figure = figure_element(name, _courses(results, runs))
             parts.append(details(heading, figure, opened=not parts))
     return "".join(parts)

@@ -1,7 +1,12 @@
-"""Repeats runs of the benchmark that somebody else made, and compares the numbers."""
+"""Archives of results of the benchmark, and runs that are repeated to verify them."""
 
 from __future__ import annotations
 
+import hashlib
+import io
+import json
+import lzma
+import tarfile
 import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,20 +17,94 @@ import numpy as np
 
 from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.benchmark import ResultFolder, load_task
-from wt_gym.benchmark.archive import MODELS, RUNS, model_folder, read_archive, write_archive
+from wt_gym.base.files import write_whole
 from wt_gym.control.controllers.names import Name
-from wt_gym.experiment.benchmark_runs import Entry, Job, definition_of, entry_of, run_jobs
+from wt_gym.experiment.benchmark import Entry, Job, ResultFolder, definition_of, entry_of, load_task, run_jobs
+from wt_gym.experiment.store import digest
 from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, model_digests, model_files
-from wt_gym.runs.definition import digest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
 
-    from wt_gym.benchmark import BenchmarkTask
-    from wt_gym.runs.executors import Executor
+    from wt_gym.experiment.benchmark_tasks import BenchmarkTask
+    from wt_gym.experiment.execute import Executor
 
-__all__ = ["Verified", "drawn", "opened", "pack", "verify"]
+__all__ = ["Verified", "drawn", "opened", "pack", "read_archive", "verify", "write_archive"]
+
+RUNS, MODELS = "runs", "models"
+"""Folders of an archive: results of a `wt_gym.experiment.benchmark.ResultFolder`, and models by `model_folder`."""
+_MANIFEST = "manifest.json"
+
+
+def model_folder(digests: Mapping[str, str]) -> str:
+    """Name of the folder of a model: a digest of the sums of its files.
+
+    Parameters
+    ----------
+    digests : mapping
+        SHA-256 sums of the files by name, as the definition of a run has them.
+    """
+    return digest(dict(digests))
+
+
+def write_archive(path: Path, runs: Iterable[Path], models: Mapping[str, Iterable[Path]]) -> dict[str, str]:
+    """Write an archive (tar, xz); the same content gives the same bytes.
+
+    Takes result files, and files of each model by the name of its folder; returns the SHA-256 sum of each member by its
+    name, which the archive has as ``manifest.json``.
+    """
+    members = {f"{RUNS}/{file.name}": file.read_bytes() for file in runs}
+    for folder, files in models.items():
+        members |= {f"{MODELS}/{folder}/{file.name}": file.read_bytes() for file in files}
+    sums = {name: hashlib.sha256(members[name]).hexdigest() for name in sorted(members)}
+    whole = io.BytesIO()
+    with tarfile.open(fileobj=whole, mode="w", format=tarfile.PAX_FORMAT) as archive:
+        for name, content in ((_MANIFEST, _json(sums)), *((name, members[name]) for name in sums)):
+            about = tarfile.TarInfo(name)
+            about.size = len(content)
+            archive.addfile(about, io.BytesIO(content))
+    write_whole(path, lambda file: file.write(lzma.compress(whole.getvalue())))
+    return sums
+
+
+def read_archive(path: Path, folder: Path) -> None:
+    """Unpack an archive into a folder, after its sums have been checked.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Gets the members; it exists.
+
+    Raises
+    ------
+    wt_gym.base.errors.BenchmarkError
+        If the file is not an archive, is damaged, or has a member that its manifest does not name or names otherwise.
+    """
+    try:
+        with tarfile.open(path, mode="r:xz") as archive:
+            members = [(member.name, archive.extractfile(member)) for member in archive]
+            content = {name: member.read() for name, member in members if member is not None}
+        sums: Any = json.loads(content.pop(_MANIFEST))
+    except (tarfile.TarError, lzma.LZMAError, EOFError, KeyError, ValueError) as error:
+        raise BenchmarkError(f"{path} must be an archive of wt-gym benchmark archive: {error}") from error
+    found = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
+    wrong = sorted(name for name in {*found, *sums} if found.get(name) != sums.get(name))
+    if wrong:
+        raise BenchmarkError(f"{path} is damaged: {', '.join(wrong[:3])} must be as the manifest says")
+    for name, data in content.items():
+        file = folder / name
+        parts = name.split("/")
+        known = (len(parts), parts[0]) in ((2, RUNS), (3, MODELS))
+        if not known or any(part in ("", ".", "..") or "\\" in part for part in parts):
+            raise BenchmarkError(f"{path}: names of members must be {RUNS}/FILE or {MODELS}/MODEL/FILE, got {name!r}")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(data)
+
+
+def _json(values: Any) -> bytes:
+    return (json.dumps(values, indent=1) + "\n").encode()
+
 
 SAME = 2e-5
 """Relative change of a metric within which a run is the same as before. The same sources, whose numbers are the same to
@@ -35,25 +114,14 @@ after 600 s; an effect on the score begins at 1e-3."""
 
 @dataclass(frozen=True)
 class Verified:
-    """A run and its repetition.
+    """A run and its repetition."""
 
-    Attributes
-    ----------
-    label : str
-        Agent, task and wind.
-    deviation : float
-        Largest relative difference of a metric, over those of the recorded run [-]; infinite where the runs ended
-        differently.
-    metric : str
-        Of that difference.
-    other : tuple of str
-        Parts of the fingerprint in which the recorded run differs from the present sources.
-    """
-
-    label: str
+    label: str  #: agent, task and wind
     deviation: float
-    metric: str
-    other: tuple[str, ...]
+    """Largest relative difference of a metric, over those of the recorded run [-]; infinite where the runs ended
+    differently."""
+    metric: str  #: of that difference
+    other: tuple[str, ...]  #: parts of the fingerprint in which the recorded run differs from the present sources
 
     @property
     def same(self) -> bool:
@@ -63,12 +131,7 @@ class Verified:
 
 @contextmanager
 def opened(source: Path) -> Iterator[tuple[ResultFolder, dict[str, Path]]]:
-    """Results of a folder or an archive, and the models in it by the name of `model_folder`.
-
-    Parameters
-    ----------
-    source : pathlib.Path
-    """
+    """Results of a folder or an archive, and the models in it by the name of `model_folder`."""
     if source.is_dir():
         yield ResultFolder(source), {}
         return
@@ -84,18 +147,8 @@ def opened(source: Path) -> Iterator[tuple[ResultFolder, dict[str, Path]]]:
 def pack(folder: ResultFolder, paths: Iterable[str | Path], file: Path) -> dict[str, Any]:
     """Write results and the models that made them into one file.
 
-    Parameters
-    ----------
-    folder : ResultFolder
-    paths : iterable of path
-        Trained models, or their folders; those that made no run are left out.
-    file : pathlib.Path
-
-    Returns
-    -------
-    dict
-        ``runs`` and ``models`` (numbers), ``bytes``, and ``missing``: names of trained agents whose model is not among
-        the paths.
+    Of the paths of trained models those that made no run are left out. Returns ``runs`` and ``models`` (numbers),
+    ``bytes``, and ``missing``: names of trained agents whose model is not among the paths.
 
     Raises
     ------
@@ -129,7 +182,6 @@ def verify(
 
     Parameters
     ----------
-    folder : ResultFolder
     models : dict
         Folders of models by the name of `model_folder`.
     agents : sequence of str

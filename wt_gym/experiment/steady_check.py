@@ -20,8 +20,8 @@ import numpy as np
 from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import operating_point
-from wt_gym.runs.executors import executor_for
-from wt_gym.runs.playing import run_controller
+from wt_gym.experiment.execute import executor_for
+from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow
 
@@ -40,35 +40,22 @@ _AVERAGE = 30.0
 _WINDS = 9
 _WORKERS = 2
 LARGEST_DEVIATION, LEAST_POWER, LEAST_RATED_POWER = 0.02, 0.9, 0.99
-"""Limits of the speed over rated speed, of the power over that of the table, and above rated wind over rated power [-].
-"""
+"""Limits of the speed over rated speed, of the power over that of the table, and above rated wind over rated [-]."""
 _ABOVE_RATED = 1.15
 """Wind over rated wind from which on rated power and speed are expected [-]."""
 
 
 @dataclass(frozen=True)
 class SteadyPoint:
-    """Means over the end of a run in a steady wind.
+    """Means over the end of a run in a steady wind."""
 
-    Attributes
-    ----------
-    wind : float
-        [m/s].
-    rotor_speed, pitch, power, thrust : float
-        [rad/s], [rad], electrical [W], aerodynamic [N].
-    deviation : float
-        Largest deviation of the rotor speed from its mean, over rated speed [-].
-    failure : str
-        Message of a simulation that failed; "" for none.
-    """
-
-    wind: float
-    rotor_speed: float = math.nan
-    pitch: float = math.nan
-    power: float = math.nan
-    thrust: float = math.nan
-    deviation: float = math.nan
-    failure: str = ""
+    wind: float  #: [m/s]
+    rotor_speed: float = math.nan  #: [rad/s]
+    pitch: float = math.nan  #: [rad]
+    power: float = math.nan  #: electrical [W]
+    thrust: float = math.nan  #: aerodynamic [N]
+    deviation: float = math.nan  #: largest deviation of the rotor speed from its mean, over rated speed [-]
+    failure: str = ""  #: message of a simulation that failed; "" for none
 
 
 def steady_winds(turbine: Turbine) -> tuple[float, ...]:
@@ -81,7 +68,6 @@ def steady_check(turbine: Turbine, on_point: Callable[[int, float], None] | None
 
     Parameters
     ----------
-    turbine : Turbine
     on_point : callable, optional
         Called with the number of finished runs and the time since the start [s].
 
@@ -128,8 +114,6 @@ def verdict(turbine: Turbine, point: SteadyPoint, table: SteadyTable | None = No
 
     Parameters
     ----------
-    turbine : Turbine
-    point : SteadyPoint
     table : SteadyTable, optional
         Without it, and outside its winds, blade elements and the operating point are the reference.
     """

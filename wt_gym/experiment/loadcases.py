@@ -1,4 +1,4 @@
-"""Which design load cases there are, what is run for each of them, and with which factors loads become design loads.
+"""Design load cases: the runs of each, and the factors by which loads become design loads.
 
 Cases and factors are those of IEC 61400-1, edition 3 (2005) with amendment 1 (2010), table 2 (design load cases) and
 table 3 (partial safety factors for loads, γ_f); edition 4 (2019) keeps them for the cases that are run here and rewords
@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.control.design import reference_flap_moment
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindOptions, WindSampler
-from wt_gym.runs.definition import described
+from wt_gym.envs.options import WindOptions
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
+from wt_gym.experiment.store import described
 from wt_gym.simulation.drivetrain.faults import DriveFault, GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow
 from wt_gym.wind.iec import OPERATING_GUST_DURATION
@@ -31,7 +32,9 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "Condition", "DesignCase", "Plan", "inflow_of", "plan_of"]
+__all__ = [
+    "CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "DesignCase", "DesignSituation", "Plan", "inflow_of", "plan_of",
+]  # fmt: skip
 
 Fault = DriveFault | SensorBias
 
@@ -64,41 +67,20 @@ _FAULT_LENGTH, _GUST_LENGTH, _ECD_LENGTH = 65.0, 30.0, 40.0
 
 
 @dataclass(frozen=True)
-class Condition:
-    """What a run is: the wind, what fails, and how long. Plain values, which can be hashed.
-
-    Attributes
-    ----------
-    wind : str
-        "NTM", "ETM" or "EWM", turbulent; "EOG", "ECD+", "ECD-", "EWS-vertical+" and the like: transients that begin at
-        `EVENT`. The turbine is parked in "EWM".
-    speed : float
-        Mean wind speed at the hub [m/s].
-    seed : int or None
-        Of the turbulence.
-    direction : float
-        Of the wind against the nacelle [deg].
-    azimuth : float
-        Of blade 1 at the start [deg].
-    faults : tuple
-        Of `wt_gym.simulation.drivetrain.faults`.
-    label : str
-        What fails, in words.
-    duration : float
-        [s].
-    turbulence : {"kaimal", "mann"}
-        Spectra of a turbulent wind.
-    """
+class DesignSituation:
+    """A run of a load case: wind, faults and length. Plain values, which can be hashed."""
 
     wind: str
-    speed: float
-    duration: float
-    seed: int | None = None
-    direction: float = 0.0
-    azimuth: float = 0.0
-    faults: tuple[Fault, ...] = ()
-    label: str = ""
-    turbulence: str = "kaimal"
+    """"NTM", "ETM" or "EWM", turbulent; "EOG", "ECD+", "ECD-", "EWS-vertical+" and the like: transients that begin
+    at `EVENT`. The turbine is parked in "EWM"."""
+    speed: float  #: mean wind speed at the hub [m/s]
+    duration: float  #: [s]
+    seed: int | None = None  #: of the turbulence
+    direction: float = 0.0  #: of the wind against the nacelle [deg]
+    azimuth: float = 0.0  #: of blade 1 at the start [deg]
+    faults: tuple[Fault, ...] = ()  #: of `wt_gym.simulation.drivetrain.faults`
+    label: str = ""  #: what fails, in words
+    turbulence: str = "kaimal"  #: one of "kaimal", "mann". Spectra of a turbulent wind
 
     @property
     def parked(self) -> bool:
@@ -124,48 +106,24 @@ class Condition:
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values."""
         faults = [{"kind": type(fault).__name__, **asdict(fault)} for fault in self.faults]
-        values: dict[str, Any] = described(asdict(self) | {"faults": faults}, "condition")
+        values: dict[str, Any] = described(asdict(self) | {"faults": faults}, "situation")
         return values
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much of each case is run.
+    """How much of each case is run."""
 
-    Attributes
-    ----------
-    speeds : tuple of float
-        Mean wind speeds of the cases over the whole range [m/s].
-    fault_speeds : tuple of float
-        Those with faults in turbulence [m/s].
-    shear_speeds : tuple of float
-        Those of extreme shear [m/s].
-    gust_speeds : tuple of float
-        Those of the coherent gust [m/s].
-    stop_speeds : tuple of float
-        Those of a stop in a gust [m/s].
-    seeds : int
-        Realizations a speed in turbulence, at most 6.
-    events : int
-        Realizations a speed and fault, at most 12.
-    length : float
-        Measured part of a turbulent run [s].
-    azimuths : tuple of float
-        Of blade 1 at the start of a transient [deg].
-    gust_times : tuple of float
-        Of `GUST_TIMES`.
-    """
-
-    speeds: tuple[float, ...]
-    fault_speeds: tuple[float, ...]
-    shear_speeds: tuple[float, ...]
-    gust_speeds: tuple[float, ...]
-    stop_speeds: tuple[float, ...]
-    seeds: int
-    events: int
-    length: float
-    azimuths: tuple[float, ...]
-    gust_times: tuple[float, ...]
+    speeds: tuple[float, ...]  #: mean wind speeds of the cases over the whole range [m/s]
+    fault_speeds: tuple[float, ...]  #: those with faults in turbulence [m/s]
+    shear_speeds: tuple[float, ...]  #: those of extreme shear [m/s]
+    gust_speeds: tuple[float, ...]  #: those of the coherent gust [m/s]
+    stop_speeds: tuple[float, ...]  #: those of a stop in a gust [m/s]
+    seeds: int  #: realizations a speed in turbulence, at most 6
+    events: int  #: realizations a speed and fault, at most 12
+    length: float  #: measured part of a turbulent run [s]
+    azimuths: tuple[float, ...]  #: of blade 1 at the start of a transient [deg]
+    gust_times: tuple[float, ...]  #: of `GUST_TIMES`
 
 
 def plan_of(turbine: Turbine, quick: bool = False) -> Plan:
@@ -173,7 +131,6 @@ def plan_of(turbine: Turbine, quick: bool = False) -> Plan:
 
     Parameters
     ----------
-    turbine : Turbine
     quick : bool
         Three speeds, two seeds of 100 s, one azimuth and two times of a gust.
     """
@@ -195,23 +152,12 @@ def _nearest(speeds: tuple[float, ...], target: float) -> float:
 
 @dataclass(frozen=True)
 class DesignCase:
-    """A design load case.
-
-    Attributes
-    ----------
-    title : str
-    conditions : callable
-        Gives the runs for a turbine and a `Plan`.
-    factor : float or None
-        γ_f; None where fatigue is what counts.
-    larger_half : bool
-        Whether the mean is that of the larger half of the realizations.
-    """
+    """A design load case."""
 
     title: str
-    conditions: Callable[[Turbine, Plan], list[Condition]]
-    factor: float | None = NORMAL
-    larger_half: bool = False
+    situations: Callable[[Turbine, Plan], list[DesignSituation]]  #: gives the runs for a turbine and a `Plan`
+    factor: float | None = NORMAL  #: γ_f; None where fatigue is what counts
+    larger_half: bool = False  #: whether the mean is that of the larger half of the realizations
 
     @property
     def fatigue(self) -> bool:
@@ -224,74 +170,74 @@ class DesignCase:
         return self.factor == EXTRAPOLATED
 
 
-def _turbulent(wind: str, first: int) -> Callable[[Turbine, Plan], list[Condition]]:
+def _turbulent(wind: str, first: int) -> Callable[[Turbine, Plan], list[DesignSituation]]:
     """Production in turbulence, with the held-out seeds from number ``first`` on."""
 
-    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
+    def situations(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
         seeds = EVALUATION_WIND_SEEDS[first : first + plan.seeds]
         return [
-            Condition(wind, speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
+            DesignSituation(wind, speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
             for speed in plan.speeds
             for k, seed in enumerate(seeds)
         ]
 
-    return conditions
+    return situations
 
 
-def _transients(winds: tuple[str, ...], which: str, length: float) -> Callable[[Turbine, Plan], list[Condition]]:
+def _transients(winds: tuple[str, ...], which: str, length: float) -> Callable[[Turbine, Plan], list[DesignSituation]]:
     """Production in a transient, from several azimuths."""
 
-    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
+    def situations(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
         return [
-            Condition(wind, speed, EVENT + length, azimuth=azimuth)
+            DesignSituation(wind, speed, EVENT + length, azimuth=azimuth)
             for speed in getattr(plan, which)
             for wind in winds
             for azimuth in plan.azimuths
         ]
 
-    return conditions
+    return situations
 
 
 def _in_turbulence(
     faults: Callable[[Turbine], dict[str, tuple[Fault, ...]]],
-) -> Callable[[Turbine, Plan], list[Condition]]:
+) -> Callable[[Turbine, Plan], list[DesignSituation]]:
     """A fault in normal turbulence."""
 
-    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
+    def situations(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
         seeds = EVALUATION_WIND_SEEDS[12 : 12 + plan.events]
         return [
-            Condition("NTM", speed, EVENT + _FAULT_LENGTH, seed, faults=what, label=label)
+            DesignSituation("NTM", speed, EVENT + _FAULT_LENGTH, seed, faults=what, label=label)
             for speed in plan.fault_speeds
             for label, what in faults(turbine).items()
             for seed in seeds
         ]
 
-    return conditions
+    return situations
 
 
 def _in_gust(
     label: str, faults: Callable[[Turbine, float], tuple[Fault, ...]]
-) -> Callable[[Turbine, Plan], list[Condition]]:
+) -> Callable[[Turbine, Plan], list[DesignSituation]]:
     """Something that happens at several times of an operating gust."""
 
-    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
+    def situations(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
         times = [EVENT + share * OPERATING_GUST_DURATION for share in plan.gust_times]
         return [
-            Condition("EOG", speed, EVENT + _GUST_LENGTH, azimuth=azimuth, faults=faults(turbine, time),
+            DesignSituation("EOG", speed, EVENT + _GUST_LENGTH, azimuth=azimuth, faults=faults(turbine, time),
                       label=f"{label} {time - EVENT:.1f} s after its beginning")
             for speed in plan.stop_speeds
             for time in times
             for azimuth in plan.azimuths
         ]  # fmt: skip
 
-    return conditions
+    return situations
 
 
-def _parked(turbine: Turbine, plan: Plan) -> list[Condition]:
+def _parked(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
     """A parked turbine in the turbulent extreme wind of 50 years."""
     speed = _sampler(turbine, "extreme-turbulent").speeds[0]
     return [
-        Condition("EWM", speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
+        DesignSituation("EWM", speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
         for k, seed in enumerate(EVALUATION_WIND_SEEDS[: plan.seeds])
     ]
 
@@ -340,33 +286,24 @@ CASES = {
 """Design load cases by number."""
 
 
-def inflow_of(condition: Condition, turbine: Turbine) -> Inflow:
+def inflow_of(situation: DesignSituation, turbine: Turbine) -> Inflow:
     """Wind of a run.
-
-    Parameters
-    ----------
-    condition : Condition
-    turbine : Turbine
-
-    Returns
-    -------
-    Inflow
 
     Raises
     ------
     wt_gym.base.errors.InflowError
         If the turbine has no class of IEC 61400-1 that says how strong the wind is.
     """
-    direction, rng = math.radians(condition.direction), np.random.default_rng(0)
-    if condition.wind == "EWM":
-        sampler = _sampler(turbine, "extreme-turbulent", direction=direction, turbulence=condition.turbulence)
-        return sampler.sample(rng, wind_seed=condition.seed).inflow
-    if condition.wind in ("NTM", "ETM"):
-        options = {"turbulence_model": condition.wind, "turbulence": condition.turbulence}
+    direction, rng = math.radians(situation.direction), np.random.default_rng(0)
+    if situation.wind == "EWM":
+        sampler = _sampler(turbine, "extreme-turbulent", direction=direction, turbulence=situation.turbulence)
+        return sampler.sample(rng, wind_seed=situation.seed).inflow
+    if situation.wind in ("NTM", "ETM"):
+        options = {"turbulence_model": situation.wind, "turbulence": situation.turbulence}
         sampler = _sampler(turbine, "turbulent", direction=direction, **options)
-        return sampler.sample(rng, wind_speed=condition.speed, wind_seed=condition.seed).inflow
-    where = condition.speed, turbine.hub_height, turbine.rotor_diameter
-    kind, sign = condition.wind.rstrip("+-"), -1 if condition.wind.endswith("-") else 1
+        return sampler.sample(rng, wind_speed=situation.speed, wind_seed=situation.seed).inflow
+    where = situation.speed, turbine.hub_height, turbine.rotor_diameter
+    kind, sign = situation.wind.rstrip("+-"), -1 if situation.wind.endswith("-") else 1
     if kind == "EOG":
         return TransientInflow.eog(*where, turbine.turbulence_class, turbine.iec_class, start_time=EVENT)
     if kind == "ECD":
