@@ -35,6 +35,7 @@ from wt_gym.control.controllers.linear_optimal import (
 )
 from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.experiment.comparison import Case, inflow_of
+from wt_gym.learning import linear_design as designing
 from wt_gym.learning.linear_design import (
     Plant,
     change_of_power,
@@ -45,7 +46,6 @@ from wt_gym.learning.linear_design import (
     forecast_change,
     minimize_quadratic,
 )
-from wt_gym.learning.linear_design import design as designing
 from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask
 from wt_gym.learning.recording import Recording, RecordingStore, explained_share, identify, respond
 from wt_gym.runs.playing import run_controller
@@ -359,7 +359,7 @@ def test_drawn_offsets_are_held_and_reproducible():
     changes = np.flatnonzero(np.diff(levels[1])) + 1
     assert np.diff(changes).min() >= 2
     assert np.diff(changes).max() <= 50
-    with pytest.raises(ValueError, match="rising"):
+    with pytest.raises(ValueError, match="at least shortest"):
         Excitation(shortest=2.0, longest=1.0)
 
 
@@ -778,7 +778,7 @@ def test_winds_of_the_same_pitch_are_refused(turbine, toy_runs, monkeypatch):
         (["--out", "mine.npz", "--wind-speed", "18", "12"], "rising wind speeds"),
         (["--out", "mine.npz", "--base", "ipd"], "a controller must be among"),
         (["--out", "mine.npz", "--turbine", "nrel_6mw"], "nrel_6mw"),
-        (["--out", "mine.npz", "--travel-weight", "-1"], "travel_weight must be finite and not negative"),
+        (["--out", "mine.npz", "--travel-weight", "-1"], "travel_weight must be a number of at least 0, got -1.0"),
     ],
 )
 def test_the_command_refuses(words, message, tmp_path, monkeypatch, capsys):
