@@ -176,7 +176,7 @@ def test_paths_outlast_the_working_directory(files, monkeypatch):
     words = ["--env-kwargs", '{"inflow": "a.bts"}']
     assert configuration(parse_command("evaluate", words)).env_kwargs == {"inflow": str(files / "a.bts")}
     monkeypatch.chdir(files.parent)
-    assert gym.make(STEADY, **configs[0].to_json()["env_kwargs"]).unwrapped.wind.speeds == (9.0, 12.0)
+    assert gym.make(STEADY, **configs[0].env_kwargs).unwrapped.wind.speeds == (9.0, 12.0)
 
 
 def test_evaluations_take_pieces_of_files_that_have_nothing_in_common(files):
