@@ -318,7 +318,7 @@ def test_names_on_the_command_line(trained):
         (["evaluate", "--env", "NoSuchEnv-v0"], "NoSuchEnv"),
         (["evaluate", "--env-kwargs", '{"episode_length": 50}'], "episode_length"),
         (["evaluate", "--env-kwargs", '{"color": 1}'], "no argument 'color'"),
-        (["evaluate", "--duration", "20", "--skip", "30"], "the skipped start must be at least 0"),
+        (["evaluate", "--duration", "20", "--skip", "30"], "duration must be 2 s longer than skip"),
         (["train", "--env", "CartPole-v1"], "must be one of wt_gym/"),
         (["train", "--wind-speed", "60"], "between 0.5 and 50 m/s"),
         (["train", "--env-kwargs", "[1]"], "must be a JSON object"),
@@ -351,4 +351,4 @@ def test_the_evaluation_prints_json_and_writes_a_report(tmp_path):
     table = json.loads(done.stdout.splitlines()[-1])
     assert set(table["mean"]) == {BASELINE, "zero"}
     assert (tmp_path / "report.html").stat().st_size > 4e6
-    assert "evaluating discon" in done.stderr
+    assert "1/2 runs, discon at 9 m/s" in done.stderr

@@ -12,7 +12,7 @@ from wt_gym.commands.tune import interval
 from wt_gym.experiment import comparison, tuning
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.comparison import ComparisonConfig, ControllerRuns, change, comparison_table, run_cases
-from wt_gym.experiment.tuning import Cost, Range, TuningTask, tune
+from wt_gym.experiment.tuning import Cost, SearchRange, TuningTask, tune
 from wt_gym.turbines import load_turbine
 
 METRICS = {
@@ -33,7 +33,7 @@ def made_up(turbine, controllers, cases, *_):
 def test_the_search_finds_the_least_cost_and_says_how(monkeypatch, tmp_path):
     optuna = pytest.importorskip("optuna")
     monkeypatch.setattr(tuning, "run_cases", made_up)
-    task = TuningTask("ipc", seeds=(3,), space={"bandwidth": Range(0.03, 1.0, log=True)})
+    task = TuningTask("ipc", seeds=(3,), space={"bandwidth": SearchRange(0.03, 1.0, log=True)})
     path = tmp_path / "tuned.json"
     record = tune(load_turbine("nrel_5mw"), task, trials=30, output=path)
     assert record["best"]["cost"] == pytest.approx(-0.2 * 0.2, abs=0.002)
@@ -155,7 +155,7 @@ def test_a_class_of_ones_own_is_tuned(monkeypatch, tmp_path):
         "    def __init__(self, bandwidth=0.2):\n        pass\n"
     )
     task = TuningTask(f"{tmp_path / 'mine.py'}:Mine", reference="baseline", seeds=(3,))
-    assert (task.reference, task.space) == ("discon", {"bandwidth": Range(0.03, 1.0, log=True)})
+    assert (task.reference, task.space) == ("discon", {"bandwidth": SearchRange(0.03, 1.0, log=True)})
     record = tune(load_turbine("nrel_5mw"), task, trials=3)
     assert record["trials"][0]["parameters"] == {"bandwidth": 0.2}  # the default comes first
 

@@ -16,7 +16,7 @@ from openfast_model import DEGREE, Model, principal, with_few_points
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.commands import run as run_command
 from wt_gym.control.controllers import make_controller
-from wt_gym.experiment.steady_check import SteadyPoint, _run, steady_winds, verdict
+from wt_gym.experiment.steady_check import SteadyRun, _run, steady_winds, verdict
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
@@ -647,7 +647,7 @@ class TestCheckInSteadyWinds:
                 table, made = find_steady_table(path, 5e6), []
                 for wind in steady_winds(turbine):
                     values = {name: table.at(wind, name) for name in ("rotor_speed", "pitch", "power", "thrust")}
-                    made.append(SteadyPoint(wind, **values, deviation=0.001))
+                    made.append(SteadyRun(wind, **values, deviation=0.001))
                 made[4] = replace(made[4], **wrong)
                 return made
 
@@ -691,10 +691,10 @@ class TestCheckInSteadyWinds:
         assert [row["verdict"] for row in rows].count("right") == 8
 
     def test_a_point_without_a_table_is_compared_with_blade_elements(self, nrel_5mw):
-        point = SteadyPoint(8.0, 0.9, 0.0, 1.7e6, 4e5, 0.0)
+        point = SteadyRun(8.0, 0.9, 0.0, 1.7e6, 4e5, 0.0)
         assert verdict(nrel_5mw, point) == ""
         assert verdict(nrel_5mw, replace(point, power=0.0)) == "0% of blade elements' power"
-        fast = SteadyPoint(18.0, 1.03 * nrel_5mw.drivetrain.rated_rotor_speed, 0.25, 5e6, 4e5, 0.0)
+        fast = SteadyRun(18.0, 1.03 * nrel_5mw.drivetrain.rated_rotor_speed, 0.25, 5e6, 4e5, 0.0)
         assert verdict(nrel_5mw, fast) == "103.0% of the operating point's rotor speed"
 
     def test_the_fidelity_is_the_default(self, nrel_5mw, monkeypatch):

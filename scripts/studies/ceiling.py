@@ -37,7 +37,7 @@ from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.benchmark import (
-    Job,
+    BenchmarkRun,
     ResultFolder,
     definition_of,
     entry_of,
@@ -205,7 +205,7 @@ class _Runs:
 
     def controller(self, name: str, wind: BenchmarkWind) -> dict[str, Any]:
         """Result of a controller, as the benchmark itself makes and keeps it."""
-        job = Job(self.task, wind, entry_of(name))
+        job = BenchmarkRun(self.task, wind, entry_of(name))
         definition, results = definition_of(job), ResultFolder(self.folder)
         if (kept := results.find(definition)) is not None:
             return cast("dict[str, Any]", kept)

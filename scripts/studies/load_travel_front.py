@@ -27,7 +27,7 @@ from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, ba
 from wt_gym.commands import benchmark as command
 from wt_gym.commands.options import MODELS, WORKERS, add_shared
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
-from wt_gym.experiment.benchmark import Entry, entries_of, entry_of
+from wt_gym.experiment.benchmark import BenchmarkAgent, entries_of, entry_of
 from wt_gym.experiment.names import BASELINE, LEVELS, with_model_options
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ AGENTS = "agents"
 _METRICS = ("captured_power", "blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
 
 
-def front_entries() -> list[Entry]:
+def front_entries() -> list[BenchmarkAgent]:
     """Everything that runs: the baseline controller first."""
     families = (*FAMILIES.values(), *WITH_LIDAR.values())
     return [entry_of(choice) for choice in (BASELINE, *(x for family in families for x in family))]

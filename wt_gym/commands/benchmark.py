@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Any
 
-    from wt_gym.experiment.benchmark import Entry
+    from wt_gym.experiment.benchmark import BenchmarkAgent
     from wt_gym.experiment.benchmark_tasks import BenchmarkTask
 
 KEPT = "runs/benchmark"
@@ -208,7 +208,7 @@ def verify(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def results(
-    arguments: argparse.Namespace, asked: list[tuple[BenchmarkTask, list[Entry]]]
+    arguments: argparse.Namespace, asked: list[tuple[BenchmarkTask, list[BenchmarkAgent]]]
 ) -> list[dict[str, dict[str, Any]]]:
     """Run entries in their tasks, all beside each other; give the results of each task by the name of the entry."""
     from wt_gym.experiment.benchmark import ResultFolder, jobs_of, results_of, run_jobs

@@ -58,7 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Tune."""
-    from wt_gym.experiment.tuning import Cost, Range, TuningTask, parameters_text, tune
+    from wt_gym.experiment.tuning import Cost, SearchRange, TuningTask, parameters_text, tune
     from wt_gym.turbines import load_turbine
     from wt_gym.turbines.model import with_site
 
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     task = TuningTask(
         arguments.controller, arguments.reference, tuple(arguments.wind_speed), tuple(arguments.wind_seeds),
         arguments.duration, arguments.skip, arguments.fidelity, cost,
-        {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
+        {name: SearchRange(*limits) for name, limits in arguments.space} if arguments.space else None,
     )  # fmt: skip
     record = tune(turbine, task, arguments.trials, arguments.seed, arguments.out, progress=True)
     print(f"best: cost {record['best']['cost']:+.4f} with {parameters_text(record['best']['parameters'])}")

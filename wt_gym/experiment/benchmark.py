@@ -66,10 +66,10 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "INTERFACE", "BenchmarkTask", "BenchmarkWind", "Entry", "Job", "Reference", "ResultFolder", "Score",
-    "WindScore", "definition_of", "entries_of", "entry_of", "into_page", "jobs_of", "leaderboard", "load_task",
-    "make_env", "make_reference", "play_task", "reference_of", "results_of", "run_definition", "run_jobs", "score",
-    "task_names", "to_markdown", "wind_score", "write_reference",
+    "INTERFACE", "BenchmarkAgent", "BenchmarkRun", "BenchmarkTask", "BenchmarkWind", "Reference", "ResultFolder",
+    "Score", "WindScore", "definition_of", "entries_of", "entry_of", "into_page", "jobs_of", "leaderboard",
+    "load_task", "make_env", "make_reference", "play_task", "reference_of", "results_of", "run_definition",
+    "run_jobs", "score", "task_names", "to_markdown", "wind_score", "write_reference",
 ]  # fmt: skip
 
 
@@ -239,7 +239,7 @@ class ResultFolder(RunStore):
 
 
 @dataclass(frozen=True)
-class Entry:
+class BenchmarkAgent:
     """An agent with the environment it requires."""
 
     name: str  #: shown in tables
@@ -260,8 +260,8 @@ class Entry:
         return agent
 
 
-def entry_of(text: str) -> Entry:
-    """Entry of one word, path or ``NAME=CHOICE``, as of `wt_gym.experiment.names.read_name`.
+def entry_of(text: str) -> BenchmarkAgent:
+    """Agent of one word, path or ``NAME=CHOICE``, as of `wt_gym.experiment.names.read_name`.
 
     Raises a `ValueError` if it is no agent, or a setting of a planner is out of range.
     """
@@ -270,30 +270,30 @@ def entry_of(text: str) -> Entry:
     return _entry(label or default_name(name), name)
 
 
-def _entry(label: str, name: Name) -> Entry:
-    """Entry of a name."""
+def _entry(label: str, name: Name) -> BenchmarkAgent:
+    """Agent of a name."""
     text = name.text
     if name.kind == "word" and name.target == "planner":
         PlannerOptions.from_dict(name.parameters)
-        return Entry(label, text, {"kind": "planner", "parameters": name.parameters})
+        return BenchmarkAgent(label, text, {"kind": "planner", "parameters": name.parameters})
     if name.kind == "word":
-        return Entry(label, text, {"kind": name.target})
+        return BenchmarkAgent(label, text, {"kind": name.target})
     if name.kind == "trained":
         return _trained(label, name)
     if name.kind == "class":
         known = fingerprint(text)
         source = {"class": known["class"], "parameters": name.parameters, "sha256": [*known["sha256"].values()]}
         if not is_base_controller(text):
-            return Entry(label, text, {"kind": "class", **source}, env_choices_of(text))
+            return BenchmarkAgent(label, text, {"kind": "class", **source}, env_choices_of(text))
         residual = {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]}
-        return Entry(label, text, {"kind": "controller", **source}, residual)
+        return BenchmarkAgent(label, text, {"kind": "controller", **source}, residual)
     definition: dict[str, Any] = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
     if files := fingerprint(text).get("sha256"):  # a library of others, with its input files
         definition["sha256"] = [*files.values()]
-    return Entry(label, text, definition, {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]})
+    return BenchmarkAgent(label, text, definition, {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]})
 
 
-def entries_of(texts: Iterable[str]) -> list[Entry]:
+def entries_of(texts: Iterable[str]) -> list[BenchmarkAgent]:
     """Entries of a command line, each once; the folder of a training with several seeds is one a seed.
 
     Raises
@@ -301,7 +301,7 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
     ValueError
         If one is not an agent, or two different ones have the same name.
     """
-    entries: dict[str, Entry] = {}
+    entries: dict[str, BenchmarkAgent] = {}
     for label, text in each_named(texts, groups=GROUPS):
         entry = _entry(label, read_name(text))
         if entries.setdefault(entry.name, entry) != entry:
@@ -309,24 +309,24 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
     return list(entries.values())
 
 
-def _trained(label: str, name: Name) -> Entry:
-    """Entry of a trained model, in the environment it was trained in, or in the one that it chooses."""
+def _trained(label: str, name: Name) -> BenchmarkAgent:
+    """Agent of a trained model, in the environment it was trained in, or in the one that it chooses."""
     from wt_gym.experiment.trained_agent import model_digests  # torch takes seconds to import
 
     agent, chosen = load_model(name), env_choices_of(name.text)
     record = agent.record or {}
     algorithm = record.get("algorithm") or type(agent.model).__name__
     definition = {"kind": "trained", "algorithm": algorithm, "sha256": model_digests(name.target)}
-    return Entry(label, name.text, definition, environment_of_training(record, INTERFACE) | chosen)
+    return BenchmarkAgent(label, name.text, definition, environment_of_training(record, INTERFACE) | chosen)
 
 
 @dataclass(frozen=True)
-class Job:
+class BenchmarkRun:
     """One agent in one wind of a task."""
 
     task: BenchmarkTask
     wind: BenchmarkWind
-    entry: Entry
+    entry: BenchmarkAgent
 
     @property
     def label(self) -> str:
@@ -334,41 +334,43 @@ class Job:
         return f"{self.entry.name} in {self.task.id}, {self.wind.label}"
 
 
-def definition_of(job: Job) -> dict[str, Any]:
+def definition_of(job: BenchmarkRun) -> dict[str, Any]:
     """What decides on the numbers of a job."""
     return run_definition(job.task, job.wind, {"name": job.entry.name, **job.entry.definition}, job.entry.interface)
 
 
-def jobs_of(tasks: Iterable[BenchmarkTask], entries: Sequence[Entry]) -> list[Job]:
+def jobs_of(tasks: Iterable[BenchmarkTask], entries: Sequence[BenchmarkAgent]) -> list[BenchmarkRun]:
     """Every entry in every wind of every task."""
-    return [Job(task, wind, entry) for task in tasks for entry in entries for wind in task.winds]
+    return [BenchmarkRun(task, wind, entry) for task in tasks for entry in entries for wind in task.winds]
 
 
 class _BenchmarkRuns(Experiment):
-    """Rows of the benchmark: `Job`."""
+    """Rows of the benchmark: `BenchmarkRun`."""
 
-    def __init__(self, first: Job):
+    def __init__(self, first: BenchmarkRun):
         self._first = first
 
-    def definition(self, row: Job) -> dict[str, Any]:
+    def definition(self, row: BenchmarkRun) -> dict[str, Any]:
         return definition_of(row)
 
-    def label(self, row: Job) -> str:
+    def label(self, row: BenchmarkRun) -> str:
         return row.label
 
-    def outcome(self, row: Job, result: dict[str, Any]) -> str:
+    def outcome(self, row: BenchmarkRun, result: dict[str, Any]) -> str:
         ended = "" if result["ending"] == "time" else f", ended after {result['duration']:g} s: {result['ending']}"
         return f" in {result['wall_seconds']:g} s{ended}"
 
     def warm(self) -> None:
         compile_kernels(make_env(self._first.task, self._first.wind, self._first.entry.interface))
 
-    def __call__(self, row: Job) -> dict[str, Any]:
+    def __call__(self, row: BenchmarkRun) -> dict[str, Any]:
         result = play_task(row.task, row.wind, row.entry.make, row.entry.interface, self.progress)
         return {"definition": definition_of(row), "agent": row.entry.name, **result}
 
 
-def run_jobs(jobs: Sequence[Job], folder: ResultFolder, executor: Executor | None = None, progress: bool = True) -> int:
+def run_jobs(
+    jobs: Sequence[BenchmarkRun], folder: ResultFolder, executor: Executor | None = None, progress: bool = True
+) -> int:
     """Make the runs that the folder does not hold yet; return their number.
 
     Executor, progress and errors are as of `wt_gym.experiment.evaluation.evaluate`.
@@ -380,7 +382,7 @@ def run_jobs(jobs: Sequence[Job], folder: ResultFolder, executor: Executor | Non
     return executor.tally.done - before
 
 
-def results_of(task: BenchmarkTask, entry: Entry, folder: ResultFolder) -> dict[str, dict[str, Any]]:
+def results_of(task: BenchmarkTask, entry: BenchmarkAgent, folder: ResultFolder) -> dict[str, dict[str, Any]]:
     """Results of an entry in a task by the label of the wind.
 
     Raises
@@ -388,7 +390,7 @@ def results_of(task: BenchmarkTask, entry: Entry, folder: ResultFolder) -> dict[
     FileNotFoundError
         If one was not made.
     """
-    return {wind.label: folder.read(definition_of(Job(task, wind, entry))) for wind in task.winds}
+    return {wind.label: folder.read(definition_of(BenchmarkRun(task, wind, entry))) for wind in task.winds}
 
 
 # ---- scores ----

@@ -19,7 +19,15 @@ from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_whole
 from wt_gym.control.controllers.names import Name
-from wt_gym.experiment.benchmark import Entry, Job, ResultFolder, definition_of, entry_of, load_task, run_jobs
+from wt_gym.experiment.benchmark import (
+    BenchmarkAgent,
+    BenchmarkRun,
+    ResultFolder,
+    definition_of,
+    entry_of,
+    load_task,
+    run_jobs,
+)
 from wt_gym.experiment.store import digest
 from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, model_digests, model_files
 
@@ -234,14 +242,14 @@ def _sums(result: dict[str, Any]) -> dict[str, str] | None:
     return agent["sha256"] if agent["kind"] == "trained" else None
 
 
-def _job(result: dict[str, Any], models: dict[str, Path], given: Sequence[Entry]) -> Job:
+def _job(result: dict[str, Any], models: dict[str, Path], given: Sequence[BenchmarkAgent]) -> BenchmarkRun:
     """The job that a result says it was."""
     definition = result["definition"]
     task = _task(definition)
     wind = next((wind for wind in task.winds if digest(wind.definition) == digest(definition["wind"])), None)
     if wind is None:
         raise BenchmarkError(f"{result['agent']}: {definition['wind']} must be a wind of {task.id}")
-    return Job(task, wind, _entry(result, models, given))
+    return BenchmarkRun(task, wind, _entry(result, models, given))
 
 
 def _task(definition: dict[str, Any]) -> BenchmarkTask:
@@ -252,12 +260,12 @@ def _task(definition: dict[str, Any]) -> BenchmarkTask:
     return task
 
 
-def _entry(result: dict[str, Any], models: dict[str, Path], given: Sequence[Entry]) -> Entry:
+def _entry(result: dict[str, Any], models: dict[str, Path], given: Sequence[BenchmarkAgent]) -> BenchmarkAgent:
     """Agent of a result, with the interface that its definition has."""
     about = {key: value for key, value in result["definition"]["agent"].items() if key != "name"}
     interface, name = result["definition"].get("interface", {}), result["agent"]
     if (match := next((one for one in given if one.definition == about), None)) is not None:
-        return Entry(name, match.choice, about, interface)
+        return BenchmarkAgent(name, match.choice, about, interface)
     if about["kind"] == "trained":
         folder = models.get(model_folder(about["sha256"]))
         if folder is None:
@@ -265,7 +273,7 @@ def _entry(result: dict[str, Any], models: dict[str, Path], given: Sequence[Entr
                 f"the model of {name!r} must be in the archive or be given as NAME=PATH with the files of its digests"
             )
         path = folder if (folder / MODEL_FILE).is_file() else next(folder.glob("*.zip"))
-        return Entry(name, str(path), about, interface)
+        return BenchmarkAgent(name, str(path), about, interface)
     if "class" in about:
         raise BenchmarkError(f"the class of {name!r} must be given as NAME=FILE.py:Class, with the same source")
     of_controller = about["kind"] == "controller"
@@ -273,10 +281,10 @@ def _entry(result: dict[str, Any], models: dict[str, Path], given: Sequence[Entr
     made = entry_of(Name("controller" if of_controller else "word", target, about.get("parameters", {})).text)
     if made.definition != about:
         raise BenchmarkError(f"{name!r} must be {about}; what has this name here is {made.definition}")
-    return Entry(name, made.choice, about, interface)
+    return BenchmarkAgent(name, made.choice, about, interface)
 
 
-def _compared(job: Job, recorded: dict[str, Any], found: dict[str, Any]) -> Verified:
+def _compared(job: BenchmarkRun, recorded: dict[str, Any], found: dict[str, Any]) -> Verified:
     """Differences of a repetition."""
     other = tuple(differing(recorded["definition"]["fingerprint"], found["definition"]["fingerprint"]))
     if recorded["ending"] != found["ending"] or recorded["metrics"].keys() - found["metrics"].keys():

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "BenchmarkTask", "BenchmarkWind", "Ceiling", "Limit", "Reference", "Term", "ceiling_file", "ceiling_line",
+    "BenchmarkTask", "BenchmarkWind", "Ceiling", "Limit", "Reference", "ScoreTerm", "ceiling_file", "ceiling_line",
     "ceiling_of", "improvement", "load_task", "make_reference", "reference_of", "task_file", "task_names",
-    "write_reference",
+    "transient_inflow", "write_reference",
 ]  # fmt: skip
 
 _FOLDER = Path(__file__).parent / "benchmark_data"
@@ -67,19 +67,36 @@ class BenchmarkWind:
 
     def inflow(self, turbine: Turbine) -> TransientInflow:
         """Give the transient for a turbine."""
-        where = self.speed, turbine.hub_height, turbine.rotor_diameter
-        kind, _, axis = cast(str, self.transient).partition("-")
-        if kind == "EOG":
-            return TransientInflow.eog(*where, turbine.turbulence_class, turbine.iec_class, start_time=self.start)
-        if kind == "EDC":
-            return TransientInflow.edc(*where, turbine.turbulence_class, sign=self.sign, start_time=self.start)
-        if kind == "ECD":
-            return TransientInflow.ecd(*where, sign=self.sign, start_time=self.start)
-        return TransientInflow.ews(*where, turbine.turbulence_class, axis=axis, sign=self.sign, start_time=self.start)
+        return transient_inflow(turbine, cast(str, self.transient), self.speed, self.sign, self.start)
+
+
+def transient_inflow(turbine: Turbine, kind: str, speed: float, sign: int, start: float) -> TransientInflow:
+    """Transient of IEC 61400-1 for the class of a turbine.
+
+    Parameters
+    ----------
+    kind : {"EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal"}
+    speed : float
+        Mean at hub height before it [m/s].
+    sign : int
+        Of its direction or shear, see `wt_gym.wind.TransientInflow`.
+    start : float
+        Time at which it begins [s].
+    """
+    where, turbulence, (kind, _, axis) = (
+        (speed, turbine.hub_height, turbine.rotor_diameter), turbine.turbulence_class, kind.partition("-"),
+    )  # fmt: skip
+    if kind == "EOG":
+        return TransientInflow.eog(*where, turbulence, turbine.iec_class, start_time=start)
+    if kind == "EDC":
+        return TransientInflow.edc(*where, turbulence, sign=sign, start_time=start)
+    if kind == "ECD":
+        return TransientInflow.ecd(*where, sign=sign, start_time=start)
+    return TransientInflow.ews(*where, turbulence, axis=axis, sign=sign, start_time=start)
 
 
 @dataclass(frozen=True)
-class Term:
+class ScoreTerm:
     """Part of what a task improves: ``-weight (value - baseline) / scale``."""
 
     metric: str
@@ -87,7 +104,7 @@ class Term:
     scale: float | None = None  #: in the unit of the metric; None: the baseline's value in the same wind
 
 
-def improvement(terms: Iterable[Term], metrics: Mapping[str, float], baseline: Mapping[str, float]) -> float:
+def improvement(terms: Iterable[ScoreTerm], metrics: Mapping[str, float], baseline: Mapping[str, float]) -> float:
     """Sum of terms over the baseline in the same wind.
 
     Raises
@@ -132,7 +149,7 @@ class BenchmarkTask:
     duration: float  #: length of a run [s]
     skip: float  #: start left out of the metrics [s]
     winds: tuple[BenchmarkWind, ...]  #: default trainings use none of them
-    terms: tuple[Term, ...]
+    terms: tuple[ScoreTerm, ...]
     limits: tuple[Limit, ...]
     clip: tuple[float, float]  #: least and greatest score of a wind
     candidates: tuple[str, ...]  #: agents among which the best known is looked for when the reference is renewed
@@ -226,12 +243,12 @@ def _winds(name: str, groups: list[dict[str, Any]]) -> tuple[BenchmarkWind, ...]
     return tuple(winds)
 
 
-def _term(name: str, metric: str, given: dict[str, Any]) -> Term:
+def _term(name: str, metric: str, given: dict[str, Any]) -> ScoreTerm:
     if not {"weight"} <= set(given) <= {"weight", "scale"} or given.get("scale", 1.0) <= 0.0:
         raise BenchmarkError(
             f"task {name}: the term {metric} must have a weight and may have a positive scale, got {given}"
         )
-    return Term(metric, **given)
+    return ScoreTerm(metric, **given)
 
 
 def _limit(name: str, metric: str, given: dict[str, float]) -> Limit:

@@ -21,9 +21,9 @@ import numpy as np
 from wt_gym.control.design import reference_flap_moment
 from wt_gym.envs.options import WindOptions
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
+from wt_gym.experiment.benchmark_tasks import transient_inflow
 from wt_gym.experiment.store import described
 from wt_gym.simulation.drivetrain.faults import DriveFault, GeneratorLoss, SensorBias, ShutDown, StuckPitch
-from wt_gym.wind import TransientInflow
 from wt_gym.wind.iec import OPERATING_GUST_DURATION
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class DesignSituation:
     """A run of a load case: wind, faults and length. Plain values, which can be hashed."""
 
     wind: str
-    """"NTM", "ETM" or "EWM", turbulent; "EOG", "ECD+", "ECD-", "EWS-vertical+" and the like: transients that begin
+    """Turbulent "NTM", "ETM" or "EWM"; "EOG", "ECD+", "ECD-", "EWS-vertical+" and the like: transients that begin
     at `EVENT`. The turbine is parked in "EWM"."""
     speed: float  #: mean wind speed at the hub [m/s]
     duration: float  #: [s]
@@ -302,14 +302,8 @@ def inflow_of(situation: DesignSituation, turbine: Turbine) -> Inflow:
         options = {"turbulence_model": situation.wind, "turbulence": situation.turbulence}
         sampler = _sampler(turbine, "turbulent", direction=direction, **options)
         return sampler.sample(rng, wind_speed=situation.speed, wind_seed=situation.seed).inflow
-    where = situation.speed, turbine.hub_height, turbine.rotor_diameter
-    kind, sign = situation.wind.rstrip("+-"), -1 if situation.wind.endswith("-") else 1
-    if kind == "EOG":
-        return TransientInflow.eog(*where, turbine.turbulence_class, turbine.iec_class, start_time=EVENT)
-    if kind == "ECD":
-        return TransientInflow.ecd(*where, sign=sign, start_time=EVENT)
-    axis = kind.removeprefix("EWS-")
-    return TransientInflow.ews(*where, turbine.turbulence_class, axis, sign, start_time=EVENT)
+    sign = -1 if situation.wind.endswith("-") else 1
+    return transient_inflow(turbine, situation.wind.rstrip("+-"), situation.speed, sign, EVENT)
 
 
 def _sampler(turbine: Turbine, kind: str, **options: Any) -> WindSampler:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.turbines.openfast_control import SteadyTable
 
-__all__ = ["DURATION", "SteadyPoint", "steady_check", "steady_winds", "verdict"]
+__all__ = ["DURATION", "SteadyRun", "steady_check", "steady_winds", "verdict"]
 
 DURATION = 100.0
 """Length of a run [s]."""
@@ -46,7 +46,7 @@ _ABOVE_RATED = 1.15
 
 
 @dataclass(frozen=True)
-class SteadyPoint:
+class SteadyRun:
     """Means over the end of a run in a steady wind."""
 
     wind: float  #: [m/s]
@@ -63,7 +63,7 @@ def steady_winds(turbine: Turbine) -> tuple[float, ...]:
     return tuple(np.linspace(turbine.cut_in, turbine.cut_out, _WINDS).round(2).tolist())
 
 
-def steady_check(turbine: Turbine, on_point: Callable[[int, float], None] | None = None) -> list[SteadyPoint]:
+def steady_check(turbine: Turbine, on_point: Callable[[int, float], None] | None = None) -> list[SteadyRun]:
     """Run a turbine under its own controller in the winds of `steady_winds`, two at a time.
 
     Parameters
@@ -73,7 +73,7 @@ def steady_check(turbine: Turbine, on_point: Callable[[int, float], None] | None
 
     Returns
     -------
-    list of SteadyPoint
+    list of SteadyRun
         In the order of the winds.
     """
     began, points = time.monotonic(), []
@@ -85,10 +85,10 @@ def steady_check(turbine: Turbine, on_point: Callable[[int, float], None] | None
     return sorted(points, key=lambda point: point.wind)
 
 
-def _run(turbine: Turbine, wind: float) -> SteadyPoint:
+def _run(turbine: Turbine, wind: float) -> SteadyRun:
     """Run one wind."""
     simulator = Simulator(turbine, inflow=SteadyInflow(wind, hub_height=turbine.hub_height))
-    point = SteadyPoint(wind)
+    point = SteadyRun(wind)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the caller has shown what is said of this controller
         controller = make_controller("discon", turbine)
@@ -109,7 +109,7 @@ def _run(turbine: Turbine, wind: float) -> SteadyPoint:
     )
 
 
-def verdict(turbine: Turbine, point: SteadyPoint, table: SteadyTable | None = None) -> str:
+def verdict(turbine: Turbine, point: SteadyRun, table: SteadyTable | None = None) -> str:
     """Return the faults of a point in words, "" where it is right.
 
     Parameters

@@ -25,7 +25,7 @@ from wt_gym.base.files import require_writable, write_text_whole
 from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers.names import BASELINE, SHORT_FOR, load_class
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
-from wt_gym.experiment.benchmark_tasks import Term, improvement
+from wt_gym.experiment.benchmark_tasks import ScoreTerm, improvement
 from wt_gym.experiment.comparison import ComparisonConfig, run_cases
 from wt_gym.experiment.execute import ProgressLine, clock
 from wt_gym.experiment.names import read_name
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
     from wt_gym.experiment.comparison import ControllerRuns
     from wt_gym.turbines import Turbine
 
-__all__ = ["SPACES", "Cost", "Range", "TuningTask", "parameters_text", "tune"]
+__all__ = ["SPACES", "Cost", "SearchRange", "TuningTask", "parameters_text", "tune"]
 
 
 @dataclass(frozen=True)
-class Range:
+class SearchRange:
     """Where a parameter is searched, evenly in itself or in its logarithm."""
 
     low: float
@@ -49,36 +49,40 @@ class Range:
     log: bool = False
 
 
-_FADE = Range(math.radians(0.5), math.radians(6.0), log=True)  # the default acts in full from 3 degrees on
-SPACES: dict[str, dict[str, Range]] = {
-    "retuned": {"gain_factor": Range(0.5, 1.2)},
+_FADE = SearchRange(math.radians(0.5), math.radians(6.0), log=True)  # the default acts in full from 3 degrees on
+SPACES: dict[str, dict[str, SearchRange]] = {
+    "retuned": {"gain_factor": SearchRange(0.5, 1.2)},
     "tsr_tracking": {
-        "tip_speed_ratio": Range(6.0, 12.0),
-        "thrust_limit": Range(0.75, 1.0),
-        "torque_frequency": Range(0.05, 0.6, log=True),
-        "wind_time_constant": Range(0.5, 15.0, log=True),
+        "tip_speed_ratio": SearchRange(6.0, 12.0),
+        "thrust_limit": SearchRange(0.75, 1.0),
+        "torque_frequency": SearchRange(0.05, 0.6, log=True),
+        "wind_time_constant": SearchRange(0.5, 15.0, log=True),
     },
-    "ipc": {"bandwidth": Range(0.03, 1.0, log=True), "lead": Range(0.0, 0.5), "proportional_time": Range(0.0, 1.0)},
+    "ipc": {
+        "bandwidth": SearchRange(0.03, 1.0, log=True),
+        "lead": SearchRange(0.0, 0.5),
+        "proportional_time": SearchRange(0.0, 1.0),
+    },
     "ipc_2p": {
-        "bandwidth": Range(0.03, 1.0, log=True),
-        "lead": Range(0.0, 0.5),
-        "second_harmonic": Range(0.05, 2.0, log=True),
+        "bandwidth": SearchRange(0.03, 1.0, log=True),
+        "lead": SearchRange(0.0, 0.5),
+        "second_harmonic": SearchRange(0.05, 2.0, log=True),
     },
     "constrained_ipc": {
-        "level": Range(0.02, 0.3),
-        "bandwidth": Range(0.03, 1.0, log=True),
-        "leak_time": Range(1.0, 60.0, log=True),
-        "proportional_time": Range(0.0, 1.0),
+        "level": SearchRange(0.02, 0.3),
+        "bandwidth": SearchRange(0.03, 1.0, log=True),
+        "leak_time": SearchRange(1.0, 60.0, log=True),
+        "proportional_time": SearchRange(0.0, 1.0),
         "fade": _FADE,
     },
     "lidar": {
-        "gain": Range(0.2, 1.2),
-        "delay": Range(0.0, 2.0),
-        "filter_length": Range(0.1, 0.5, log=True),
+        "gain": SearchRange(0.2, 1.2),
+        "delay": SearchRange(0.0, 2.0),
+        "filter_length": SearchRange(0.1, 0.5, log=True),
     },
-    "fore_aft_damper": {"damping": Range(0.01, 0.3, log=True)},
-    "side_side_damper": {"damping": Range(0.005, 0.1, log=True)},
-    "yaw": {"dead_band": Range(0.05, 0.3), "slow": Range(10.0, 120.0, log=True)},
+    "fore_aft_damper": {"damping": SearchRange(0.01, 0.3, log=True)},
+    "side_side_damper": {"damping": SearchRange(0.005, 0.1, log=True)},
+    "yaw": {"dead_band": SearchRange(0.05, 0.3), "slow": SearchRange(10.0, 120.0, log=True)},
 }
 """Search spaces of the names of the catalogue; a combined controller has those of all its parts."""
 
@@ -101,7 +105,7 @@ class Cost:
     def of(self, metrics: dict[str, float], reference: dict[str, float], turbine: Turbine) -> float:
         """Cost of a run against the reference in the same wind."""
         full_use = {"pitch_duty_cycle": 1.0, "torque_rate": turbine.drivetrain.max_torque_rate or math.inf}
-        terms = [Term(key, weight, full_use.get(key)) for key, weight in self.weights.items()]
+        terms = [ScoreTerm(key, weight, full_use.get(key)) for key, weight in self.weights.items()]
         missing = max(self.least_power - metrics["captured_power"] / reference["captured_power"], 0.0)
         return float(_OF_MISSING_POWER * missing - improvement(terms, metrics, reference))
 
@@ -115,8 +119,8 @@ FAILURE_COST = 10.0
 class TuningTask(Options):
     """Controller to tune, winds, and cost.
 
-    ``cost`` is a `Cost`. ``space``, a mapping of parameters to `Range`, is by default that of the parts of the name in
-    `SPACES`; of a class of yours its attribute ``SPACE``: low and high by name.
+    ``cost`` is a `Cost`. ``space``, a mapping of parameters to `SearchRange`, is by default that of the parts of the
+    name in `SPACES`; of a class of yours its attribute ``SPACE``: low and high by name.
     """
 
     title = "tuning"
@@ -131,7 +135,7 @@ class TuningTask(Options):
     skip: float = option("time before it", default=30.0, unit="s", low=0.0, high=LONGEST)
     fidelity: str | None = option("fidelity of the simulator", default=None, otherwise="that of the turbine")
     cost: Cost = field(default_factory=Cost)
-    space: dict[str, Range] | None = None
+    space: dict[str, SearchRange] | None = None
 
     def check(self) -> None:
         """Resolve aliases and the search space; refuse a controller without one."""
@@ -140,7 +144,7 @@ class TuningTask(Options):
         name, space = read_name(self.controller), self.space
         if space is None and name.kind == "class":
             limits = getattr(load_class(name.target), "SPACE", {})
-            space = {key: Range(*interval) for key, interval in limits.items()}
+            space = {key: SearchRange(*interval) for key, interval in limits.items()}
         elif space is None:
             parts = _parts(self.controller)
             space = {
@@ -217,7 +221,7 @@ def tune(
         known = ", ".join(next(iter(reference.metrics.values())))
         raise ValueError(f"weights of the cost must be some of {known}, got {', '.join(unknown)}")
 
-    space = cast("dict[str, Range]", task.space)  # found by the name where none was given
+    space = cast("dict[str, SearchRange]", task.space)  # found by the name where none was given
 
     def cost(trial: optuna.Trial) -> float:
         parameters = {
@@ -268,7 +272,7 @@ def _parts(controller: str) -> list[str]:
     return [part for name in read_name(controller).target.split("+") for part in SHORT_FOR.get(name, (name,))]
 
 
-def _defaults(controller: str, space: dict[str, Range]) -> dict[str, float]:
+def _defaults(controller: str, space: dict[str, SearchRange]) -> dict[str, float]:
     """Numbers that a controller has by default for what is searched, as far as they are numbers and not rules."""
     from wt_gym.control.controllers import FadeParameters, controller_parameters
 
