@@ -12,11 +12,11 @@ import pytest
 
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.compilation import (
-    _HELPER,
-    _compile_structure,
+    HELPER,
     announce_compilation,
     compile_ahead,
     compile_once,
+    compile_structure,
     compiling,
 )
 from wt_gym.simulation.step.coupling import Coupling
@@ -69,7 +69,7 @@ def told(caplog):
 @pytest.mark.parametrize(("turbine", "fidelity"), [("gebhardt_45m", "gebhardt"), ("nada_small", "mixed")])
 def test_free_bodies_begin_to_move_where_they_belong(turbine, fidelity):
     """The first simulator of a machine may be one whose constraint equations hold its bodies together."""
-    _compile_structure(Simulator(turbine, SteadyInflow(8.0), fidelity, generator="damper").coupling)
+    compile_structure(Simulator(turbine, SteadyInflow(8.0), fidelity, generator="damper").coupling)
 
 
 def test_a_turbine_that_no_other_process_can_know_is_compiled_by_one(plain, told):
@@ -96,7 +96,7 @@ def test_without_an_interpreter_one_process_compiles_everything(plain, told, mon
     ],
 )
 def test_a_helper_that_fails_leaves_the_work_to_one_process(plain, told, monkeypatch, code, says):
-    monkeypatch.setattr("wt_gym.simulation.compilation._HELPER", code)
+    monkeypatch.setattr("wt_gym.simulation.compilation.HELPER", code)
     compile_ahead(Simulator, *plain)
     assert told.messages == says
 
@@ -105,8 +105,8 @@ def test_a_helper_may_print_and_finds_what_this_process_finds(plain, told, monke
     """Before and after its work, more than a pipe holds; a file in the working directory is no module."""
     (tmp_path / "scipy.py").write_text("raise SystemExit(5)")
     monkeypatch.setattr("sys.path", [Path("ignored"), *sys.path])
-    code = "print('x' * 200_000, flush=True)\n" + _HELPER + "print('x' * 200_000, flush=True)"
-    monkeypatch.setattr("wt_gym.simulation.compilation._HELPER", code)
+    code = "print('x' * 200_000, flush=True)\n" + HELPER + "print('x' * 200_000, flush=True)"
+    monkeypatch.setattr("wt_gym.simulation.compilation.HELPER", code)
     monkeypatch.chdir(tmp_path)
     compile_ahead(Simulator, *plain)
     assert not told.messages

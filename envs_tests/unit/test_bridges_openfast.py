@@ -50,6 +50,7 @@ from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.openfast import read_openfast
 from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import mirrored, unloaded_clearance
+from wt_gym.turbines.windio_writer import require_same
 from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
 from wt_gym.wind.files import BtsContent
 from wt_gym.wind.inflow import TurningInflow
@@ -157,16 +158,13 @@ class TestModelFiles:
         read = read_openfast(model, rated_power=train.rated_power, rated_rotor_speed=train.rated_rotor_speed)
         for name in ("n_blades", "rotor_diameter", "hub_height", "air_density"):
             assert getattr(read, name) == pytest.approx(getattr(turbine, name), rel=1e-6)
-        for part, names in (
-            ("hub", ("radius", "cone", "mass", "inertia_axial", "inertia_transverse", "cm_offset_along_shaft")),
-            ("nacelle", ("mass", "tilt", "overhang", "tower_top_to_shaft", "yaw_bearing_mass", "yaw_spring")),
-            ("drivetrain", ("gear_ratio", "gearbox_efficiency", "generator_efficiency", "generator_inertia", "spring")),
-            ("pitch", ("min_pitch", "max_pitch", "max_rate")),
-            ("tower", ("base_height", "height", "drag_coefficient", "damping_ratio")),
-        ):
-            for name in names:
-                found, wanted = getattr(getattr(read, part), name), getattr(getattr(turbine, part), name)
-                assert found == pytest.approx(wanted, rel=1e-6, abs=1e-9), f"{part}.{name}"
+        require_same(turbine.hub, read.hub)
+        require_same(turbine.pitch, read.pitch)
+        require_same(replace(turbine.nacelle, inertia=read.nacelle.inertia), read.nacelle)
+        for name in ("gear_ratio", "gearbox_efficiency", "generator_efficiency", "generator_inertia", "spring"):
+            assert getattr(read.drivetrain, name) == pytest.approx(getattr(train, name), rel=1e-6), name
+        for name in ("base_height", "height", "drag_coefficient", "damping_ratio"):
+            assert getattr(read.tower, name) == pytest.approx(getattr(turbine.tower, name), rel=1e-6, abs=1e-9), name
         z = np.linspace(0.0, turbine.blade.length, 40)
         np.testing.assert_allclose(read.blade.twist_at(z), turbine.blade.twist_at(z), atol=math.radians(0.15))
         np.testing.assert_allclose(read.blade.chord_at(z), turbine.blade.chord_at(z), rtol=0.02)
@@ -659,9 +657,7 @@ class TestDriverRuns:
         """Counted from the apex of the rotor, with the tip of the cone on the tower axis at hub height."""
         assert InputFile(written.with_name("inflowwind.dat")).number("SensorType") == 0
         lidar = PointLidar((60.0, 120.0), half_angle=0.3, n_beams=2)
-        write_driver_run(
-            turbine, SteadyInflow(8.0), tmp_path, ServedController("a", "b", lidar), duration=1.0, interval=0.1
-        )
+        self.driven(turbine, tmp_path, lidar=lidar)
         file, step = InputFile(tmp_path / "inflowwind.dat"), InputFile(tmp_path / "model.fst").number("DT")
         lines = [line.split() for line in file.lines]
         found = {
@@ -690,11 +686,9 @@ class TestDriverRuns:
         return primary
 
     @staticmethod
-    def driven(turbine, model, folder, interval=0.1):
-        controller = ServedController("mine.so", "mine.in")
-        return write_driver_run(
-            turbine, SteadyInflow(8.0), folder, controller, duration=1.0, interval=interval, model=model
-        )
+    def driven(turbine, folder, model=None, lidar=None):
+        controller = ServedController("mine.so", "mine.in", lidar)
+        return write_driver_run(turbine, SteadyInflow(8.0), folder, controller, duration=1.0, interval=0.1, model=model)
 
     def test_the_folder_of_a_model_of_the_users_can_be_moved(self, turbine, tmp_path):
         """With what its files name: beside them, above them, by @ and by a stem; not the wind that it had."""
@@ -710,7 +704,7 @@ class TestDriverRuns:
         polar.write_text(polar.read_text(encoding="utf-8") + '@"shape.txt" NumCoords\n', encoding="utf-8")
         (own / "polars" / "shape.txt").write_text("0 0\n", encoding="utf-8")
         (own / "polars" / "other.txt").write_text("nobody names it\n", encoding="utf-8")
-        primary = self.driven(turbine, model, tmp_path / "run")
+        primary = self.driven(turbine, tmp_path / "run", model)
         there = tmp_path / "there"
         (tmp_path / "run").rename(there)
         (tmp_path / "mine").rename(tmp_path / "gone")
@@ -733,53 +727,42 @@ class TestDriverRuns:
     def test_the_library_of_a_model_is_called_at_its_step(self, turbine, tmp_path, step):
         """ServoDyn ends with another DLL_DT that its step does not divide, and holds demands over a longer one."""
         model = self.own_model(turbine, tmp_path / "own", OpenFAST_DT=0.008, ServoDyn_DT=0.008, ServoDyn_DLL_DT=step)
-        primary = self.driven(turbine, model, tmp_path / "run")
+        primary = self.driven(turbine, tmp_path / "run", model)
         servo = InputFile(primary.with_name("servodyn.dat"))
         assert InputFile(primary).number("DT") == pytest.approx(0.1 / 13)
         assert servo.is_default("DT")
         assert servo.is_default("DLL_DT")
 
     @pytest.mark.parametrize(
-        ("key", "value", "said"),
+        ("place", "value", "said"),
         [
-            ("TipRad", 120.97, r"TipRad must be that of the turbine .*, 63 \(m .*\) within 1 %, got 120.97"),
-            ("NumBl", 2, "NumBl must be that of the turbine .*, 3 .*, got 2"),
-            ("GBRatio", 1.0, "GBRatio must be that of the turbine .*, 97 .*, got 1"),
+            ("ElastoDyn_TipRad", 120.97, r"TipRad must be that of the turbine .*, 63 \(m .*\) within 1 %, got 120.97"),
+            ("ElastoDyn_NumBl", 2, "NumBl must be that of the turbine .*, 3 .*, got 2"),
+            ("ElastoDyn_GBRatio", 1.0, "GBRatio must be that of the turbine .*, 97 .*, got 1"),
+            ("OpenFAST_CompElast", 2, "CompElast must be 1; blades of BeamDyn are not flown here, got 2"),
         ],
     )
-    def test_a_model_of_another_turbine_is_refused(self, turbine, tmp_path, key, value, said):
-        model = self.own_model(turbine, tmp_path / "own", **{f"ElastoDyn_{key}": value})
-        with pytest.raises(TurbineDefinitionError, match=said):
-            self.driven(turbine, model, tmp_path / "run")
-
-    def test_blades_of_beamdyn_are_refused(self, turbine, tmp_path):
-        model = self.own_model(turbine, tmp_path / "own", OpenFAST_CompElast=2)
-        with pytest.raises(SimulationError, match="CompElast must be 1; blades of BeamDyn are not flown here, got 2"):
-            self.driven(turbine, model, tmp_path / "run")
+    def test_models_of_another_turbine_and_blades_of_beamdyn_are_refused(self, turbine, tmp_path, place, value, said):
+        model = self.own_model(turbine, tmp_path / "own", **{place: value})
+        error = TurbineDefinitionError if place.startswith("ElastoDyn") else SimulationError
+        with pytest.raises(error, match=said):
+            self.driven(turbine, tmp_path / "run", model)
 
     def test_rotors_that_turn_the_other_way_are_refused(self, turbine, tmp_path):
         with pytest.raises(TurbineDefinitionError, match="rotation must be 'clockwise'"):
-            write_driver_run(
-                mirrored(turbine), SteadyInflow(8.0), tmp_path, ServedController("a", "b"), duration=1.0, interval=0.1
-            )
+            self.driven(mirrored(turbine), tmp_path)
 
     @staticmethod
-    def outputs(turbine, leave_out=()):
+    def outputs(leave_out=()):
         """Names, two rows of numbers that all differ, and the text of such a file."""
-        names = [
-            *elastodyn_outputs(3),
-            *AERODYN_OUTPUTS,
-            *INFLOW_OUTPUTS,
-            "GenTq",
-            *(f"BlPitchC{b}" for b in (1, 2, 3)),
-        ]
+        names = [*NAMES, "GenTq", *(f"BlPitchC{b}" for b in (1, 2, 3))]
         names = ["Time", *(name for name in names if name not in leave_out)]
         rows = [[0.1 * k, *(0.01 * (k + 1) * place for place in range(1, len(names)))] for k in (0, 1)]
         lines = ["", "Predictions", "", "", "", "", "\t".join(names), "\t".join("(-)" for _ in names)]
         return names, rows, "\n".join(lines + ["\t".join(map(repr, row)) for row in rows]) + "\n"
 
     def test_outputs_are_signals(self, turbine, tmp_path):
-        names, rows, text = self.outputs(turbine)
+        names, rows, text = self.outputs()
         (tmp_path / "model.out").write_text(text, encoding="utf-8")
         data = read_outputs(tmp_path / "model.out", turbine)
         at = {name: rows[1][k] for k, name in enumerate(names)}
@@ -793,7 +776,7 @@ class TestDriverRuns:
         assert float(last["pitch_rate_1"]) == pytest.approx(turned / 0.1)
 
     def test_rows_make_samples(self, turbine, tmp_path):
-        names, _, text = self.outputs(turbine)
+        names, _, text = self.outputs()
         further = [
             [0.1 * k, *(0.01 * (1 + k * (-1) ** k) * place for place in range(1, len(names)))] for k in (2, 3, 4)
         ]
@@ -821,7 +804,7 @@ class TestDriverRuns:
         write_turbine(other, tmp_path / "other" / "turbine.json")
         paths = [tmp_path / "model.out", tmp_path / "other" / "model.out"]
         for path in paths:
-            path.write_text(self.outputs(turbine)[2], encoding="utf-8")
+            path.write_text(self.outputs()[2], encoding="utf-8")
         own, half = (self.loads(path, capsys) for path in paths)
         assert half["mean_power"] == pytest.approx(own["mean_power"] * 0.5 / turbine.drivetrain.generator_efficiency)
         (tmp_path / "turbine.json").unlink()
@@ -842,7 +825,7 @@ class TestDriverRuns:
         (tmp_path / "a.out").write_text("nothing\n", encoding="utf-8")
         with pytest.raises(SimulationError, match="must be a text file of outputs of OpenFAST"):
             read_outputs(tmp_path / "a.out", turbine)
-        (tmp_path / "b.out").write_text(self.outputs(turbine, ("RootMyb2", "GenTq"))[2], encoding="utf-8")
+        (tmp_path / "b.out").write_text(self.outputs(("RootMyb2", "GenTq"))[2], encoding="utf-8")
         with pytest.raises(SimulationError, match="RootMyb2, GenTq are missing"):
             read_outputs(tmp_path / "b.out", turbine)
 

@@ -43,9 +43,9 @@ class Counting:
 
 
 @contextlib.contextmanager
-def serving(answers, **options):
-    """Address of a server in a thread of its own, and what it ended with."""
-    with RoscoServer("tcp://127.0.0.1:*", answers, options.pop("timeout", 20.0)) as server:
+def serving(answers, *numbers, timeout=20.0, **options):
+    """Clients of turbines with these numbers at a server in a thread of its own, and what that ended with."""
+    with RoscoServer("tcp://127.0.0.1:*", answers, timeout) as server, contextlib.ExitStack() as stack:
         ended = []
 
         def serve():
@@ -56,7 +56,8 @@ def serving(answers, **options):
 
         thread = threading.Thread(target=serve)
         thread.start()
-        yield server.address, ended
+        yield *(stack.enter_context(contextlib.closing(Client(server.address, n))) for n in numbers), ended
+        stack.close()
         thread.join(30.0)
         assert not thread.is_alive()
 
@@ -154,34 +155,28 @@ def test_the_packages_own_server_reads_the_same():
 
 def test_each_turbine_has_its_own_answers_and_the_last_one_ends_the_server(caplog):
     answers = Counting()
-    with serving(answers) as (address, ended):
-        one, two = Client(address), Client(address, 7)
+    with serving(answers, 0, 7) as (one, two, ended):
         assert one.ask(first(0))[0] == 1.0
         assert [two.ask(first(7))[0], two.ask([7, 1, 0.1, *VALUES[3:]])[0]] == [1.0, 2.0]
         assert one.ask([0, 1, 0.1, *VALUES[3:]])[0] == 2.0
         assert one.ask(last(0)) == NEUTRAL
         assert two.ask([7, 1, 0.2, *VALUES[3:]])[0] == 3.0
         assert two.ask(last(7)) == NEUTRAL
-        one.close()
-        two.close()
     assert ended == [7]
     assert answers.forgotten == [0, 7]
 
 
 def test_what_is_not_understood_is_answered_and_said(caplog):
-    with serving(Counting()) as (address, _):
-        client = Client(address)
+    with serving(Counting(), 0) as (client, _):
         assert client.ask_raw(b"hello") == NEUTRAL
         assert "message not understood, ROSCO acts alone" in caplog.text
         assert client.ask(first(0))[0] == 1.0
         client.ask(last(0))
-        client.close()
 
 
 def test_a_turbine_whose_answer_fails_has_rosco_alone_and_the_others_go_on(caplog):
     answers = Counting()
-    with serving(answers, turbines=2) as (address, ended):
-        one, two = Client(address), Client(address, 7)
+    with serving(answers, 0, 7, turbines=2) as (one, two, ended):
         assert one.ask(first(0))[0] == 1.0
         assert two.ask(first(7))[0] == 1.0
         assert one.ask([0, 1, 0.1, 0.0, -1.0, *VALUES[5:]]) == NEUTRAL
@@ -191,57 +186,45 @@ def test_a_turbine_whose_answer_fails_has_rosco_alone_and_the_others_go_on(caplo
         assert one.ask(first(0))[0] == 3.0  # the next simulation is another one
         one.ask(last(0))
         two.ask(last(7))
-        one.close()
-        two.close()
     assert ended == [9]
     assert caplog.text.count("turbine 0: no answer at 0.1 s, ROSCO acts alone from now on") == 1
     assert "ArithmeticError: broken" in caplog.text
 
 
 def test_the_server_waits_for_turbines_that_have_not_reported_yet():
-    with serving(Counting(), turbines=2) as (address, ended):
-        one, two = Client(address), Client(address, 7)
+    with serving(Counting(), 0, 7, turbines=2) as (one, two, ended):
         one.ask(first(0))
         one.ask(last(0))
         assert two.ask(first(7))[0] == 1.0
         two.ask(last(7))
-        one.close()
-        two.close()
     assert ended == [4]
     with RoscoServer("tcp://127.0.0.1:*", Counting()) as server, pytest.raises(ValueError, match="must be 1 or more"):
         server.serve(turbines=0)
 
 
 def test_a_client_that_is_gone_before_its_answer_holds_nobody_up():
-    with serving(Counting()) as (address, _):
-        gone = Client(address, 1)
+    with serving(Counting(), 1, 0) as (gone, client, _):
         gone.socket.setsockopt(zmq.LINGER, 5000)
         gone.socket.send(text_of(first(1)))
         gone.close()
-        client = Client(address)
         assert client.ask(first(0))[0] == 1.0
         client.ask(last(1))
         client.ask(last(0))
-        client.close()
 
 
 def test_a_turbine_may_begin_again():
     answers = Counting()
-    with serving(answers, timeout=1.0, stay=True) as (address, ended):
-        client = Client(address)
+    with serving(answers, 0, timeout=1.0, stay=True) as (client, ended):
         for _ in range(2):
             client.ask(first(0))
             client.ask(last(0))
-        client.close()
     assert answers.forgotten == [0, 0]
     assert "no message of any turbine came for 1 s" in str(ended[0])
 
 
 def test_silence_ends_the_server():
-    with serving(Counting(), timeout=0.5) as (address, ended):
-        client = Client(address, 4)
+    with serving(Counting(), 4, timeout=0.5) as (client, ended):
         client.ask(first(4))
-        client.close()
     assert "no message of turbine 4 came for 0.5 s" in str(ended[0])
 
 

@@ -9,10 +9,7 @@ from wt_gym.simulation.turbine_structure import SubBodyNodes, sub_body_points
 from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.substructure import cut_beam
 
-TYPES = {
-    "Array": np.float64, "Integers": np.int64, "NDArray[np.float32]": np.float32, "NDArray[np.int32]": np.int32,
-    "NDArray[np.uint8]": np.uint8, "NDArray[np.bool_]": np.bool_,
-}  # fmt: skip
+SHORT = {"Array": "NDArray[np.float64]", "Integers": "NDArray[np.int64]"}
 
 
 def lattice():
@@ -53,9 +50,10 @@ def wrong_fields(one):
     wrong = {}
     for name, value in zip(one._fields, one, strict=True):
         declared = type(one).__annotations__[name]
-        declared = TYPES.get(getattr(declared, "__forward_arg__", declared))
-        if declared != (value.dtype if isinstance(value, np.ndarray) else None):
-            wrong[name] = declared, getattr(value, "dtype", type(value))
+        text = getattr(declared, "__forward_arg__", declared)
+        held = f"NDArray[np.{value.dtype.name}]" if isinstance(value, np.ndarray) else "no array"
+        if SHORT.get(text, text if text.startswith("NDArray") else "no array").replace("bool_", "bool") != held:
+            wrong[name] = text, held
     return wrong
 
 

@@ -156,14 +156,11 @@ def test_component_without_fluctuation_survives(tmp_path):
 @pytest.mark.parametrize(
     ("start", "packed", "message"),
     [
-        (0, b"\x50\x4b", "not a .bts file"),
-        (2, struct.pack("<i", -3), "impossible header"),
-        (66, struct.pack("<i", 4000), "impossible header"),
-        (42, struct.pack("<f", 1e-3), "must be at most 200 m/s"),
-        (26, struct.pack("<f", 0.0), "impossible header"),
-        (42, struct.pack("<f", math.nan), "impossible header"),
+        (0, b"\x50\x4b", "not a .bts file"), (2, struct.pack("<i", -3), "impossible header"),
+        (66, struct.pack("<i", 4000), "impossible header"), (42, struct.pack("<f", 1e-3), "must be at most 200 m/s"),
+        (26, struct.pack("<f", 0.0), "impossible header"), (42, struct.pack("<f", math.nan), "impossible header"),
     ],
-)
+)  # fmt: skip
 def test_wrong_headers_are_refused(handmade, start, packed, message):
     data = handmade.read_bytes()
     handmade.write_bytes(data[:start] + packed + data[start + len(packed) :])
@@ -259,13 +256,11 @@ def test_hipersim_files_hold_the_same_box(files, tmp_path):
     ("change", "message"),
     [
         ({"shape": (6, 4, 6)}, "480 bytes where 6 x 4 x 6 numbers of 4 bytes are 576"),
-        ({"shape": (6, 4)}, "shape must be three numbers"),
-        ({"shape": (6, 4, 1)}, "at least 2"),
-        ({"spacing": (3.0, -1.0, 2.0)}, "spacing along y"),
-        ({"mean_speed": 0.0}, "mean_speed"),
+        ({"shape": (6, 4)}, "shape must be three numbers"), ({"shape": (6, 4, 1)}, "at least 2"),
+        ({"spacing": (3.0, -1.0, 2.0)}, "spacing along y"), ({"mean_speed": 0.0}, "mean_speed"),
         ({"factors": (1e4, 1.0, 1.0)}, "velocities of up to"),
     ],
-)
+)  # fmt: skip
 def test_defects_of_hawc2_boxes_are_named(files, change, message):
     given = {"shape": SHAPE, "spacing": SPACING, "mean_speed": SPEED, "hub_height": HUB, **change}
     with pytest.raises(InflowError, match=message):
@@ -498,13 +493,9 @@ def test_csv_columns_stand_in_any_order_and_directions_are_ours(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is empty"),
-        ("# nothing\n", "is empty"),
-        ("time,speed\n", "must have lines of numbers"),
-        ("time,wind\n0,8\n", "columns must be among .*; got 'wind'"),
-        ("time,Speed\n0,8\n", "did you mean 'speed'"),
-        ("time,direction\n0,8\n", "'speed' must be there"),
-        ("time,speed,speed\n0,8,8\n", "must be named once"),
+        ("", "is empty"), ("# nothing\n", "is empty"), ("time,speed\n", "must have lines of numbers"),
+        ("time,wind\n0,8\n", "columns must be among .*; got 'wind'"), ("time,Speed\n0,8\n", "did you mean 'speed'"),
+        ("time,direction\n0,8\n", "'speed' must be there"), ("time,speed,speed\n0,8,8\n", "must be named once"),
         ("time,speed\n0,8\n1\n", "line 3: 2 numbers are needed"),
         ("time,speed\n0,8\n1,fast\n", "line 3: speed must be a number; got 'fast'"),
         ("time,speed\n0,8\n1,nan\n", "line 3: every number must be finite"),
@@ -513,7 +504,7 @@ def test_csv_columns_stand_in_any_order_and_directions_are_ours(tmp_path):
         ("time,speed\n0,8\n0,9\n0,10\n", "at most twice .a step., got 0 s"),
         ("time,speed,shear_exponent\n0,8,2\n", "shear_exponent must lie in"),
     ],
-)
+)  # fmt: skip
 def test_defects_of_a_csv_are_named(tmp_path, text, message):
     path = tmp_path / "bad.csv"
     path.write_text(text)

@@ -20,49 +20,38 @@ def small_box(seed=1, **changes):
     return TurbulenceBox.kaimal(**{**SMALL, "seed": seed, "cache": False, **changes})
 
 
-@pytest.fixture
-def cache_folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path))
-    turbulence_box._made_box.cache_clear()
-    yield tmp_path / "turbulence"
-    turbulence_box._made_box.cache_clear()
-
-
-def parameters_of(seed, **changes):
-    arguments = {
-        **SMALL,
-        "turbulence_class": "B",
-        "seed": seed,
-        "time_step": 0.25,
-        "width": None,
-        "turbulence": "NTM",
-        "turbine_class": "I",
-        "scaling": "low_frequency",
-        "lateral_coherence": True,
-    }
-    return KaimalParameters(**{**arguments, **changes})
-
-
 def forget():
     turbulence_box._made_box.cache_clear()
 
 
-def test_same_seed_same_bits():
+@pytest.fixture
+def cache_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path))
+    forget()
+    yield tmp_path / "turbulence"
+    forget()
+
+
+def file_of(seed, **changes):
+    """File of a box in the cache."""
+    arguments = {
+        **SMALL, "turbulence_class": "B", "seed": seed, "time_step": 0.25, "width": None, "turbulence": "NTM",
+        "turbine_class": "I", "scaling": "low_frequency", "lateral_coherence": True,
+    }  # fmt: skip
+    return turbulence_box.cache_file(KaimalParameters(**{**arguments, **changes}))
+
+
+def test_same_seed_same_bits_and_other_seed_other_wind():
     first = small_box(7)
     forget()
-    second = small_box(7)
+    second, other = small_box(7), small_box(8)
     assert first is not second
     np.testing.assert_array_equal(first.fluctuation, second.fluctuation)
     assert first == second
     assert hash(first) == hash(second)
     assert TurbulentInflow(first) == TurbulentInflow(second)
-
-
-def test_other_seed_other_wind():
-    first, second = small_box(7).fluctuation, small_box(8).fluctuation
-    assert small_box(7) != small_box(8)
-    correlation = np.corrcoef(first[:, 1, 1, 1], second[:, 1, 1, 1])[0, 1]
-    assert abs(correlation) < 0.9
+    assert first != other
+    assert abs(np.corrcoef(first.fluctuation[:, 1, 1, 1], other.fluctuation[:, 1, 1, 1])[0, 1]) < 0.9
 
 
 def test_default_box_of_the_5mw():
@@ -82,27 +71,22 @@ def test_default_box_of_the_5mw():
 
 
 def test_box_is_immutable_and_kept_in_memory():
-    box = small_box()
+    box, samples = small_box(), np.ones((4, 2, 2, 3), dtype=np.float32)
     assert small_box() is box
     with pytest.raises(ValueError, match="read-only"):
         box.fluctuation[0, 0, 0, 0] = 1.0
     with pytest.raises(AttributeError):
         box.time_step = 1.0
-
-
-def test_box_does_not_share_the_callers_array():
-    samples = np.ones((4, 2, 2, 3), dtype=np.float32)
-    box = TurbulenceBox(samples, 1.0, 10.0, 10.0, 80.0, 8.0, 85.0)
-    samples[:] = 2.0
-    assert box.fluctuation.max() == 1.0
+    own = TurbulenceBox(samples, 1.0, 10.0, 10.0, 80.0, 8.0, 85.0)
+    samples[:] = 2.0  # the array of the caller is not shared
+    assert own.fluctuation.max() == 1.0
 
 
 def test_a_field_carried_along_at_another_speed_is_the_box_that_was_asked_for():
     box = TurbulenceBox.kaimal(**SMALL, seed=3)
     other = box.carried_along(10.0, 1.25, "faster")
-    asked = replace(
-        box, mean_speed=10.0, scale=1.25, time_step=box.time_step * box.mean_speed / 10.0, description="faster"
-    )
+    step = box.time_step * box.mean_speed / 10.0
+    asked = replace(box, mean_speed=10.0, scale=1.25, time_step=step, description="faster")
     assert other == asked
     assert other.fluctuation is box.fluctuation
     assert box.scale == 1.0
@@ -113,9 +97,8 @@ def test_a_field_carried_along_at_another_speed_is_the_box_that_was_asked_for():
 
 def test_second_build_reads_the_file(cache_folder, monkeypatch):
     box = TurbulenceBox.kaimal(**SMALL, seed=3)
-    path = turbulence_box.cache_file(parameters_of(3))
-    assert list(cache_folder.iterdir()) == [path]
-    with path.open("rb") as file:
+    assert list(cache_folder.iterdir()) == [file_of(3)]
+    with file_of(3).open("rb") as file:
         *_, samples = (np.load(file) for _ in range(3))
     np.testing.assert_array_equal(samples, box.fluctuation)
     forget()
@@ -126,63 +109,39 @@ def test_second_build_reads_the_file(cache_folder, monkeypatch):
 @pytest.mark.parametrize(
     "change",
     [
-        {"seed": 4},
-        {"mean_speed": 8.1},
-        {"turbulence_class": "A"},
-        {"turbulence": "ETM"},
-        {"time_step": 0.125},
-        {"duration": 30.0},
-        {"width": 130.0},
-        {"scaling": "uniform"},
-        {"scaling": "none"},
-        {"lateral_coherence": False},
-        {"spectrum_of": "samples"},
+        {"seed": 4}, {"mean_speed": 8.1}, {"turbulence_class": "A"}, {"turbulence": "ETM"}, {"time_step": 0.125},
+        {"duration": 30.0}, {"width": 130.0}, {"scaling": "uniform"}, {"scaling": "none"},
+        {"lateral_coherence": False}, {"spectrum_of": "samples"},
     ],
-)
+)  # fmt: skip
 def test_every_parameter_counts_in_the_cache(change):
-    assert turbulence_box.cache_file(parameters_of(**{"seed": 3, **change})) != turbulence_box.cache_file(
-        parameters_of(3)
-    )
+    assert file_of(**{"seed": 3, **change}) != file_of(3)
 
 
-@pytest.mark.parametrize("length", [0, 10, 500, -100])
-def test_damaged_file_is_made_again(cache_folder, length):
-    box = TurbulenceBox.kaimal(**SMALL, seed=3)
-    path = turbulence_box.cache_file(parameters_of(3))
+def test_damaged_and_foreign_files_are_noticed_and_made_again(cache_folder, caplog, monkeypatch):
+    box, path = TurbulenceBox.kaimal(**SMALL, seed=3), file_of(3)
     sound = path.read_bytes()
-    path.write_bytes(sound[:length])
-    forget()
-    assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
-    assert path.read_bytes() == sound
-
-
-def test_flipped_bits_and_foreign_files_are_noticed(cache_folder, caplog):
-    box = TurbulenceBox.kaimal(**SMALL, seed=3)
-    path = turbulence_box.cache_file(parameters_of(3))
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 0xFF
-    path.write_bytes(data)
-    forget()
-    assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
+    flipped = bytearray(sound)
+    flipped[len(sound) // 2] ^= 0xFF
     TurbulenceBox.kaimal(**SMALL, seed=4)
-    turbulence_box.cache_file(parameters_of(4)).replace(path)
-    forget()
-    assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
-    assert "unreadable" in caplog.text
-    assert "another box" in caplog.text
+    foreign = file_of(4).read_bytes()
+    for wrong in (b"", sound[:10], sound[:500], sound[:-100], flipped, foreign):
+        path.write_bytes(wrong)
+        forget()
+        caplog.clear()
+        assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
+        assert path.read_bytes() == sound
+        assert ("another box" if wrong is foreign else "unreadable") in caplog.text
+    for error in (tokenize.TokenError("EOF in multi-line statement"), SyntaxError("invalid syntax")):  # in its headers
 
+        def load(*_, error=error, **__):
+            raise error
 
-@pytest.mark.parametrize("error", [tokenize.TokenError("EOF in multi-line statement"), SyntaxError("invalid syntax")])
-def test_damaged_headers_of_arrays_are_noticed(cache_folder, caplog, monkeypatch, error):
-    box = TurbulenceBox.kaimal(**SMALL, seed=3)
-
-    def load(*_, **__):
-        raise error
-
-    monkeypatch.setattr(np, "load", load)
-    forget()
-    assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
-    assert "unreadable" in caplog.text
+        monkeypatch.setattr(np, "load", load)
+        forget()
+        caplog.clear()
+        assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
+        assert "unreadable" in caplog.text
 
 
 def test_unwritable_cache_only_warns(tmp_path, monkeypatch, caplog):
@@ -198,46 +157,30 @@ def test_unwritable_cache_only_warns(tmp_path, monkeypatch, caplog):
 
 def test_cache_folder_is_bounded(cache_folder, monkeypatch):
     TurbulenceBox.kaimal(**SMALL, seed=0)
-    size = turbulence_box.cache_file(parameters_of(0)).stat().st_size
-    monkeypatch.setattr(turbulence_box, "MAX_BYTES", 3 * size + 100)
+    monkeypatch.setattr(turbulence_box, "MAX_BYTES", 3 * file_of(0).stat().st_size + 100)
     for age, seed in enumerate((1, 2)):
         TurbulenceBox.kaimal(**SMALL, seed=seed)
-        os.utime(turbulence_box.cache_file(parameters_of(seed)), (1000 + age, 1000 + age))
+        os.utime(file_of(seed), (1000 + age, 1000 + age))
     TurbulenceBox.kaimal(**SMALL, seed=3)
-    kept = [seed for seed in range(4) if turbulence_box.cache_file(parameters_of(seed)).exists()]
-    assert kept == [0, 2, 3]
+    assert [seed for seed in range(4) if file_of(seed).exists()] == [0, 2, 3]
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"mean_speed": 0.0},
-        {"mean_speed": math.nan},
-        {"rotor_diameter": 200.0},
-        {"width": 200.0},
-        {"seed": -1},
-        {"seed": 1.5},
-        {"seed": True},
-        {"grid": (4, 3)},
-        {"grid": (3,)},
-        {"duration": 20.1},
-        {"duration": 0.25},
-        {"time_step": 0.0},
-        {"turbulence_class": "Z"},
-        {"turbulence": "calm"},
-        {"turbine_class": "IX"},
-        {"scaling": "IEC"},
-        {"scaling": True},
+        {"mean_speed": 0.0}, {"mean_speed": math.nan}, {"rotor_diameter": 200.0}, {"width": 200.0}, {"seed": -1},
+        {"seed": 1.5}, {"seed": True}, {"grid": (4, 3)}, {"grid": (3,)}, {"duration": 20.1}, {"duration": 0.25},
+        {"time_step": 0.0}, {"turbulence_class": "Z"}, {"turbulence": "calm"}, {"turbine_class": "IX"},
+        {"scaling": "IEC"}, {"scaling": True},
     ],
-)
+)  # fmt: skip
 def test_wrong_arguments_are_refused(change):
     with pytest.raises(InflowError):
         small_box(**{"seed": 1, **change})
 
 
 @pytest.mark.parametrize(
-    "samples",
-    [np.zeros((4, 2, 2)), np.zeros((4, 1, 2, 3)), np.zeros((4, 2, 2, 2)), np.full((4, 2, 2, 3), np.nan)],
+    "samples", [np.zeros((4, 2, 2)), np.zeros((4, 1, 2, 3)), np.zeros((4, 2, 2, 2)), np.full((4, 2, 2, 3), np.nan)]
 )
 def test_wrong_samples_are_refused(samples):
     with pytest.raises(InflowError):
@@ -265,23 +208,18 @@ def test_clamped_outside_the_grid():
     np.testing.assert_allclose(inflow.velocity(far, 3.3), inflow.velocity(edge, 3.3), rtol=1e-12)
 
 
-def test_mean_wind_must_fit_the_box():
+def test_mean_wind_must_fit_the_box_and_points_and_times_be_finite():
     box = trilinear_box()
-    for wrong in (SteadyInflow(12.0, 90.0), SteadyInflow(10.0, 120.0)):
-        with pytest.raises(InflowError, match="within 1 %"):
-            TurbulentInflow(box, wrong)
-    with pytest.raises(InflowError, match="must be a TurbulenceBox"):
-        TurbulentInflow(SteadyInflow(8.0))
-    with pytest.raises(InflowError, match="must be a SteadyInflow"):
-        TurbulentInflow(box, steady=8.0)
-    with pytest.raises(InflowError, match="time_offset"):
-        TurbulentInflow(box, time_offset=math.inf)
-
-
-@pytest.mark.parametrize(("points", "time"), [([0.0, math.nan, 90.0], 0.0), ([0.0, 0.0, 90.0], math.nan)])
-def test_points_and_times_must_be_finite(points, time):
-    with pytest.raises(InflowError):
-        TurbulentInflow(trilinear_box()).velocity(points, time)
+    for arguments, message in (
+        ((box, SteadyInflow(12.0, 90.0)), "within 1 %"), ((box, SteadyInflow(10.0, 120.0)), "within 1 %"),
+        ((SteadyInflow(8.0),), "must be a TurbulenceBox"), ((box, 8.0), "must be a SteadyInflow"),
+        ((box, None, math.inf), "time_offset"),
+    ):  # fmt: skip
+        with pytest.raises(InflowError, match=message):
+            TurbulentInflow(*arguments)
+    for points, time in (([0.0, math.nan, 90.0], 0.0), ([0.0, 0.0, 90.0], math.nan)):
+        with pytest.raises(InflowError):
+            TurbulentInflow(box).velocity(points, time)
 
 
 def test_descriptions():

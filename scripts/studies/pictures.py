@@ -266,7 +266,7 @@ SECONDS, TASK_WIDTH, TASK_COLORS = 20.0, 640, 48
 
 def task_picture(task):
     """What `render` shows after some seconds of zero actions, as an image of few colors."""
-    env = gym.make(task.ids[-1], render_mode="rgb_array", start="steady")
+    env = gym.make(task.id, render_mode="rgb_array", start="steady")
     env.reset(seed=0)
     rest = np.zeros(env.action_space.shape, dtype=np.float32)
     for _ in range(round(SECONDS / env.unwrapped.control_dt)):

@@ -117,7 +117,7 @@ class Study:
     @property
     def env_id(self) -> str:
         """Id of the task."""
-        return TASKS[self.task].ids[-1]
+        return TASKS[self.task].id
 
 
 def _winds(speeds: Iterable[float], n_seeds: int) -> tuple[Wind, ...]:

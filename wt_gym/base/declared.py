@@ -71,7 +71,7 @@ def check_fields(record: object, rules: Mapping[str, Rule], error: type[Exceptio
 
     Raises
     ------
-    ValueError
+    Exception
         Of the class given, about the first field that breaks its rule: its name, value and what is allowed.
     """
     for names, rule in rules.items():

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import argparse
     from pathlib import Path
 
-    from wt_gym.envs.recording import RecordedTurbine
+    from wt_gym.envs.record_store import RecordedTurbine
 
 STOPPED = "the runs that are done stay: the same command continues"
 
@@ -52,8 +52,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Make the records."""
     os.environ["OMP_NUM_THREADS"] = "1"  # of the processes
     from wt_gym.base.canary import package_digest
-    from wt_gym.envs.record_store import FOLDER
-    from wt_gym.envs.recording import make_record
+    from wt_gym.envs.record_store import FOLDER, make_record
     from wt_gym.runs.progress import clock
 
     version = package_digest()[:16]
@@ -69,7 +68,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _of_package(names: list[str]) -> dict[str, RecordedTurbine]:
     """Records of the package by name, all or some."""
-    from wt_gym.envs.recording import CATALOG
+    from wt_gym.envs.record_store import CATALOG
 
     records = {recorded.name: recorded for recorded in CATALOG}
     unknown = sorted(set(names) - set(records))
@@ -80,8 +79,7 @@ def _of_package(names: list[str]) -> dict[str, RecordedTurbine]:
 
 def _of_user(arguments: argparse.Namespace) -> dict[str, RecordedTurbine]:
     """Records of the user's turbines, by names of files: turbines of one name have a file each."""
-    from wt_gym.envs.record_store import digest_of_turbine
-    from wt_gym.envs.recording import RecordedTurbine
+    from wt_gym.envs.record_store import RecordedTurbine, digest_of_turbine
     from wt_gym.turbines import load_turbine
 
     records = {}

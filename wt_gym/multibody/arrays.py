@@ -1,7 +1,5 @@
 """The arrays of a multibody system: named tuples, which compiled kernels take as they are, and what is refused.
 
-The arrays of a multibody system: named tuples, which compiled kernels take as they are.
-
 Sizes: n_b bodies, n_f elastic coordinates of the body that has most (others are padded with zeros), n_full those of the
 body with most complete integrals, n_u velocities, n_q positions, n_servo servos, n_c constraint equations, n_con
 constraints, n_m = n_b + 2 n_con frames (those of all joints, then both ends of every constraint). The state is y =

@@ -12,8 +12,6 @@ What is in the frame of a blade (z to the tip, x to the suction side, y to the t
 because that frame is reflected with the blade. All other signals are components along axes that no rotor turns: those
 across the plane of reflection, and moments and angles about axes in it, change their sign (`Channel.parity`).
 
-What a simulator of a counter-clockwise rotor reflects: it simulates the mirror image, whose rotor turns clockwise.
-
 The equations of motion and of the air know no left and right: the mirror image, y → −y, of a motion in a wind is the
 motion of the mirror image in the mirrored wind. So a turbine with ``rotation="counter-clockwise"`` is simulated as its
 clockwise image (`wt_gym.turbines.variants`) in the mirrored wind (`wt_gym.wind.MirroredInflow`), with yaw angle and yaw

@@ -112,7 +112,7 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-_HELPER = """
+HELPER = """
 import json, sys
 sys.path[:] = json.loads(sys.stdin.buffer.readline())
 from wt_gym.simulation import Simulator
@@ -146,7 +146,7 @@ def compile_ahead(simulator: type[_Simulator], turbine: Turbine, fidelity: str |
     """
     with compiling(), _help(turbine, fidelity) as helper:
         coupling = _at_rest(simulator, turbine, fidelity).coupling
-        _compile_structure(coupling)
+        compile_structure(coupling)
         if helper is not None:
             _wait_for_air(helper)
         _compile_step(coupling)
@@ -179,7 +179,7 @@ def _begin(turbine: Turbine, fidelity: str | Fidelity) -> subprocess.Popen[bytes
         pickle.dump((turbine, fidelity), given)
         given.seek(0)
         return subprocess.Popen(
-            [get_executable(), "-P", "-c", _HELPER],
+            [get_executable(), "-P", "-c", HELPER],
             stdin=given,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,  # what goes wrong there goes wrong here again
@@ -216,7 +216,7 @@ def _compile_start(simulator: type[_Simulator], turbine: Turbine, fidelity: str 
     started.coupling.wind.compile()
 
 
-def _compile_structure(coupling: Coupling) -> None:
+def compile_structure(coupling: Coupling) -> None:
     """What moves the structure, by letting it begin to move, and what only the compiled step calls."""
     structure = coupling.models.structure
     coupling.begin_motion(

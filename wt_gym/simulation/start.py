@@ -1,4 +1,4 @@
-"""Static balance of the elastic coordinates, and the highest frequency of the structure."""
+"""The start of a simulation: turbine, wake and generator in balance with each other."""
 
 from __future__ import annotations
 

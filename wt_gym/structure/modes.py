@@ -1,7 +1,5 @@
 """Vibration modes of a beam, the choice of a reduced basis, and of the coordinates of one body: nodal, modal or rigid.
 
-Nodal, modal or rigid: the choice of coordinates of one body, and beams of circular section.
-
 Nada & Al-Shahrani (2019, Mech. Sci. 10, 35–46) write the position of a point of body i in the floating frame of
 reference as
 

@@ -132,15 +132,22 @@ def driving_drag(alpha: NDArray[np.float64], cd: NDArray[np.float64]) -> int | N
     return int(np.argmax(wrong)) if np.any(wrong) else None
 
 
+def _merged(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the union of two grids of angles [rad].
+
+    Grids written in degrees differ in the last digits after conversion; such twins must not make steps of zero width.
+    """
+    alpha = np.union1d(first, second)
+    return alpha[np.concatenate(([True], np.diff(alpha) > 1e-9))]
+
+
 def blend_polars(first: Polar, second: Polar, weight: float) -> Polar:
     """Return ``(1 - weight) * first + weight * second`` on the union of both angle grids (exact at both ends)."""
     if weight == 0.0 or first is second:
         return first
     if weight == 1.0:
         return second
-    alpha = np.union1d(first.alpha, second.alpha)
-    # Grids written in degrees differ in the last digits after conversion; such twins must not make steps of zero width.
-    alpha = alpha[np.concatenate(([True], np.diff(alpha) > 1e-9))]
+    alpha = _merged(first.alpha, second.alpha)
     a, b = first.coefficients(alpha), second.coefficients(alpha)
     return Polar(alpha, *((1.0 - weight) * p + weight * q for p, q in zip(a, b, strict=True)))
 
@@ -159,11 +166,10 @@ def blend_airfoils(first: Airfoil, second: Airfoil, weight: float) -> Airfoil:
         (1.0 - weight) * a + weight * b
         for a, b in zip(surfaces(first.contour, x), surfaces(second.contour, x), strict=True)
     )
-    contour = np.vstack((np.column_stack((x, upper))[::-1], np.column_stack((x, lower))[1:]))
     return Airfoil(
         name=f"{first.name} + {weight:.3f} ({second.name} - {first.name})",
         relative_thickness=(1.0 - weight) * first.relative_thickness + weight * second.relative_thickness,
-        contour=contour,
+        contour=contour_of(x, upper, lower),
         camber_x=x,
         camber=(1.0 - weight) * first.camber_at(x)[0] + weight * second.camber_at(x)[0],
         polar=blend_polars(first.polar, second.polar, weight),
@@ -177,22 +183,24 @@ def cosine_grid(n: int) -> NDArray[np.float64]:
     return x
 
 
+def contour_of(x: NDArray[np.float64], upper: NDArray[np.float64], lower: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the contour (2 m - 1, 2) of two surfaces at chordwise stations (m,) from the nose to the trailing edge."""
+    return np.vstack((np.column_stack((x, upper))[::-1], np.column_stack((x, lower))[1:]))
+
+
+def suction_first(contour: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a contour (n, 2) with x/c from 0 to 1, which begins over the suction side."""
+    x, y = contour.T
+    # Shoelace formula: counter-clockwise (suction side first) has a positive area.
+    x = (x - x.min()) / np.ptp(x)
+    contour = np.column_stack((x, y))
+    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    return contour if area > 0.0 else contour[::-1].copy()
+
+
 def surfaces(contour: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return y/c of the suction and the pressure side at chordwise stations.
+    """Return y/c of the suction and the pressure side (m,) of a contour (n, 2) at chordwise stations (m,).
 
-    Parameters
-    ----------
-    contour : ndarray (n, 2)
-        Trailing edge, suction side, leading edge, pressure side, trailing edge.
-    x : ndarray (m,)
-        Stations x/c in [0, 1].
-
-    Returns
-    -------
-    upper, lower : ndarray (m,)
-
-    Notes
-    -----
     Interpolation is linear in the root of x/c: a round nose, y ~ sqrt(x/c), is a straight line in it, and a trailing
     edge stays the wedge it is.
     """
@@ -326,8 +334,7 @@ class RotationalAugmentation(ArrayRecord):
         g = self.factor(chord, radius, slope)
         if g == 0.0:
             return polar
-        alpha = np.union1d(polar.alpha, FINE)
-        alpha = alpha[np.concatenate(([True], np.diff(alpha) > 1e-9))]
+        alpha = _merged(polar.alpha, FINE)
         cl, cd, cm = polar.coefficients(alpha)
         share = np.where(alpha > alpha0, np.clip((NONE - alpha) / (NONE - FULL), 0.0, 1.0), 0.0)
         extra = g * share * (slope * (alpha - alpha0) - cl)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.turbine_records import RECORDS
-from wt_gym.turbines.airfoil import Airfoil, Polar, cosine_grid
+from wt_gym.turbines.airfoil import Airfoil, Polar, contour_of, cosine_grid
 from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z, shear_rigid_stiffness
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, PitchSystem, Support, Tower, Turbine
@@ -479,8 +479,9 @@ def _nada_blade(data: dict[str, Any]) -> Blade:
     polar = plate_polar(stall, width, section["friction_coefficient"])
     thickness = t / (0.5 * (chord[0] + chord[-1]))
     height = thickness * np.sqrt(x * (1.0 - x))
-    contour = np.vstack((np.column_stack((x, height))[::-1], np.column_stack((x, -height))[1:]))
-    plate = Airfoil("thin plate", thickness, contour, np.array([0.0, 0.5, 1.0]), np.zeros(3), polar)
+    plate = Airfoil(
+        "thin plate", thickness, contour_of(x, height, -height), np.array([0.0, 0.5, 1.0]), np.zeros(3), polar
+    )
     return Blade(
         length=length,
         root_radius=root,

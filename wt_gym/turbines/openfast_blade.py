@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.turbines.airfoil import Airfoil, Polar, blend_polars, camber_line, cosine_grid
+from wt_gym.turbines.airfoil import Airfoil, Polar, blend_polars, camber_line, contour_of, cosine_grid, suction_first
 from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z, shear_rigid_stiffness
 from wt_gym.turbines.checks import check_ascending, check_number, fail
 from wt_gym.turbines.model import Tower
@@ -544,7 +544,7 @@ def _airfoil_shape(
 
 def _closed_contour(where: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a contour from the trailing edge over the suction side, x/c from 0 to 1."""
-    x, y = points.T
+    x = points[:, 0]
     if np.ptp(x) < 0.9 or np.ptp(x) > 1.1:
         raise fail(f"{where}: x/c", [float(x.min()), float(x.max())], "coordinates from 0 to 1")
     nose = int(np.argmin(x))
@@ -552,10 +552,7 @@ def _closed_contour(where: str, points: NDArray[np.float64]) -> NDArray[np.float
         ring = points[:-1] if np.allclose(points[0], points[-1]) else points
         points = np.roll(ring, -int(np.argmax(ring[:, 0])), axis=0)
         points = np.vstack((points, points[:1]))
-        x, y = points.T
-    contour = np.column_stack(((x - x.min()) / np.ptp(x), y))
-    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    return contour if area > 0.0 else contour[::-1].copy()
+    return suction_first(points)
 
 
 def _assumed_contour(
@@ -588,7 +585,7 @@ def _assumed_contour(
             f"{file.path.name}: no coordinates, a section of {100 * thick:.0f} % thickness with a parabolic camber of "
             f"the polar's zero-lift angle {np.degrees(zero):.2f} deg assumed"
         )
-    return np.vstack((np.column_stack((x, camber + half))[::-1], np.column_stack((x, camber - half))[1:]))
+    return contour_of(x, camber + half, camber - half)
 
 
 def read_openfast_tower(model: Model) -> Tower:

@@ -9,7 +9,7 @@ file of another it takes the number of the line beside.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.base.files import decoded_text
 from wt_gym.turbines.checks import fail, short
 
-__all__ = ["InputFile", "Model", "TextFile", "as_number", "existing_file", "plain_line", "write_lines"]
+__all__ = ["InputFile", "Model", "TextFile", "as_number", "existing_file", "write_lines"]
 
 _TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;!]+")
 """Words: quoted, or up to a separator. ROSCO's exclamation mark between values and keyword is one."""
@@ -391,12 +391,13 @@ class InputFile(TextFile):
     """An input file that exists, to be changed by keyword and written elsewhere."""
 
     def set(self, key: str, value: object) -> None:
-        """Replace the value of a keyword, which a line must have."""
+        """Replace the value of a keyword, which a line must have; None leaves it to OpenFAST."""
         self.lines[self.line_of(key)] = _lines([(key, value)])[0]
 
-    def set_default(self, key: str) -> None:
-        """Leave the value of a keyword to OpenFAST."""
-        self.lines[self.line_of(key)] = plain_line(key, "default")
+    def set_all(self, values: Mapping[str, object]) -> None:
+        """Replace the values of keywords."""
+        for key, value in values.items():
+            self.set(key, value)
 
     def set_outputs(self, names: Sequence[str]) -> None:
         """Replace the list of outputs at the end of the file."""
@@ -435,17 +436,14 @@ def write_lines(path: Path, title: str, rows: Iterable[str | tuple[str, object]]
     path.write_text("\n".join([*heading, *_lines(rows)]) + "\n", encoding="utf-8")
 
 
-def plain_line(key: str, word: str) -> str:
-    """Line of a word without quotes."""
-    return f"{word:<26s}  {key:<22s} -"
-
-
 def _lines(rows: Iterable[str | tuple[str, object]]) -> list[str]:
-    return [row if isinstance(row, str) else plain_line(row[0], _shown(row[1])) for row in rows]
+    return [row if isinstance(row, str) else f"{_shown(row[1]):<26s}  {row[0]:<22s} -" for row in rows]
 
 
 def _shown(value: object) -> str:
-    """A value as OpenFAST reads it: flags as words, numbers with all their digits, texts in quotes."""
+    """A value as OpenFAST reads it: flags as words, numbers with all their digits, texts in quotes, None its own."""
+    if value is None:
+        return "default"
     if isinstance(value, bool):
         return str(value)
     if isinstance(value, int):

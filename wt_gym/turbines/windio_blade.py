@@ -29,6 +29,7 @@ from wt_gym.turbines.airfoil import (
     blend_polars,
     camber_line,
     driving_drag,
+    suction_first,
 )
 from wt_gym.turbines.blade import BeamStations, inertia_matrix, rotation_about_z
 from wt_gym.turbines.checks import check_ascending, check_number, fail
@@ -266,17 +267,16 @@ def beam_tables(
 def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator) -> BeamStations:
     grid, stiffness, tables = beam_tables(node, ("K33", "K44", "K55", "K66", "i_edge", "i_flap"))
     _mend_flap_inertia(node, tables)
-    inertia = inertia_matrix(
-        tables["mass"],
-        tables["cm_x"],
-        tables["cm_y"],
-        tables["i_edge"],
-        tables["i_flap"],
-        tables["i_cp"],
-        tables["i_plr"] if np.any(tables["i_plr"]) else None,
-    )
+    inertia = _inertia(tables, "cm_x", "cm_y")
     if _chordwise_x(grid, stiffness):
-        stiffness, inertia = _swap_axes(grid, stiffness, tables)
+        # a mirror image, under which forces swap and moments swap and change sign
+        swap = np.zeros((6, 6))
+        swap[[0, 1, 2], [1, 0, 2]] = 1.0
+        swap[[3, 4, 5], [4, 3, 5]] = -1.0
+        rigid = np.isinf(stiffness)
+        stiffness = np.where(rigid, np.inf, swap @ np.where(rigid, 0.0, stiffness) @ swap.T)
+        # i_edge and i_flap are named after the bending direction, not after an axis: they stay.
+        inertia = _inertia(tables, "cm_y", "cm_x")
         node.notes.append(
             f"{node.path}: K55 > K44 along the outer blade, so the matrices are read with x to the trailing edge and y "
             "to the suction side, as windIO's schema describes them"
@@ -308,27 +308,11 @@ def _chordwise_x(grid: NDArray[np.float64], stiffness: NDArray[np.float64]) -> b
     return bool(np.mean(np.log(about_x / about_y)) < 0.0)
 
 
-def _swap_axes(
-    grid: NDArray[np.float64], stiffness: NDArray[np.float64], tables: dict[str, NDArray[np.float64]]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Exchange x and y of a section: a mirror image, under which forces swap and moments swap and change sign."""
-    swap = np.zeros((6, 6))
-    swap[[0, 1, 2], [1, 0, 2]] = 1.0
-    swap[[3, 4, 5], [4, 3, 5]] = -1.0
-    rigid = np.isinf(stiffness)
-    finite = np.where(rigid, 0.0, stiffness)
-    turned = swap @ finite @ swap.T
-    # i_edge and i_flap are named after the bending direction, not after an axis: they stay.
-    inertia = inertia_matrix(
-        tables["mass"],
-        tables["cm_y"],
-        tables["cm_x"],
-        tables["i_edge"],
-        tables["i_flap"],
-        tables["i_cp"],
-        tables["i_plr"] if np.any(tables["i_plr"]) else None,
-    )
-    return np.where(rigid, np.inf, turned), inertia
+def _inertia(tables: dict[str, NDArray[np.float64]], x: str, y: str) -> NDArray[np.float64]:
+    """Return the inertia (n, 6, 6) of tables whose centers of mass along x and y have these keys."""
+    polar = tables["i_plr"] if np.any(tables["i_plr"]) else None
+    mass, cm_x, cm_y, edge, flap, product = (tables[key] for key in ("mass", x, y, "i_edge", "i_flap", "i_cp"))
+    return inertia_matrix(mass, cm_x, cm_y, edge, flap, product, polar)
 
 
 def _turn(rotation: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -480,10 +464,7 @@ def _contour(node: Node) -> NDArray[np.float64]:
         i = int(np.argmin(steps)) + 1
         allowed = "points in order, from the trailing edge around the leading edge and back"
         raise fail(f"{node.where('x')}[{i}]", float(x[i]), allowed)
-    contour = np.column_stack(((x - x.min()) / (x.max() - x.min()), y))
-    # Shoelace formula: counter-clockwise (suction side first) has a positive area.
-    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    return contour if area > 0.0 else contour[::-1].copy()
+    return suction_first(np.column_stack((x, y)))
 
 
 def _polar(table: Node, center: float) -> Polar:

@@ -203,42 +203,32 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-_MOVED = {
-    "control.pitch.min_pitch": "control.min_pitch_limit",
-    "control.pitch.max_pitch": "control.max_pitch_limit",
-    "control.pitch.max_pitch_rate": "control.max_pitch_rate",
-    "control.torque.max_torque_rate": "control.max_torque_rate",
-    "control.torque.tsr": "control.optimal_tsr",
-    "control.torque.VS_minspd": "control.min_rotor_speed",
-    "control.supervisory.rated_power": "control.rated_power",
-    "control.supervisory.Vin": "assembly.cut_in_wind_speed",
-    "control.supervisory.Vout": "assembly.cut_out_wind_speed",
-    "components.hub.elastic_properties_mb.system_mass": "components.hub.elastic_properties.mass",
-    "components.hub.elastic_properties_mb.system_inertia": "components.hub.elastic_properties.inertia",
-    "components.hub.elastic_properties_mb.system_center_mass": "components.hub.elastic_properties.location",
-    "components.drivetrain.elastic_properties_mb.system_mass": "components.drivetrain.elastic_properties.mass",
-    "components.drivetrain.elastic_properties_mb.system_inertia": "components.drivetrain.elastic_properties.inertia",
-    "components.drivetrain.elastic_properties_mb.system_inertia_tt": (
-        "components.drivetrain.elastic_properties.inertia_tt"
-    ),
-    "components.drivetrain.elastic_properties_mb.system_center_mass": (
-        "components.drivetrain.elastic_properties.location"
-    ),
-    "components.drivetrain.elastic_properties_mb.spring_constant": (
-        "components.drivetrain.elastic_properties.spring_constant"
-    ),
-    "components.drivetrain.elastic_properties_mb.damping_coefficient": (
-        "components.drivetrain.elastic_properties.damping_coefficient"
-    ),
-    "components.drivetrain.elastic_properties_mb.yaw_mass": "components.yaw.elastic_properties.mass",
-    "components.drivetrain.generator.generator_rpm_efficiency_user": "components.drivetrain.generator.rpm_efficiency",
-    "components.drivetrain.generator.elastic_properties_mb.system_mass": (
-        "components.drivetrain.generator.elastic_properties.mass"
-    ),
-    "components.drivetrain.generator.elastic_properties_mb.rotor_inertia": (
-        "components.drivetrain.generator.elastic_properties.inertia"
-    ),
-}
+_PARTS = {
+    ("control.pitch", "control"): {
+        "min_pitch": "min_pitch_limit", "max_pitch": "max_pitch_limit", "max_pitch_rate": "max_pitch_rate",
+    },
+    ("control.torque", "control"): {
+        "max_torque_rate": "max_torque_rate", "tsr": "optimal_tsr", "VS_minspd": "min_rotor_speed",
+    },
+    ("control.supervisory", "control"): {"rated_power": "rated_power"},
+    ("control.supervisory", "assembly"): {"Vin": "cut_in_wind_speed", "Vout": "cut_out_wind_speed"},
+    ("components.hub.elastic_properties_mb", "components.hub.elastic_properties"): {
+        "system_mass": "mass", "system_inertia": "inertia", "system_center_mass": "location",
+    },
+    ("components.drivetrain.elastic_properties_mb", "components.drivetrain.elastic_properties"): {
+        "system_mass": "mass", "system_inertia": "inertia", "system_inertia_tt": "inertia_tt",
+        "system_center_mass": "location", "spring_constant": "spring_constant",
+        "damping_coefficient": "damping_coefficient",
+    },
+    ("components.drivetrain.elastic_properties_mb", "components.yaw.elastic_properties"): {"yaw_mass": "mass"},
+    ("components.drivetrain.generator", "components.drivetrain.generator"): {
+        "generator_rpm_efficiency_user": "rpm_efficiency",
+    },
+    ("components.drivetrain.generator.elastic_properties_mb", "components.drivetrain.generator.elastic_properties"): {
+        "system_mass": "mass", "rotor_inertia": "inertia",
+    },
+}  # fmt: skip
+_MOVED = {f"{old}.{a}": f"{new}.{b}" for (old, new), keys in _PARTS.items() for a, b in keys.items()}
 """Place in the foreign layout and in windIO 2.1, with the same meaning and unit."""
 
 _TIP_SPEEDS = ("control.supervisory.maxTS", "control.max_allowable_blade_tip_speed")

@@ -1,7 +1,5 @@
 """Design wind conditions of IEC 61400-1: turbulence levels, extreme speeds, and the transients on a steady wind.
 
-Design wind conditions of IEC 61400-1: turbulence levels, extreme speeds and the time laws of the transients.
-
 Formulas of IEC 61400-1, edition 4 (2019), clause 6.3. Every function takes SI units and radians; functions of
 time take the seconds since the transient began, as a float or an array.
 """

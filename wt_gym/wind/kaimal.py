@@ -1,7 +1,7 @@
 """Parameters of a turbulence box, and Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and synthesis.
 
-Effect of linear interpolation between the samples of a box on its spectrum.
-
+Interpolation
+-------------
 Samples dt apart are read by linear interpolation. A harmonic of frequency f, x = f dt, keeps the amplitude sinc²(x),
 sinc(x) = sin(πx)/(πx): the Fourier transform of the triangle with which linear interpolation convolves the samples
 (Oppenheim and Schafer, Discrete-Time Signal Processing, section 4.6). The rest appears as images at |m/dt ± f| with the
@@ -10,8 +10,8 @@ a to b is (a² + ab + b²)/3. Samples whose amplitudes are divided by sinc² the
 the required spectrum up to half the sampling frequency. x depends only on the number of the harmonic in the record, so
 that this holds at every speed at which a box is carried along.
 
-Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and the synthesis of one realization.
-
+Synthesis
+---------
 The three components are stationary processes with the one-sided Kaimal spectra of IEC 61400-1 (edition 4, annex C.2)
 and, between two points a distance r apart at frequency f, the coherence exp(−κ(f) r). Following Veers
 (Three-dimensional wind simulation, SAND88-0152, 1988) the Fourier coefficients at each frequency are √S(f) A(f) ζ with

@@ -1,7 +1,5 @@
 """Winds that follow a time series (steps, ramps, records, events), and files of them.
 
-Files of winds that follow a time series: CSV tables with named columns, and InflowWind's uniform wind files.
-
 CSV: the first line that is neither empty nor begins with ``#`` names the columns; time [s] and speed [m/s] are needed,
 the others are zero without: direction [deg], vertical_speed [m/s], shear_exponent, horizontal_shear, vertical_shear,
 gust [m/s], upflow [deg]. Directions are ours: against +x, counter-clockwise from above positive.

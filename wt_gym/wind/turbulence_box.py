@@ -1,7 +1,5 @@
 """A frozen field of turbulence on a y-z grid over time, and the boxes that are kept on disk.
 
-Turbulence boxes kept on disk by their parameters, so that a wind is synthesized once.
-
 Files live in ``$WT_GYM_CACHE/turbulence``, or without that variable in the user's cache directory. Each holds, one
 after the other in NumPy's format, the parameters of a box, a checksum and the samples: read in a third of the time
 that an archive of them takes. A file that cannot be read, or that belongs to other parameters, is made again; a

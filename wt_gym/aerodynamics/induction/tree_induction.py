@@ -1,7 +1,5 @@
 """Work arrays of the induction, big calls split over threads, and the tree code.
 
-Work arrays of the tree code, and big induction calls split over threads.
-
 The compiled functions are in `tree_induction_kernels` and `induction_kernels`; they allocate nothing, so the
 arrays are made here, once.
 """

@@ -28,7 +28,7 @@ from wt_gym.bridges.openfast.measurement import (
 from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.run_folder import BentTurbine, DriverRun, ServedController, prepare_run
 from wt_gym.control.operating_point import starting_point
-from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.simulation.channels import channel_table
 from wt_gym.turbines import Turbine
 from wt_gym.turbines import model as turbine_model
 from wt_gym.turbines.openfast_text import InputFile
@@ -158,6 +158,8 @@ def read_outputs(path: str | Path, turbine: Turbine, every: int = 1) -> xr.Datas
     SimulationError
         If it is not such a file, or outputs that are needed are missing.
     """
+    import xarray as xr  # heavy, and only needed here
+
     path = Path(path)
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     head = next((k for k, line in enumerate(lines) if line.split()[:1] == ["Time"]), len(lines))
@@ -184,18 +186,10 @@ def read_outputs(path: str | Path, turbine: Turbine, every: int = 1) -> xr.Datas
             False,
         )  # fmt: skip
         signals.append(measurement.signals())
-    return _dataset(signals, turbine)
-
-
-def _dataset(signals: list[Signals], turbine: Turbine) -> xr.Dataset:
-    """Signals over time."""
-    import xarray as xr  # heavy, and only needed here
-
     values = np.array([one.values for one in signals])
-    channels = channel_table(turbine.n_blades)
     variables = {
         channel.name: ("time", values[:, k], {"units": channel.unit, "long_name": channel.description})
-        for k, channel in enumerate(channels[1:], start=1)
+        for k, channel in enumerate(channel_table(n)[1:], start=1)
     }
     return xr.Dataset(variables, {"time": ("time", values[:, 0], {"units": "s"})}, {"turbine": turbine.name})
 
@@ -214,12 +208,12 @@ def read_turbine(path: Path) -> Turbine:
     """Read a turbine that `write_turbine` has written."""
     try:
         found = _made(json.loads(path.read_text(encoding="utf-8")))
+        if not isinstance(found, Turbine):
+            raise TypeError(f"it holds a {type(found).__name__}")
     except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
         raise TurbineDefinitionError(
             f"{path} must be the file of a turbine that was written here: {error!r}"
         ) from error
-    if not isinstance(found, Turbine):
-        raise TurbineDefinitionError(f"{path} must be the file of a turbine that was written here")
     return found
 
 

@@ -20,7 +20,7 @@ from scipy.linalg import eigh
 
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.turbines.openfast_text import plain_line, write_lines
+from wt_gym.turbines.openfast_text import write_lines
 from wt_gym.turbines.variants import clockwise_image, rotor_inertia_without_generator
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def _write_elastodyn(turbine: Turbine, folder: Path) -> None:
     three = (1, 2, 3)
     write_lines(folder / "elastodyn.dat", "ELASTODYN INPUT FILE", [
         "---------------------- SIMULATION CONTROL",
-        ("Echo", False), ("Method", 1), plain_line("DT", "default"),
+        ("Echo", False), ("Method", 1), ("DT", None),
         "---------------------- DEGREES OF FREEDOM",
         ("FlapDOF1", True), ("FlapDOF2", True), ("EdgeDOF", True), ("PitchDOF", False), ("TeetDOF", False),
         ("DrTrDOF", _shaft_frequency(turbine) < _STIFFEST_SHAFT), ("GenDOF", True), ("YawDOF", _yaws(turbine)),
@@ -252,25 +252,24 @@ def _write_aerodyn(turbine: Turbine, folder: Path) -> None:
     tower = turbine.tower
     elevation = np.linspace(0.0, tower.length, 11)
     columns = "TwrElev TwrDiam TwrCd TwrTI TwrCb TwrCp TwrCa"
-    default = "default"
     rows: list[str | tuple[str, object]] = [
         "======  General Options",
-        ("Echo", False), plain_line("DTAero", default), ("Wake_Mod", 1), ("TwrPotent", 1), ("TwrShadow", 0),
+        ("Echo", False), ("DTAero", None), ("Wake_Mod", 1), ("TwrPotent", 1), ("TwrShadow", 0),
         ("TwrAero", True), ("CavitCheck", False), ("NacelleDrag", False), ("CompAA", False),
         ("AA_InputFile", _NO_FILE),
         "======  Environmental Conditions",
-        *[plain_line(key, default) for key in ("AirDens", "KinVisc", "SpdSound", "Patm", "Pvap")],
+        *[(key, None) for key in ("AirDens", "KinVisc", "SpdSound", "Patm", "Pvap")],
         "======  Blade-Element/Momentum Theory Options",
         ("BEM_Mod", 1),
         "--- Skew correction",
-        ("Skew_Mod", 1), ("SkewMomCorr", False), plain_line("SkewRedistr_Mod", default),
-        plain_line("SkewRedistrFactor", default),
+        ("Skew_Mod", 1), ("SkewMomCorr", False), ("SkewRedistr_Mod", None),
+        ("SkewRedistrFactor", None),
         "--- BEM algorithm",
         ("TipLoss", True), ("HubLoss", True), ("TanInd", True), ("AIDrag", False), ("TIDrag", False),
-        plain_line("IndToler", default), ("MaxIter", 500),
+        ("IndToler", None), ("MaxIter", 500),
         "--- Shear correction",
-        ("SectAvg", False), plain_line("SectAvgWeighting", default), plain_line("SectAvgNPoints", default),
-        plain_line("SectAvgPsiBwd", default), plain_line("SectAvgPsiFwd", default),
+        ("SectAvg", False), ("SectAvgWeighting", None), ("SectAvgNPoints", None),
+        ("SectAvgPsiBwd", None), ("SectAvgPsiFwd", None),
         "--- Dynamic wake/inflow",
         ("DBEMT_Mod", 2), ("tau1_const", 4.0),
         "======  OLAF",
@@ -357,7 +356,7 @@ def _write_servodyn(turbine: Turbine, folder: Path) -> None:
     limits = [math.degrees(value) for value in (pitch.min_pitch, pitch.max_pitch, pitch.max_rate)]
     write_lines(folder / "servodyn.dat", "SERVODYN INPUT FILE", [
         "---------------------- SIMULATION CONTROL",
-        ("Echo", False), plain_line("DT", "default"),
+        ("Echo", False), ("DT", None),
         "---------------------- PITCH CONTROL",
         ("PCMode", 0), ("TPCOn", 0.0),
         *[(f"{name}({i})", 0.0) for name in ("PitNeut", "PitSpr", "PitDamp") for i in three],
@@ -388,7 +387,7 @@ def _write_servodyn(turbine: Turbine, folder: Path) -> None:
         ("CCmode", 0),
         "---------------------- BLADED INTERFACE",
         ("DLL_FileName", _NO_FILE), ("DLL_InFile", _NO_FILE), ("DLL_ProcName", "DISCON"),
-        plain_line("DLL_DT", "default"), ("DLL_Ramp", False),
+        ("DLL_DT", None), ("DLL_Ramp", False),
         ("BPCutoff", never), ("NacYaw_North", 0.0), ("Ptch_Cntrl", 1), ("Ptch_SetPnt", 0.0),
         ("Ptch_Min", limits[0]), ("Ptch_Max", limits[1]), ("PtchRate_Min", -limits[2]), ("PtchRate_Max", limits[2]),
         ("Gain_OM", 0.0), *[(f"GenSpd_{name}", 0.0) for name in ("MinOM", "MaxOM", "Dem")], ("GenTrq_Dem", 0.0),

@@ -139,10 +139,8 @@ def prepare_run(
             for file in (primary, *files.values()):
                 file.resolve_paths()
         else:
-            for key in (*MODULES.values(), "InflowFile"):  # which the run has of its own
-                primary.set(key, _REPLACED)
-            for key in ("DLL_FileName", "DLL_InFile"):
-                files["ServoDyn"].set(key, _REPLACED)
+            primary.set_all(dict.fromkeys((*MODULES.values(), "InflowFile"), _REPLACED))  # the run has its own
+            files["ServoDyn"].set_all(dict.fromkeys(("DLL_FileName", "DLL_InFile"), _REPLACED))
             copy_named_files((primary, *files.values()), folder)
     _set_primary(primary, step, driver)
     _set_elastodyn(files["ElastoDyn"], turbine.n_blades, start)
@@ -151,22 +149,19 @@ def prepare_run(
     for name, key in _STEPS.items():
         file = files[name]
         if not file.is_default(key) and not _divides(file.number(key), step):
-            file.set_default(key)
+            file.set(key, None)
     files["AeroDyn"].set_outputs(AERODYN_OUTPUTS)
     inflow_file = InputFile(write_wind(inflow, turbine, folder, duration, start.yaw))
     inflow_file.set_outputs(INFLOW_OUTPUTS)
     if controller is not None and controller.lidar is not None:
         hub = _hub(files["ElastoDyn"])
-        for key, value in controller.lidar.inputs(hub, turbine.hub_height, step).items():
-            inflow_file.set(key, value)
+        inflow_file.set_all(controller.lidar.inputs(hub, turbine.hub_height, step))
     inflow_file.write(inflow_file.path)
     primary.set("InflowFile", inflow_file.path.name)
     for name, key in MODULES.items():
         primary.set(key, f"{name.lower()}.dat")
     for name, values in changes.items():
-        file = primary if name == "OpenFAST" else files[name]
-        for key, value in values.items():
-            file.set(key, value)
+        (primary if name == "OpenFAST" else files[name]).set_all(values)
     for name, file in files.items():
         file.write(folder / f"{name.lower()}.dat")
     path = folder / ("run.fst" if driver is None else "model.fst")
@@ -202,24 +197,13 @@ def _named(primary: InputFile, key: str) -> Path:
 
 
 def _set_primary(file: InputFile, step: float, driver: DriverRun | None) -> None:
-    file.set("DT", step)
-    file.set("AbortLevel", "FATAL")
-    file.set("OutFileFmt", 1)
-    file.set("ChkptTime", _FOREVER)
-    if driver is None:
-        file.set("TMax", _FOREVER)
-        file.set_default("DT_Out")
-        file.set("TStart", _FOREVER)  # outputs come through the library; a file of them is not needed
-        file.set("SttsTime", _FOREVER)
+    fixed = {"DT": step, "AbortLevel": "FATAL", "OutFileFmt": 1, "ChkptTime": _FOREVER}
+    file.set_all(fixed | {"Linearize": False, "WrVTK": 0, "SumPrint": False})
+    if driver is None:  # outputs come through the library; a file of them is not needed
+        file.set_all({"TMax": _FOREVER, "DT_Out": None, "TStart": _FOREVER, "SttsTime": _FOREVER})
     else:
-        file.set("TMax", driver.duration)
-        file.set("DT_Out", driver.interval)
-        file.set("TStart", 0.0)
-        file.set("OutFmt", "ES15.7E2")
-        file.set("SttsTime", _STATUS)
-    file.set("Linearize", False)
-    file.set("WrVTK", 0)
-    file.set("SumPrint", False)
+        times = {"TMax": driver.duration, "DT_Out": driver.interval, "TStart": 0.0, "SttsTime": _STATUS}
+        file.set_all({**times, "OutFmt": "ES15.7E2"})
 
 
 def _hub(elastodyn: InputFile) -> tuple[float, float, float]:
@@ -230,38 +214,29 @@ def _hub(elastodyn: InputFile) -> tuple[float, float, float]:
 
 
 def _set_elastodyn(file: InputFile, n_blades: int, start: RunStart) -> None:
-    file.set("OoPDefl", start.tips[0])
-    file.set("IPDefl", start.tips[1])
-    for blade in range(n_blades):
-        file.set(f"BlPitch({blade + 1})", math.degrees(start.pitch[blade]))
-    file.set("Azimuth", math.degrees(start.azimuth))
-    file.set("RotSpeed", start.rotor_speed / _RPM)
-    file.set("NacYaw", math.degrees(start.yaw))
-    file.set("TTDspFA", start.tower_top[0])
-    file.set("TTDspSS", start.tower_top[1])
-    file.set("OutFile", 1)
+    file.set_all({
+        "OoPDefl": start.tips[0], "IPDefl": start.tips[1], "TTDspFA": start.tower_top[0], "TTDspSS": start.tower_top[1],
+        **{f"BlPitch({blade + 1})": math.degrees(start.pitch[blade]) for blade in range(n_blades)},
+        "Azimuth": math.degrees(start.azimuth), "NacYaw": math.degrees(start.yaw),
+        "RotSpeed": start.rotor_speed / _RPM, "OutFile": 1,
+    })  # fmt: skip
     file.set_outputs(elastodyn_outputs(n_blades))
 
 
 def _set_servodyn(file: InputFile, start: RunStart, controller: ServedController | None) -> None:
     mode = 4 if controller is None else 5
-    for key, value in (("PCMode", mode), ("VSContrl", mode), ("YCMode", mode), ("HSSBrMode", 0)):
-        file.set(key, value)
-    for key in ("TPCOn", "TYCOn", "TimGenOn"):
-        file.set(key, 0.0)
-    for key in ("TimGenOf", "TYawManS", *(f"TPitManS({blade})" for blade in (1, 2, 3))):
-        file.set(key, _FOREVER)
-    file.set("GenTiStr", True)
-    file.set("GenTiStp", True)
-    file.set("YawNeut", math.degrees(start.yaw))
+    file.set_all({
+        "PCMode": mode, "VSContrl": mode, "YCMode": mode, "HSSBrMode": 0, "GenTiStr": True, "GenTiStp": True,
+        **dict.fromkeys(("TPCOn", "TYCOn", "TimGenOn"), 0.0), "YawNeut": math.degrees(start.yaw),
+        **dict.fromkeys(("TimGenOf", "TYawManS", *(f"TPitManS({blade})" for blade in (1, 2, 3))), _FOREVER),
+    })  # fmt: skip
     if controller is not None:
-        file.set("DLL_FileName", controller.library)
-        file.set("DLL_InFile", controller.input_file)
-        file.set("DLL_ProcName", "DISCON")
-        file.set_default("DLL_DT")  # the step of ServoDyn: a longer one holds demands late, another one is fatal
-        file.set("DLL_Ramp", False)
-        file.set("BPCutoff", _FOREVER)
-        file.set("Ptch_Cntrl", 1)  # else the collective pitch alone is read
+        # DLL_DT the step of ServoDyn: a longer one holds demands late, another one is fatal;
+        # Ptch_Cntrl 1: else the collective pitch alone is read
+        file.set_all({
+            "DLL_FileName": controller.library, "DLL_InFile": controller.input_file, "DLL_ProcName": "DISCON",
+            "DLL_DT": None, "DLL_Ramp": False, "BPCutoff": _FOREVER, "Ptch_Cntrl": 1,
+        })  # fmt: skip
 
 
 _LEAST_SPEED = 1e-4

@@ -85,7 +85,7 @@ class OpenFASTSimulator:
         of a turn at rated speed, at most 0.0125 s.
     changes : mapping, optional
         Further inputs by module ("OpenFAST", "ElastoDyn", "AeroDyn", "ServoDyn") and keyword, as ``{"AeroDyn":
-        {"UA_Mod": 3}}``.
+        {"UA_Mod": 3}}``; None leaves a keyword to OpenFAST.
     folder : path, optional
         Keeps the files of the model and of the last start, in a folder ``run_…`` for each simulator; by default they
         are removed.

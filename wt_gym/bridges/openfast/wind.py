@@ -127,8 +127,7 @@ def sampled(inflow: Inflow, turbine: Turbine, duration: float) -> BtsContent:
 
 def _power_law(inflow: Inflow) -> SteadyInflow | None:
     """A steady wind that OpenFAST has a formula for."""
-    if isinstance(inflow, MirroredInflow):
-        return _power_law(inflow.inner)
+    inflow = _unmirrored(inflow)
     if not isinstance(inflow, SteadyInflow):
         return None
     turned = inflow.veer or inflow.yaw_misalignment or inflow.inclination
@@ -136,29 +135,27 @@ def _power_law(inflow: Inflow) -> SteadyInflow | None:
     return None if turned or shaped else inflow
 
 
+def _unmirrored(inflow: Inflow) -> Inflow:
+    while isinstance(inflow, MirroredInflow):
+        inflow = inflow.inner
+    return inflow
+
+
 def _is_steady(inflow: Inflow) -> bool:
-    if isinstance(inflow, MirroredInflow):
-        return _is_steady(inflow.inner)
-    return isinstance(inflow, SteadyInflow)
+    return isinstance(_unmirrored(inflow), SteadyInflow)
 
 
-def _turbulent(inflow: Inflow) -> TurbulentInflow | None:
+def _turbulent(inflow: Inflow | None) -> TurbulentInflow | None:
     """Turbulence as it is or within what turns or reflects it."""
-    while not isinstance(inflow, TurbulentInflow):
-        inner = getattr(inflow, "inner", None)
-        if inner is None:
-            return None
-        inflow = inner
+    while not (inflow is None or isinstance(inflow, TurbulentInflow)):
+        inflow = getattr(inflow, "inner", None)
     return inflow
 
 
 def _period(inflow: Inflow) -> float | None:
     """Time after which a wind repeats itself [s]."""
-    if isinstance(inflow, MirroredInflow):
-        return _period(inflow.inner)
-    if isinstance(inflow, TurbulentInflow) and inflow.box.periodic:
-        return inflow.box.duration
-    return None
+    inflow = _unmirrored(inflow)
+    return inflow.box.duration if isinstance(inflow, TurbulentInflow) and inflow.box.periodic else None
 
 
 def _grid(

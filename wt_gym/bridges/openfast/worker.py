@@ -6,6 +6,7 @@ Imports the standard library alone.
 import ctypes
 import os
 from collections.abc import Sequence
+from typing import Any
 
 _TEXT = 1025
 """Length of OpenFAST's messages (IntfStrLen)."""
@@ -24,17 +25,20 @@ class Failure(Exception):
 
 
 class OpenFAST:
-    """One simulation of the library.
+    """One simulation of the library, which answers requests."""
 
-    Parameters
-    ----------
-    library, model : str
-        Paths.
-    relay : str or None
-        Path of the library that hands over the demands; None: they are inputs of FAST_Update.
-    """
+    def start(
+        self, library: str, model: str, relay: str | None, row: Sequence[float]
+    ) -> tuple[float, list[str], bytes]:
+        """Load the library and initialize at a row of demands; its step [s], names of the outputs and their values.
 
-    def __init__(self, library: str, model: str, relay: str | None):
+        Parameters
+        ----------
+        library, model : str
+            Paths.
+        relay : str or None
+            Path of the library that hands over the demands; None: they are inputs of FAST_Update.
+        """
         self.lib = ctypes.CDLL(library)
         self.error, self.message = ctypes.c_int(0), ctypes.create_string_buffer(_TEXT)
         self.fatal, self.turbine = _FATAL, ctypes.c_int(0)
@@ -50,14 +54,15 @@ class OpenFAST:
         self.lib.FAST_Sizes(ctypes.byref(self.turbine), path, *refs, self.message, names, None, None)
         self.check("FAST_Sizes")
         self.fatal = fatal.value or _FATAL
-        self.step, raw = step.value, names.raw
-        parts = (raw[_NAME * k : _NAME * (k + 1)] for k in range(count.value))
-        self.names = [part.decode("ascii", "replace").strip(" \0") for part in parts]
+        raw = names.raw
+        parts = [raw[_NAME * k : _NAME * (k + 1)] for k in range(count.value)]
         self.inputs, self.outputs = (ctypes.c_double * _INPUTS)(), (ctypes.c_double * count.value)()
         self.sizes = ctypes.c_int(_INPUTS), ctypes.c_int(count.value)
-        self.over = ctypes.c_bool(False)
+        self.demand(row)
+        self.call("FAST_Start", self.turbine, *self.sizes, self.inputs, self.outputs)
+        return step.value, [part.decode("ascii", "replace").strip(" \0") for part in parts], bytes(self.outputs)
 
-    def call(self, name: str, *values: ctypes.c_int) -> None:
+    def call(self, name: str, *values: Any) -> None:
         """Call a function whose last arguments are error and message."""
         getattr(self.lib, name)(*map(ctypes.byref, values), ctypes.byref(self.error), self.message)
         self.check(name)
@@ -77,48 +82,16 @@ class OpenFAST:
             self.inputs[0], self.inputs[2], self.inputs[3] = torque, yaw, yaw_rate
             self.inputs[4:7] = [*pitch]
 
-    def start(self, row: Sequence[float]) -> None:
-        """Initialize at the first row of demands."""
-        self.demand(row)
-        n_in, n_out = (ctypes.byref(size) for size in self.sizes)
-        turbine, error = ctypes.byref(self.turbine), ctypes.byref(self.error)
-        self.lib.FAST_Start(turbine, n_in, n_out, self.inputs, self.outputs, error, self.message)
-        self.check("FAST_Start")
-
     def advance(self, rows: Sequence[float]) -> bytes:
         """One step a row of demands; the bytes of all outputs."""
-        n_in, n_out = (ctypes.byref(size) for size in self.sizes)
-        turbine, over, error = ctypes.byref(self.turbine), ctypes.byref(self.over), ctypes.byref(self.error)
-        taken = []
+        taken, over = [], ctypes.c_bool(False)
         for k in range(0, len(rows), N_DEMANDS):
             self.demand(rows[k : k + N_DEMANDS])
-            self.lib.FAST_Update(turbine, n_in, n_out, self.inputs, self.outputs, over, error, self.message)
-            self.check("FAST_Update")
-            if self.over.value:
+            self.call("FAST_Update", self.turbine, *self.sizes, self.inputs, self.outputs, over)
+            if over.value:
                 raise Failure("the simulation is at its end (TMax)")
             taken.append(bytes(self.outputs))
         return b"".join(taken)
 
 
-class Simulation:
-    """What answers requests."""
-
-    def __init__(self) -> None:
-        self._openfast: OpenFAST | None = None
-
-    def start(
-        self, library: str, model: str, relay: str | None, row: Sequence[float]
-    ) -> tuple[float, list[str], bytes]:
-        """Load the library and initialize; its step [s], names of the outputs and their values."""
-        self._openfast = openfast = OpenFAST(library, model, relay)
-        openfast.start(row)
-        return openfast.step, openfast.names, bytes(openfast.outputs)
-
-    def advance(self, rows: Sequence[float]) -> bytes:
-        """One step a row of demands; the bytes of all outputs."""
-        if self._openfast is None:
-            raise Failure("nothing was started")
-        return self._openfast.advance(rows)
-
-
-begin, FAILURES = Simulation, (Failure, OSError, AttributeError, ValueError)
+begin, FAILURES = OpenFAST, (Failure, OSError, AttributeError, ValueError)

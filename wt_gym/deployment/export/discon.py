@@ -61,17 +61,13 @@ _KINDS = (
 )  # fmt: skip
 """Kinds of readings; the first of each is called READ_… in the C source."""
 
-_LISTS = {
-    "supervisor_gain_pitch", "supervisor_proportional_gains", "supervisor_integral_gains",
-    "power_shares", "power_pitch", "dial",
-    "gain_pitch", "proportional_gains", "integral_gains", "schedule_wind", "schedule_pitch", "ipc_integral_gain",
-    "ipc_proportional_gain", "ipc_level", "ipc_leak", "ipc_limit", "ipc_rate_limit", "offset_pitch_limit",
-    "ipc_fade_pitch", "ipc_fade_speed", "fore_aft_fade_pitch", "fore_aft_fade_speed", "offset_fade_pitch",
-    "offset_fade_speed", "linear_fade_pitch", "linear_fade_speed",
-    "lidar_fade_pitch", "lidar_fade_speed", "lidar_fade_fine_speed",
-    "ipc_fade_fine_speed", "fore_aft_fade_fine_speed", "offset_fade_fine_speed", "linear_fade_fine_speed",
-}  # fmt: skip
+_SEVERAL = re.compile(
+    r"(.*_)?(gain_pitch|proportional_gains|integral_gains)|(schedule|power)_(wind|shares|pitch)|dial|offset_pitch_limit"
+    r"|.+_fade_(pitch|speed|fine_speed)|ipc_(integral_gain|proportional_gain|level|leak|limit|rate_limit)"
+)
 """Parameters with several values."""
+_LENGTHS = {"N_START_GAINS": "supervisor_gain_pitch", "N_GAINS": "gain_pitch", "N_SHARES": "power_shares",
+            "N_SCHEDULE": "schedule_wind"}  # fmt: skip
 
 
 def readings(parts: Parts) -> list[tuple[str, int, str, float, float, set[str]]]:
@@ -129,7 +125,7 @@ def _parameters(parts: Parts) -> list[str]:
     fields, given, entries = [], [], []
     for entry in PARAMETERS:
         value, count = values[entry.name], counts[entry.name]
-        if entry.name in _LISTS and not count:
+        if not count and _SEVERAL.fullmatch(entry.name):
             value, count = [1.0, 2.0], 2  # not used, and not read from a file
         shown = "{" + ", ".join(map(_number, value)) + "}" if isinstance(value, list) else _number(value)
         fields.append(f"    double {entry.name}{f'[{count}]' if count else ''}; /* {entry.unit}, {entry.meaning} */")
@@ -257,10 +253,7 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
         "WITH_GUARD": int("guard" in parts.groups),
         "WITH_SUPERVISOR": int("supervisor" in parts.groups),
         "HAS_SET_POINT": 0,
-        "N_START_GAINS": len(values.get("supervisor_gain_pitch", [0.0, 0.0])),  # type: ignore[arg-type]
-        "N_GAINS": len(values.get("gain_pitch", [0.0, 0.0])),  # type: ignore[arg-type]
-        "N_SHARES": len(values.get("power_shares", [0.0, 0.0])),  # type: ignore[arg-type]
-        "N_SCHEDULE": len(values.get("schedule_wind", [0.0, 0.0])),  # type: ignore[arg-type]
+        **{name: len(values.get(of, [0.0, 0.0])) for name, of in _LENGTHS.items()},  # type: ignore[arg-type]
         "N_ADDITIONS": len(parts.additions),
     } | parts.constants
     constants["WITH_ESTIMATOR"] = int(bool(parts.tables))
@@ -320,16 +313,12 @@ class Entry:
 
 def _fade(group: str, what: str) -> tuple[Entry, ...]:
     """Parameters of a fade below rated wind, in a group of their own."""
+    fades = f"{group}_fade"
     return (
-        Entry(f"{what}_fade_pitch", "rad", "pitch above fine pitch at which it begins and is full", f"{group}_fade"),
-        Entry(f"{what}_fade_speed", "-", "rotor speed over rated at which it begins and is full", f"{group}_fade"),
-        Entry(
-            f"{what}_fade_fine_speed",
-            "-",
-            "the same at fine pitch; above any speed: nothing acts there",
-            f"{group}_fade",
-        ),
-        Entry(f"{what}_fade_time", "s", "time constant of the filter on the pitch", f"{group}_fade", 0.0),
+        Entry(f"{what}_fade_pitch", "rad", "pitch above fine pitch at which it begins and is full", fades),
+        Entry(f"{what}_fade_speed", "-", "rotor speed over rated at which it begins and is full", fades),
+        Entry(f"{what}_fade_fine_speed", "-", "the same at fine pitch; above any speed: nothing acts there", fades),
+        Entry(f"{what}_fade_time", "s", "time constant of the filter on the pitch", fades, 0.0),
     )
 
 

@@ -1,6 +1,4 @@
-"""The modified Hamming predictor–corrector scheme on a multibody system.
-
-Time integrators of a multibody system: one family with one contract, and the registry of its members.
+"""Time integrators of a multibody system: one family with one contract, and the registry of its members.
 
 Every one is an `Integrator`. `INTEGRATORS` says of each by which name it is chosen, what it needs, up to which step it
 is stable, and how a coupled simulation makes and moves it:
@@ -54,7 +52,7 @@ def checked_start(system: MultibodySystem, y: ArrayLike, inputs: Inputs, work: W
     ------
     MultibodyError
         For a state without meaning, or one that is farther from the constraint equations than
-        :data:`wt_gym.multibody.arrays.CONSISTENT`.
+        :data:`wt_gym.multibody.system.CONSISTENT`.
     """
     state = check_state(system, y).copy()
     if system.constraints:

@@ -125,6 +125,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -134,18 +135,14 @@ from wt_gym.base.types import Array
 from wt_gym.multibody.integrators.schemes import NEWMARK
 from wt_gym.multibody.observer_frame import observer_frame_constraint_kernels as constraint
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
-from wt_gym.multibody.observer_frame.observer_frame_body import (
-    Model,
-    ObserverFrameError,
-    State,
-    Substructure,
-    Work,
-)
+from wt_gym.multibody.observer_frame.observer_frame_body import Model, ObserverFrameError, State, Substructure, Work
 from wt_gym.multibody.observer_frame.observer_frame_kernels import renew
 
 LOAD_AXES = {"fixed": constraint.FIXED, "undeformed": constraint.UNDEFORMED, "deformed": constraint.DEFORMED}
 LOAD_AXES |= {"turned": constraint.TURNED, "consistent": constraint.CONSISTENT}
 RIGID_MODES = ("deformed", "undeformed")
+_ACROSS = ((0, 1), (1, 2), (2, 0))
+"""Axes of the first and the second section that stay across each other."""
 Three = tuple[float, float, float]
 Course = Callable[[float], Three]
 """Three numbers as functions of time [s]."""
@@ -294,26 +291,16 @@ class ObserverFrameSystem:
             relative.append(value)
         self.bodies.append(body)
         self.frames.append((np.asarray(position, dtype=float), r))
-        self.motions.append(
-            (
-                np.asarray(velocity, dtype=float),
-                r.T @ np.asarray(angular_velocity, dtype=float),
-                relative[0],
-                relative[1],
-            )
-        )
+        spin = r.T @ np.asarray(angular_velocity, dtype=float)
+        self.motions.append((np.asarray(velocity, dtype=float), spin, relative[0], relative[1]))
         return len(self.bodies) - 1
 
     def weld(self, body: str, marker: str, other: str, other_marker: str) -> None:
         """Join two markers in displacement and rotation (eqs 13, 14), in the relative orientation they have now."""
         self.join(body, marker, other, other_marker)
         # rows of S are the fixed axes seen from the section: vectors that coincide now
-        mine, yours = (
-            self._displaced(self._index(body), marker)[1],
-            self._displaced(self._index(other), other_marker)[1],
-        )
-        pairs = ((0, 1), (1, 2), (2, 0))
-        self._orthogonal(body, marker, other, other_marker, [(mine[i], yours[j]) for i, j in pairs], "weld")
+        mine, yours = (self._displaced(self._index(b), m)[1] for b, m in ((body, marker), (other, other_marker)))
+        self._orthogonal(body, marker, other, other_marker, [(mine[i], yours[j]) for i, j in _ACROSS], "weld")
 
     def join(self, body: str, marker: str, other: str, other_marker: str) -> None:
         """Join two markers in displacement only (a ball joint, eq. 13)."""
@@ -364,9 +351,7 @@ class ObserverFrameSystem:
         """Hold a marker and its section fast."""
         self.support(body, marker)
         mine = self._displaced(self._index(body), marker)[1].T
-        unit = np.eye(3)
-        pairs = [(mine[:, i], unit[j]) for i, j in ((0, 1), (1, 2), (2, 0))]
-        self._orthogonal(body, marker, None, None, pairs, "clamp")
+        self._orthogonal(body, marker, None, None, [(mine[:, i], np.eye(3)[j]) for i, j in _ACROSS], "clamp")
 
     def turn(
         self,
@@ -400,7 +385,7 @@ class ObserverFrameSystem:
         else:
             self.join(body, marker, other, other_marker)
         self.drives.append(Drive(name, motion))
-        pairs = [(np.eye(3)[i], turned[:, j]) for i, j in ((0, 1), (1, 2), (2, 0))]
+        pairs = [(np.eye(3)[i], turned[:, j]) for i, j in _ACROSS]
         self._orthogonal(body, marker, other, other_marker, pairs, f"drive {name}", len(self.drives) - 1, axis)
 
     def spring(
@@ -533,7 +518,7 @@ class ObserverFrameSystem:
             raise ObserverFrameError("a system in local observer frames needs at least one substructure")
         n_b, n_max = len(self.bodies), max(b.n for b in self.bodies)
         n_m, n_row = len(self._markers), len(self._rows)
-        z, bends = np.zeros, np.array([b.second_order is not None for b in self.bodies])
+        bends = np.array([b.second_order is not None for b in self.bodies])
         if bends.any() and self.rigid_modes != "deformed":
             raise ObserverFrameError("second-order displacements need the rigid_modes 'deformed'")
         bent = max(b.n_elastic for b in self.bodies) if bends.any() else 0
@@ -542,26 +527,15 @@ class ObserverFrameSystem:
             for m in row.markers:
                 if m >= 0:
                     held[m] = max(held[m], 3 if row.kind == constraint.DISPLACEMENT else 6)
+        springs = [self.springs[r.spring] if r.spring >= 0 else Spring("", 0.0, 0.0) for r in self._rows]
         model = Model(
             n=np.array([b.n for b in self.bodies]),
             first=np.zeros((n_b, n_max), dtype=np.int64),
-            stiffness=z((n_b, n_max, n_max)),
-            damping=z((n_b, n_max, n_max)),
-            gyro=z((n_b, 3, n_max, n_max)),
-            second=z((n_b, 6, n_max, n_max)),
-            first_moment=z((n_b, n_max, 3)),
-            reference_moment=z((n_b, n_max, 9)),
             ends=np.array([b.ends for b in self.bodies]),
             reach=max(float(np.linalg.norm(b.ends, axis=1).max()) for b in self.bodies),
-            mass_low=z((n_b, n_max, n_max)),
-            mass_up=z((n_b, n_max, n_max)),
             gravity=self.gravity,
             marker_body=np.array([b for b, _ in self._markers], dtype=np.int64),
-            marker_position=z((n_m, 3)),
-            marker_shape=z((n_m, 6, n_max)),
             marker_held=held,
-            mass_columns=z((n_m, 6, n_max)),
-            mass_pairs=z((n_m, n_m, 6, 6)),
             row_kind=np.array([r.kind for r in self._rows], dtype=np.int64),
             row_marker=np.array([r.markers for r in self._rows], dtype=np.int64).reshape(n_row, 2),
             row_vector=np.array([r.vectors for r in self._rows], dtype=float).reshape(n_row, 2, 3),
@@ -569,32 +543,30 @@ class ObserverFrameSystem:
             load_axes=np.array([LOAD_AXES[axes] for _, _, axes in self.loads], dtype=np.int64),
             load_field=np.cumsum([axes == "consistent" for _, _, axes in self.loads], dtype=np.int64) - 1,
             load_second=self._second_order_fields(n_max),
-            marker_lever=z((n_m, 3)),
-            reference_first=z((n_b, 3)),
-            reference_second=z((n_b, 3, 3)),
             deformed_modes=self.rigid_modes == "deformed",
             prediction=prediction,
             row_drive=np.array([r.drive for r in self._rows], dtype=np.int64),
             row_axis=np.array([r.axis for r in self._rows], dtype=float).reshape(n_row, 3),
             row_spring=np.array([r.spring for r in self._rows], dtype=np.int64),
-            row_stiffness=np.array([self.springs[r.spring].stiffness if r.spring >= 0 else 0.0 for r in self._rows]),
-            row_damping=np.array([self.springs[r.spring].damping if r.spring >= 0 else 0.0 for r in self._rows]),
-            row_inertia=np.array([self.springs[r.spring].inertia if r.spring >= 0 else 0.0 for r in self._rows]),
+            row_stiffness=np.array([spring.stiffness for spring in springs]),
+            row_damping=np.array([spring.damping for spring in springs]),
+            row_inertia=np.array([spring.inertia for spring in springs]),
             load_section=np.full(n_b, -1, dtype=np.int64),
             rule=np.array(NEWMARK),
             definite=np.array([b.definite for b in self.bodies]),
             bends=bends,
-            bend_first=z((n_b, 3, bent, bent)),
-            bend_moment=z((n_b, 9, bent, bent)),
-            bend_mass=z((n_b, bent, bent, bent)),
-            bend_marker=z((n_m, 3, bent, bent)),
-            elastic_first=z((n_b, bent, 3)),
-            elastic_moment=z((n_b, bent, 9)),
-            marker_place=z((n_m, 3)),
-            marker_linear=z((n_m, 3, bent)),
-            extra_mass=z((n_b, bent, bent)),
-            geometric=z((n_b, bent, bent)),
-        )
+            **_zeros({
+                "stiffness damping mass_low mass_up": (n_b, n_max, n_max), "gyro": (n_b, 3, n_max, n_max),
+                "second": (n_b, 6, n_max, n_max), "first_moment": (n_b, n_max, 3), "reference_moment": (n_b, n_max, 9),
+                "reference_first": (n_b, 3), "reference_second": (n_b, 3, 3), "extra_mass geometric": (n_b, bent, bent),
+                "bend_first": (n_b, 3, bent, bent), "bend_moment": (n_b, 9, bent, bent),
+                "bend_mass": (n_b, bent, bent, bent), "elastic_first": (n_b, bent, 3), "elastic_moment": (n_b, bent, 9),
+            }),
+            **_zeros({
+                "marker_position marker_lever marker_place": (n_m, 3), "marker_shape mass_columns": (n_m, 6, n_max),
+                "mass_pairs": (n_m, n_m, 6, 6), "bend_marker": (n_m, 3, bent, bent), "marker_linear": (n_m, 3, bent),
+            }),
+        )  # fmt: skip
         self._pack_bodies(model)
         self._pack_markers(model)
         state = self._new_state(n_b, n_max, n_row)
@@ -658,26 +630,17 @@ class ObserverFrameSystem:
         return np.array(fields).reshape(-1, 3, n_max, n_max)
 
     def _new_state(self, n_b: int, n_max: int, n_row: int) -> State:
-        z = np.zeros
         state = State(
-            position=z((n_b, 3)),
-            rotation=z((n_b, 3, 3)),
-            velocity=z((n_b, 3)),
-            omega=z((n_b, 3)),
-            acceleration=z((n_b, 3)),
-            alpha=z((n_b, 3)),
-            q=z((n_b, n_max)),
-            v=z((n_b, n_max)),
-            a=z((n_b, n_max)),
-            lead=z((n_b, n_max)),
-            deformed=z((n_b, n_max)),
-            multiplier=z(n_row),
-            age=z(n_b),
-            turned=z((n_b, 3)),
             n_updates=np.zeros(n_b, dtype=np.int64),
             angle=np.array([spring.angle for spring in self.springs]),
-            reaction=z((len(self._markers), 3)),
-        )
+            reaction=np.zeros((len(self._markers), 3)),
+            rotation=np.zeros((n_b, 3, 3)),
+            multiplier=np.zeros(n_row),
+            age=np.zeros(n_b),
+            **_zeros({
+                "position velocity omega acceleration alpha turned": (n_b, 3), "q v a lead deformed": (n_b, n_max)
+            }),
+        )  # fmt: skip
         for i, ((position, rotation), motion) in enumerate(zip(self.frames, self.motions, strict=True)):
             n = self.bodies[i].n
             state.position[i], state.rotation[i] = position, rotation
@@ -712,17 +675,20 @@ class ObserverFrameSystem:
                 )
 
 
+def _zeros(shapes: dict[str, tuple[int, ...]]) -> dict[str, Any]:
+    """Arrays by name, from their shapes by names with spaces between."""
+    return {name: np.zeros(shape) for names, shape in shapes.items() for name in names.split()}
+
+
 def _new_work(n_b: int, n_max: int, n_m: int, n_row: int, n_drive: int, n_spring: int) -> Work:
-    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Work._fields, (3,))
-    shapes |= dict.fromkeys(("low", "up"), (n_b, n_max, n_max))
-    shapes |= dict.fromkeys(("base", "rhs", "next", "vector", "ahead", "body_load"), (n_b, n_max))
-    shapes |= dict.fromkeys(("multiplier", "row_value", "row_rate", "row_bias", "row_change", "row_scale"), (n_row,))
-    shapes |= dict.fromkeys(("marker_rotation", "marker_tangent"), (n_m, 3, 3))
-    shapes |= dict.fromkeys(("marker_rate", "marker_bias", "marker_field"), (n_m, 6))
-    shapes |= dict.fromkeys(("field", "field_rate", "rate", "bias", "pull", "load"), (6,))
-    shapes |= dict.fromkeys(("turn", "tangent", "second", "mixed", "pair"), (3, 3))
-    shapes |= {"columns": (n_m, 6, n_max), "pairs": (n_m, n_m, 6, 6), "schur": (n_row, n_row), "marker_point": (n_m, 3)}
-    shapes |= {"weight": (n_row, 2, 6), "moments": (n_max, 9), "drive": (n_drive, 3), "spring": (n_spring, 3)}
-    shapes |= {"row_reach": (n_row, n_m, 6)}
-    arrays = {key: np.zeros(shapes[key]) for key in Work._fields if key != "order"}
-    return Work(**arrays, order=np.zeros(n_row, dtype=np.int64))
+    arrays = _zeros({
+        **dict.fromkeys(Work._fields, (3,)),
+        "low up": (n_b, n_max, n_max), "base rhs next vector ahead body_load": (n_b, n_max),
+        "multiplier row_value row_rate row_bias row_change row_scale": (n_row,),
+        "marker_rotation marker_tangent": (n_m, 3, 3), "marker_rate marker_bias marker_field": (n_m, 6),
+        "field field_rate rate bias pull load": (6,), "turn tangent second mixed pair": (3, 3),
+        "columns": (n_m, 6, n_max), "pairs": (n_m, n_m, 6, 6), "schur": (n_row, n_row), "marker_point": (n_m, 3),
+        "weight": (n_row, 2, 6), "moments": (n_max, 9), "drive": (n_drive, 3), "spring": (n_spring, 3),
+        "row_reach": (n_row, n_m, 6),
+    })  # fmt: skip
+    return Work(**(arrays | {"order": np.zeros(n_row, dtype=np.int64)}))

@@ -10,8 +10,6 @@ ones. Integers are int64.
 Letters stand where the theory has them (:mod:`wt_gym.multibody.observer_frame.frame`): q the coordinates, v and a their
 rates q̇ and q̈; ω and α of the frames.
 
-One substructure of the local observer frame formulation: rigid-body modes, elastic basis and constant matrices.
-
 The displacement from the moving frame is u(s, t) = N(s) q(t) with q = [q_f, q_r] (eq. 2): six rigid-body coordinates
 q_r (displacement of the frame origin and rotation about it) and elastic coordinates q_f whose shapes comply with a
 *reference condition*, which says what "the rigid body" of a deformed beam is:

@@ -1,21 +1,19 @@
-"""The wind of a step: asked of the inflow where wake, blades, tower, hub and bodies need it, and handed to them.
-
-Closed bodies that follow the deflected tower, and the force of the air on that of the tower.
-
-The panels of the tower are carried by its sections, the body of hub and nacelle by the nacelle; both stand where the
-structure was at the beginning of the step. The force of the air on each ring of panels (a strip) follows by Lagally's
-theorem (`wt_gym.aerodynamics.bodies.body_set`) from what the lattice knows of it: source strengths, and the velocity of
-wind, wake, blades and nacelle there. It acts, by virtual work, at the middle of the strip, on top of the drag
-(`coupling_kernels.tower_drag`). Mirror images of the tower itself are left out: level forces of a body and its image on
-each other cancel.
-
-Forces belong to the end of an accepted step. The next step takes them continued in a straight line, and does not
-iterate them with the structure: the air that moves with a tower has a two-hundredth of its mass.
-
-Structure and air of one turbine marched together: their state, and one aerodynamic step.
+"""Structure and air of one turbine marched together: their state, and one aerodynamic step.
 
 What a step does stands in `wt_gym.simulation.step.coupled_step_kernels`; how a structure moves, whatever its form, in
 :mod:`wt_gym.simulation.step.structure_motion`.
+
+The wind of a step is asked of the inflow where wake, blades, tower, hub and bodies need it, and handed to them.
+
+Closed bodies follow the deflected tower: its panels are carried by its sections, the body of hub and nacelle by the
+nacelle; both stand where the structure was at the beginning of the step. The force of the air on each ring of panels of
+the tower (a strip) follows by Lagally's theorem (`wt_gym.aerodynamics.bodies.body_set`) from what the lattice knows of
+it: source strengths, and the velocity of wind, wake, blades and nacelle there. It acts, by virtual work, at the middle
+of the strip, on top of the drag (`coupling_kernels.tower_drag`). Mirror images of the tower itself are left out: level
+forces of a body and its image on each other cancel.
+
+Forces belong to the end of an accepted step. The next step takes them continued in a straight line, and does not
+iterate them with the structure: the air that moves with a tower has a two-hundredth of its mass.
 """
 
 from __future__ import annotations

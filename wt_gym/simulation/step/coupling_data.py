@@ -1,7 +1,5 @@
 """Arrays of the coupled step: energy, extremes, tower, what passes between structure and air, and the signals.
 
-What happens between two samples: extremes over every structural step, so that control steps miss nothing.
-
 A blade tip passes the tower in a tenth of a second, and a shaft or a blade swings faster than a controller samples.
 The largest and smallest values since the last sample are therefore taken at every structural step, and the clearance
 of the tips along the straight ways between them.

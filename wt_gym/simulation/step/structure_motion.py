@@ -2,11 +2,9 @@
 
 A form is what `StructureMotion` asks for: it starts from a state, hands a `Structure` to the compiled step, names the
 arrays that carry its state, and comes back after they were restored. The compiled half of the contract is
-`wt_gym.simulation.step.structure_motion_kernels`. Here is the form in which the turbine's multibody system moves
-itself, blades on joints ("embedded") or held by constraint equations ("constrained"), in modal or nodal coordinates;
-local observer frames are in :mod:`wt_gym.simulation.step.structure_motion`.
-
-The turbine in motion in local observer frames (Holm-Jørgensen, Nielsen & Rubak).
+`wt_gym.simulation.step.structure_motion_kernels`. In `TreeMotion` the turbine's multibody system moves itself, blades
+on joints ("embedded") or held by constraint equations ("constrained"), in modal or nodal coordinates; in
+`ObserverMotion` local observer frames move (Holm-Jørgensen, Nielsen & Rubak).
 
 Bodies, joints and drives are those of the turbine's multibody system, with second-order displacements and the geometric
 stiffness that comes with them, or, as published, without (`Fidelity.frame_displacement`). The observer frames are
@@ -185,7 +183,7 @@ ITERATIONS = 1
 
 
 class ObserverMotion(TreeMotion):
-    """A turbine whose observer frames move; see `wt_gym.simulation.step.structure_motion.StructureMotion`.
+    """A turbine whose observer frames move; see `StructureMotion`.
 
     Parameters
     ----------
