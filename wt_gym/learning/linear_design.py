@@ -76,27 +76,18 @@ offsets."""
 
 @dataclass(frozen=True)
 class Plant:
-    """Model of a turbine under a base controller about one wind speed.
-
-    Attributes
-    ----------
-    responses : numpy.ndarray, shape (9, 3, n_taps)
-        Of `OUTPUTS` and `LOADS` to offsets [unit/rad].
-    scale : numpy.ndarray, shape (6,)
-        Standard deviations of the outputs.
-    power_curvature : float
-        Share of power that offsets take by the mean of their square [1/rad^2].
-    lead : float
-        Time from an offset to the pitch [s].
-    dt : float
-        [s].
-    """
+    """Model of a turbine under a base controller about one wind speed."""
 
     responses: NDArray[np.float64]
+    """Of `OUTPUTS` and `LOADS` to offsets [unit/rad]. Shape (9, 3, n_taps)."""
     scale: NDArray[np.float64]
+    """Standard deviations of the outputs. Shape (6,)."""
     power_curvature: float
+    """Share of power that offsets take by the mean of their square [1/rad^2]."""
     lead: float
+    """Time from an offset to the pitch [s]."""
     dt: float
+    """[s]."""
 
     @staticmethod
     def lead_of(turbine: Turbine, dt: float) -> float:
@@ -110,22 +101,15 @@ class Plant:
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a recorded run would have been under offsets.
-
-    Attributes
-    ----------
-    flap, pitch : numpy.ndarray, shape (n_blades, n + 1)
-        [N m], [rad].
-    tower : numpy.ndarray, shape (2, n + 1)
-        Fore-aft and side-side moment at the base [N m].
-    power : float
-        Mean [W].
-    """
+    """What a recorded run would have been under offsets."""
 
     flap: NDArray[np.float64]
     pitch: NDArray[np.float64]
+    """flap, pitch: [N m], [rad]. Shape (n_blades, n + 1)."""
     tower: NDArray[np.float64]
+    """Fore-aft and side-side moment at the base [N m]. Shape (2, n + 1)."""
     power: float
+    """Mean [W]."""
 
     def metrics(self, dt: float, full_rate: float, skip: float) -> dict[str, float]:
         """Metrics of the lifetime cost, without what lies in the first ``skip`` [s]; ``full_rate`` [rad/s]."""

@@ -84,55 +84,36 @@ _untrained: dict[tuple[Any, ...], tuple[Any, list[RecordedEpisode]]] = {}
 
 @dataclass(frozen=True)
 class Round:
-    """What a round found.
-
-    Attributes
-    ----------
-    recorded : float
-        Mean lifetime cost of the policy that was recorded less that of the published controller, in the held-out winds.
-    forecast : float
-        The same of the policy after it, by the model.
-    fitted : float
-        The same in the winds of the optimization.
-    iteration : int
-        Of the optimizer, at which the held-out winds chose the policy.
-    conditions : list of (float, float)
-        Recorded and forecast cost in the held-out winds of each condition.
-    travel : float
-        Forecast pitch travel of the policy after it, in all its winds [rad/day].
-    multiplier : float
-        Of the budget of travel at the end of the optimization: price of a whole budget in the cost that is followed.
-    seconds : float
-        Of recording and optimization.
-    """
+    """What a round found."""
 
     recorded: float
+    """Mean lifetime cost of the recorded policy less that of the published controller, in the held-out winds."""
     forecast: float
+    """The same of the policy after it, by the model."""
     fitted: float
+    """The same in the winds of the optimization."""
     iteration: int
+    """Of the optimizer, at which the held-out winds chose the policy."""
     conditions: list[tuple[float, float]] = field(default_factory=list)
+    """Recorded and forecast cost in the held-out winds of each condition."""
     travel: float = 0.0
+    """Forecast pitch travel of the policy after it, in all its winds [rad/day]."""
     multiplier: float = 0.0
+    """Of the budget of travel at the end of the optimization: price of a whole budget in the cost that is followed."""
     seconds: float = 0.0
+    """Of recording and optimization."""
 
 
 @dataclass(frozen=True)
 class _Identified:
-    """A condition.
-
-    Attributes
-    ----------
-    plants : Plants
-        From offsets to loads.
-    seen : Plants or None
-        From offsets to what the agent sees; None in the condition of the environment, where there is no such effect.
-    explained : dict
-        Shares of unseen runs that the plants explain, by wind speed.
-    """
+    """A condition."""
 
     plants: Plants
+    """From offsets to loads."""
     seen: Plants | None
+    """From offsets to what the agent sees; None in the condition of the environment, where there is no such effect."""
     explained: dict[float, dict[str, float]]
+    """Shares of unseen runs that the plants explain, by wind speed."""
 
 
 @dataclass
@@ -141,17 +122,12 @@ class _Budget:
 
     The multiplier has a part that adds up what is traveled beyond the limit and one in proportion to it, which damps
     (Stooke, Achiam, Abbeel, ICML 2020, arXiv:2007.03964).
-
-    Attributes
-    ----------
-    limit : float
-        [rad/s]; infinite without one.
-    multiplier : float
-        Of the share of the limit that is traveled, in the unit of the lifetime cost.
     """
 
     limit: float
+    """[rad/s]; infinite without one."""
     multiplier: float = 0.0
+    """Of the share of the limit that is traveled, in the unit of the lifetime cost."""
     _sum: float = 0.0
     _share: float = 1.0
 

@@ -61,54 +61,39 @@ _ENDLESS = 10**9  # control steps
 
 @dataclass(frozen=True, eq=False)
 class RecordedEpisode:
-    """An episode; sample k of the loads is that of the instant at which action k is chosen, the last one has none.
-
-    Attributes
-    ----------
-    speed : float
-        Mean wind [m/s].
-    dt : float
-        Control step [s].
-    observations : numpy.ndarray, shape (n, n_obs), float32
-    offsets : numpy.ndarray, shape (3, n)
-        Mean, tilt and yaw by which the demands differ from those of the base controller [rad].
-    share : numpy.ndarray, shape (n,)
-        In which offsets of the agent act.
-    flap, pitch : numpy.ndarray, shape (n_blades, n + 1)
-        Root moments [N m], pitch [rad].
-    tower : numpy.ndarray, shape (2, n + 1)
-        Fore-aft and side-side moment at the base [N m].
-    power : numpy.ndarray, shape (n + 1,)
-        Of the generator [W].
-    azimuth : numpy.ndarray, shape (n + 1,)
-        In the sense of rotation [rad].
-    read_azimuth, read_speed : numpy.ndarray, shape (n,)
-        Azimuth and rotor speed by the readings, in whose frame offsets are chosen [rad], [rad/s].
-    individual : numpy.ndarray, shape (n,)
-        Share of tilt and yaw that a supervisor of faults leaves.
-    lead : float
-        Time by which the azimuth of the recorded pitch is ahead of that at which an offset was chosen, with the drives
-        of the episode [s].
-    pitch_gain : float
-        Motion of the blades over that of their demand [-].
-    """
+    """An episode; sample k of the loads is that of the instant at which action k is chosen, the last one has none."""
 
     speed: float
+    """Mean wind [m/s]."""
     seed: int
     dt: float
+    """Control step [s]."""
     observations: NDArray[np.float32]
+    """Shape (n, n_obs)."""
     offsets: NDArray[np.float64]
+    """Mean, tilt and yaw by which the demands differ from those of the base controller [rad]. Shape (3, n)."""
     share: NDArray[np.float64]
+    """In which offsets of the agent act. Shape (n,)."""
     flap: NDArray[np.float64]
     pitch: NDArray[np.float64]
+    """flap, pitch: root moments [N m], pitch [rad]. Shape (n_blades, n + 1)."""
     tower: NDArray[np.float64]
+    """Fore-aft and side-side moment at the base [N m]. Shape (2, n + 1)."""
     power: NDArray[np.float64]
+    """Of the generator [W]. Shape (n + 1,)."""
     azimuth: NDArray[np.float64]
+    """In the sense of rotation [rad]. Shape (n + 1,)."""
     read_azimuth: NDArray[np.float64]
     read_speed: NDArray[np.float64]
+    """read_azimuth, read_speed: azimuth and rotor speed by the readings, in whose frame offsets are chosen [rad],
+    [rad/s]. Shape (n,)."""
     individual: NDArray[np.float64]
+    """Share of tilt and yaw that a supervisor of faults leaves. Shape (n,)."""
     lead: float
+    """Time by which the azimuth of the recorded pitch is ahead of that at which an offset was chosen, with the drives
+    of the episode [s]."""
     pitch_gain: float = 1.0
+    """Motion of the blades over that of their demand [-]."""
 
     @property
     def steps(self) -> int:
@@ -118,37 +103,25 @@ class RecordedEpisode:
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """An episode to be recorded, from the beginning of its turbulence.
-
-    Attributes
-    ----------
-    arguments : str
-        Of the environment, as JSON.
-    speed : float
-        [m/s].
-    seed : int
-        Of the turbulence.
-    duration : float
-        [s].
-    agent : Agent or None
-        None: actions of zero.
-    baseline : bool
-        Under the controller of the id instead of the base controller: the published one, with the additions of a task.
-    dial : tuple of float or None
-        Factors of `wt_gym.envs.dial`, for the whole episode.
-    condition : str
-        Further arguments of the environment, as JSON; those of ``arguments`` have no faults.
-    """
+    """An episode to be recorded, from the beginning of its turbulence."""
 
     env_id: str
     arguments: str
+    """Of the environment, as JSON."""
     speed: float
+    """[m/s]."""
     seed: int
+    """Of the turbulence."""
     duration: float
+    """[s]."""
     agent: Agent | None = None
+    """None: actions of zero."""
     baseline: bool = False
+    """Under the controller of the id instead of the base controller: the published one, with a task's additions."""
     dial: tuple[float, ...] | None = None
+    """Factors of `wt_gym.envs.dial`, for the whole episode."""
     condition: str = "{}"
+    """Further arguments of the environment, as JSON; those of ``arguments`` have no faults."""
 
 
 class PlayedActions:
@@ -464,19 +437,13 @@ class Plants:
 
 @dataclass(frozen=True)
 class Limits:
-    """From actions to the offsets that act.
-
-    Attributes
-    ----------
-    mean, tilt_yaw : float
-        Offset at an action of one [rad].
-    washout : float or None
-        Time constant of the high-pass filter of the mean [s].
-    """
+    """From actions to the offsets that act."""
 
     mean: float
     tilt_yaw: float
+    """mean, tilt_yaw: offset at an action of one [rad]."""
     washout: float | None
+    """Time constant of the high-pass filter of the mean [s]."""
 
     def offsets(self, actions: torch.Tensor, share: torch.Tensor, dt: float) -> torch.Tensor:
         """Offsets (3, n) [rad] of actions (n, 3), as far as shares (3, n) let them; rates have no limit."""

@@ -82,35 +82,24 @@ class DrawnOffsets:
 
 @dataclass(frozen=True)
 class Recording:
-    """A run, sample k at the instant at which offset k was decided; the last sample has no offset any more.
-
-    Attributes
-    ----------
-    dt : float
-        [s].
-    outputs : numpy.ndarray, shape (6, n + 1)
-        `OUTPUTS` of `wt_gym.control.controllers.linear_optimal`.
-    loads : numpy.ndarray, shape (3, n + 1)
-        `LOADS`.
-    flap, edge, pitch : numpy.ndarray, shape (n_blades, n + 1)
-        Root moments [N m], pitch [rad].
-    azimuth : numpy.ndarray, shape (n + 1,)
-        [rad].
-    offsets : numpy.ndarray, shape (3, n)
-        That reached the drives [rad].
-    share : numpy.ndarray, shape (n,)
-        In which offsets may act.
-    """
+    """A run, sample k at the instant at which offset k was decided; the last sample has no offset any more."""
 
     dt: float
+    """[s]."""
     outputs: NDArray[np.float64]
+    """`OUTPUTS` of `wt_gym.control.controllers.linear_optimal`. Shape (6, n + 1)."""
     loads: NDArray[np.float64]
+    """`LOADS`. Shape (3, n + 1)."""
     flap: NDArray[np.float64]
     edge: NDArray[np.float64]
     pitch: NDArray[np.float64]
+    """flap, edge, pitch: root moments [N m], pitch [rad]. Shape (n_blades, n + 1)."""
     azimuth: NDArray[np.float64]
+    """[rad]. Shape (n + 1,)."""
     offsets: NDArray[np.float64]
+    """That reached the drives [rad]. Shape (3, n)."""
     share: NDArray[np.float64]
+    """In which offsets may act. Shape (n,)."""
 
     @classmethod
     def of_channels(
