@@ -18,7 +18,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
-from wt_gym.learning.training.turbine_vec_env import TurbineVecEnv
+from wt_gym.learning.environments import TurbineVecEnv
 
 ENV_ID = "wt_gym/LoadReduction-v2"
 ENV_KWARGS = {"wind_speed": [14.0, 18.0], "controller": "discon+side_side_damper", "control_dt": 0.2}

@@ -6,12 +6,11 @@ import argparse
 import importlib.util
 import re
 import textwrap
-from importlib import import_module
 from pathlib import Path
 
 from site_parts.markdown import table
-from wt_gym.commands import COMMANDS, module_of
-from wt_gym.commands.program import OneLineParser
+from wt_gym.commands import COMMANDS
+from wt_gym.commands import parser_of as command_parser
 
 _SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 
@@ -41,8 +40,7 @@ def commands():
     """Every command with its description and options."""
     sections = []
     for name, text in COMMANDS.items():
-        module = import_module(f"wt_gym.commands.{module_of(name)}")
-        parser = parser_of(module.parse_arguments, OneLineParser)
+        parser = command_parser(name)
         sections.append(f"## {name}\n\n{text[0].upper()}{text[1:]}.\n\n{_described(parser)}\n\n{_options(parser)}")
     sections.append(f"## validate.py (in a clone)\n\n{_validate()}")
     return "\n".join(sections)

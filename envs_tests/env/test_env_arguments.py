@@ -9,7 +9,7 @@ import pytest
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import InflowError, WtGymError
 from wt_gym.base.options import check_flag, check_mapping, check_names, check_number, options_of, real_numbers
-from wt_gym.commands import evaluate
+from wt_gym.commands import run as run_command
 from wt_gym.envs.options import GROUPS, EnvOptions, env_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
@@ -48,7 +48,7 @@ def test_numbers_without_end_or_meaning_are_refused(name):
 def test_on_a_command_line_too(given, tmp_path):
     words = ["baseline", "--env-kwargs", given, "--out", str(tmp_path / "out"), "--duration", "2", "--skip", "0"]
     with pytest.raises(SystemExit) as end:
-        evaluate.main(words)
+        run_command("evaluate", words)
     message = end.value.code
     assert message.startswith("error: ")
     assert "\n" not in message

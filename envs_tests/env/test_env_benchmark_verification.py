@@ -12,7 +12,7 @@ from stable_baselines3 import PPO
 from turbine_contract import PLAIN
 
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.commands import benchmark as command
+from wt_gym.commands import run as run_command
 from wt_gym.experiment.benchmark import ResultFolder, entry_of, jobs_of, run_jobs
 from wt_gym.experiment.benchmark_archive import drawn, opened, pack, read_archive, verify, write_archive
 from wt_gym.experiment.benchmark_tasks import BenchmarkTask, task_file
@@ -78,7 +78,7 @@ def test_a_metric_that_was_changed_is_found(entry, tmp_path, capsys):
         assert (made.same, made.metric) == (False, "blade_flap_del")
         assert made.deviation == pytest.approx(1e-3, rel=0.01)
     with pytest.raises(SystemExit, match="1"):
-        command.main(["verify", str(tmp_path)])
+        run_command("benchmark", ["verify", str(tmp_path)])
     assert "0 of 1 repeated runs have the recorded metrics" in capsys.readouterr().out
 
 

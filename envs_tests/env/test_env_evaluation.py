@@ -12,6 +12,7 @@ from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.commands import evaluate as command
+from wt_gym.commands import parse as parse_command
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment import evaluation as module
@@ -25,7 +26,7 @@ from wt_gym.experiment.evaluation import (
 )
 from wt_gym.experiment.execute import ProcessExecutor, SerialExecutor
 from wt_gym.experiment.run import benchmark_fingerprint
-from wt_gym.learning.training.config import TrainingConfig
+from wt_gym.learning.options import TrainingConfig
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -338,7 +339,7 @@ TRANSIENT = """--env-kwargs '{"gusts": ["EOG", "EDC", "ECD", "EWS"]}'"""
     ],
 )  # fmt: skip
 def test_the_command_asks_for_winds_that_the_environment_has(words, speeds, seeds, draws):
-    winds = command.configuration(command.parse_arguments(shlex.split(words))).winds
+    winds = command.configuration(parse_command("evaluate", shlex.split(words))).winds
     assert sorted({wind.speed for wind in winds}) == pytest.approx(sorted(speeds))
     assert {wind.seed for wind in winds} == set(seeds)
     assert {wind.draw for wind in winds} == draws
@@ -364,7 +365,7 @@ def test_the_command_asks_for_winds_that_the_environment_has(words, speeds, seed
 )
 def test_the_command_refuses_what_the_wind_ignores(words, message):
     with pytest.raises(ValueError, match=message):
-        command.configuration(command.parse_arguments(shlex.split(words)))
+        command.configuration(parse_command("evaluate", shlex.split(words)))
 
 
 class RecordedSimulator(ScriptedSimulator):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.commands.export import main
+from wt_gym.commands import run as run_command
 from wt_gym.deployment.export.policy import (
     INPUT,
     OUTPUT,
@@ -98,7 +98,7 @@ def test_statistics_of_the_training_are_inside(tmp_path):
 
 
 def test_the_card_says_what_the_agent_is_made_for(tmp_path, capsys):
-    main([str(TRAINED / "load_reduction_on_linear_optimal"), "--out", str(tmp_path), "--json"])
+    run_command("export", [str(TRAINED / "load_reduction_on_linear_optimal"), "--out", str(tmp_path), "--json"])
     printed = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {Path(file).name for file in printed["files"]} == {"policy.onnx", "card.json", "README.md"}
     card = json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))
@@ -121,4 +121,4 @@ def test_the_card_says_what_the_agent_is_made_for(tmp_path, capsys):
 )
 def test_what_has_no_policy_is_refused(agent, message, tmp_path):
     with pytest.raises(SystemExit, match=message):
-        main([agent, "--out", str(tmp_path)])
+        run_command("export", [agent, "--out", str(tmp_path)])

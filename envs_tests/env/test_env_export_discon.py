@@ -22,8 +22,7 @@ from envs_tests.unit.exported_library import (
     torques,
 )  # fmt: skip
 from wt_gym.base.errors import SimulationError
-from wt_gym.commands.export import main
-from wt_gym.commands.fly import main as fly_command
+from wt_gym.commands import run as run_command
 from wt_gym.control import Lidar
 from wt_gym.control.bladed.records import new_swap, write_lidar, write_readings
 from wt_gym.control.controllers import STATES
@@ -483,9 +482,9 @@ def test_channels_that_the_interface_lacks_are_refused_with_their_names(tmp_path
     words = [str(path), "--to", "discon", "--out", str(tmp_path / "exported")]
     lacking = r"got tip_out_of_plane_mean, .*tower_top_side_side, which are not. Train it with observation='measurable'"
     with pytest.raises(SystemExit, match=lacking):
-        main(words)
+        run_command("export", words)
     with pytest.raises(SystemExit, match="turbine and interval are those of the agent's training"):
-        main([*words, "--turbine", "iea_15mw"])
+        run_command("export", [*words, "--turbine", "iea_15mw"])
 
 
 def test_actions_that_are_not_residual_are_refused(tmp_path):
@@ -522,9 +521,9 @@ def test_a_flight_compares_yaw_without_the_noise_of_the_training(wrong, tmp_path
              '{"inflow": "steady", "wind_speed": 12.0}']  # fmt: skip
     if wrong:
         with pytest.raises(SystemExit):
-            fly_command(words)
+            run_command("fly", words)
     else:
-        fly_command(words)
+        run_command("fly", words)
     text = capsys.readouterr().out
     told = json.loads(text.splitlines()[-1])
     assert told["agrees"] is not wrong

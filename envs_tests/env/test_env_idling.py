@@ -9,7 +9,8 @@ from scripted_simulator import ScriptedSimulator, scripted_signals, use
 
 from wt_gym.analysis.metrics import idle_sentence, idle_time
 from wt_gym.analysis.results import Wind
-from wt_gym.commands import benchmark, compare_controllers, evaluate, simulate
+from wt_gym.commands import benchmark
+from wt_gym.commands import run as run_command
 from wt_gym.envs.terminations import IDLE_POWER, LEAST_SPELL, IdleClock
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.evaluation import EvaluationConfig
@@ -17,7 +18,7 @@ from wt_gym.experiment.loadcase_report import load_case_tables
 from wt_gym.experiment.loadcase_runs import CaseRun, LoadCaseResults
 from wt_gym.experiment.robustness import Robustness, chosen
 from wt_gym.experiment.run import play, run_controller
-from wt_gym.learning.training import selection
+from wt_gym.learning import callbacks
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch, VoltageDip
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -167,9 +168,9 @@ SENTENCE = "made no power for 25 s in 8 m/s"
 def test_evaluate_says_so(make_env, tmp_path, capsys):
     words = ["baseline", "--env", "wt_gym/NREL5MW-Steady-v1", "--wind-speed", "8", "--duration", "30", "--skip", "2"]
     kwargs = ["--env-kwargs", json.dumps({"standstill_limit": -1.0})]
-    evaluate.main([*words, *kwargs, "--replay", "0", "--no-report", "--out", str(tmp_path)])
+    run_command("evaluate", [*words, *kwargs, "--replay", "0", "--no-report", "--out", str(tmp_path)])
     assert capsys.readouterr().out.count(f"discon {SENTENCE}") == 1
-    evaluate.main([*words, *kwargs, "--replay", "0", "--no-report", "--out", str(tmp_path)])  # of the recorded run
+    run_command("evaluate", [*words, *kwargs, "--replay", "0", "--no-report", "--out", str(tmp_path)])
     assert capsys.readouterr().out.count(f"discon {SENTENCE}") == 1
 
 
@@ -178,15 +179,16 @@ def test_the_evaluation_of_a_training_says_so(make_env, caplog):
         "wt_gym/NREL5MW-Steady-v1", {"standstill_limit": -1.0}, (Wind(8.0),), duration=30.0, skip=2.0, replay=0.0
     )
     for agent, name in ((Zero(), "agent"), ("baseline", "baseline")):
-        selection._run(agent, config)
+        callbacks._run(agent, config)
         assert [record.message for record in caplog.records if SENTENCE in record.message][-1].startswith(name)
 
 
 def test_simulate_and_compare_controllers_say_so(monkeypatch, capsys):
     monkeypatch.setattr("wt_gym.envs.operation.Simulator", Standing)
-    simulate.main(["--wind-speed", "8", "--duration", "30"])
+    run_command("simulate", ["--wind-speed", "8", "--duration", "30"])
     assert capsys.readouterr().out.count(f"The baseline controller {SENTENCE}") == 1
-    compare_controllers.main(["discon", "--wind-speed", "8", "--wind-seeds", "--duration", "28", "--skip", "2"])
+    words = ["discon", "--wind-speed", "8", "--wind-seeds", "--duration", "28", "--skip", "2"]
+    run_command("compare-controllers", words)
     assert capsys.readouterr().out.count(f"discon {SENTENCE}") == 1
 
 

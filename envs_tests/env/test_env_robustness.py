@@ -8,7 +8,7 @@ import gymnasium as gym
 import pytest
 
 from wt_gym.analysis.results import Wind
-from wt_gym.commands.robustness import main
+from wt_gym.commands import run as run_command
 from wt_gym.envs.faults import FAULT_KINDS, NO_FAULT
 from wt_gym.envs.variation import Variation
 from wt_gym.experiment import robustness
@@ -137,9 +137,9 @@ def test_runs_are_kept_and_the_same_call_resumes(tmp_path):
 
 
 def test_the_command(tmp_path, capsys):
-    main(["--list"])
+    run_command("robustness", ["--list"])
     assert capsys.readouterr().out.count("\n") == len(CONDITIONS) + len(FAULT_CONDITIONS)
-    main([
+    run_command("robustness", [
         "ipc", "--conditions", "gain-high", "--wind-seeds", "1001", "--duration", "4", "--skip", "1", "--json",
         "--env-kwargs", '{"start": "steady"}', "--out", str(tmp_path / "out"),
     ])  # fmt: skip
@@ -151,4 +151,4 @@ def test_the_command(tmp_path, capsys):
         ([], "agents must be named"),
     ):
         with pytest.raises(SystemExit, match=f"error: {message}"):
-            main([*words, "--out", str(tmp_path / "no")])
+            run_command("robustness", [*words, "--out", str(tmp_path / "no")])

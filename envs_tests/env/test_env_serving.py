@@ -15,9 +15,9 @@ pytest.importorskip("zmq")
 from envs_tests.unit.rosco_client import Client, WithServer, readings, text_of
 from wt_gym.base.errors import ControllerError
 from wt_gym.bridges.rosco import RoscoServer, SetPoints, read_message
-from wt_gym.commands.serve import main
-from wt_gym.commands.train import parse_arguments as parse_training
-from wt_gym.commands.training_options import config_from
+from wt_gym.commands import parse as parse_command
+from wt_gym.commands import run as run_command
+from wt_gym.commands.train import configuration
 from wt_gym.deployment.serving import OwnSetPoints, ServedAgent, answers_of, check_expressible
 from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -264,7 +264,7 @@ def test_the_training_of_the_page_gives_an_agent_that_is_served():
     """Its printed words, as the command reads them, under the check of the server."""
     page = Path(__file__).resolve().parents[2] / "docs" / "howto" / "serve.md"
     (found,) = re.findall(r"^wt-gym train (.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    config = config_from(parse_training(shlex.split(found)))
+    config = configuration(parse_command("train", shlex.split(found)))
     assert config.env_kwargs["controller"] == "rosco"
     without_rosco = config.env_kwargs | {"controller": "discon"}  # which is not installed everywhere
     env = WindTurbineEnv(**registered_arguments(config.env_id, without_rosco))
@@ -353,14 +353,14 @@ def test_the_command_serves_until_the_last_call(capsys, tmp_path):
         ended.set()
 
     threading.Thread(target=turbine).start()
-    main(["zero", "--port", port, "--timeout", "60", "--log", str(tmp_path / "log.txt")])
+    run_command("serve", ["zero", "--port", port, "--timeout", "60", "--log", str(tmp_path / "log.txt")])
     assert ended.wait(10.0)
     assert capsys.readouterr().out.splitlines() == [
         f"listening at tcp://127.0.0.1:{port}; Ctrl-C ends",
         "3 messages answered",
     ]
     with pytest.raises(SystemExit, match="port must be from 1 to 65535, got 0"):
-        main(["zero", "--port", "0"])
+        run_command("serve", ["zero", "--port", "0"])
 
 
 @pytest.mark.parametrize(
@@ -380,5 +380,5 @@ def test_a_server_that_stays_has_no_time_out_unless_one_is_given(words, idle, mo
             return 0
 
     monkeypatch.setattr("wt_gym.bridges.rosco.RoscoServer", Noted)
-    main(["zero", "--turbines", "3", *words])
+    run_command("serve", ["zero", "--turbines", "3", *words])
     assert made == [idle, ("--stay" in words, 3)]

@@ -7,7 +7,8 @@ import pytest
 
 from wt_gym.analysis.results import Wind
 from wt_gym.base.files import shipped_folder
-from wt_gym.commands.train import configuration, parse_arguments
+from wt_gym.commands import parse as parse_command
+from wt_gym.commands.train import configuration
 from wt_gym.envs.options import registered_arguments
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
@@ -87,7 +88,7 @@ def test_its_record_is_strict_json(folder):
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
 def test_its_file_is_the_training_of_its_record(folder):
-    config = configuration(parse_arguments(["--config", str(folder / "training.yml")]))
+    config = configuration(parse_command("train", ["--config", str(folder / "training.yml")]))
     record = TrainedAgent.load(folder).record["config"]
     assert config.continues(record)
     assert (config.seed, config.total_steps) == (record["seed"], record["total_steps"])

@@ -25,7 +25,7 @@ from wt_gym.experiment.benchmark import make_env
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.environments import Environments
 from wt_gym.experiment.run import run_baseline
-from wt_gym.learning.training.hyperparameters import hyperparameters_for
+from wt_gym.learning.hyperparameters import hyperparameters_for
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.tasks import DEFAULT_ENV, TASKS

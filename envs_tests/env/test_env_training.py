@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 import torch
 
-from wt_gym.base.files import whole_file, write_whole
+from wt_gym.commands import parse as parse_command
+from wt_gym.commands import run as run_command
 from wt_gym.commands import train as train_command
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import evaluation
@@ -22,11 +23,12 @@ from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.names import named_choices
 from wt_gym.experiment.run_folder import RunFolder
 from wt_gym.experiment.trained_agent import TrainedAgent
-from wt_gym.learning.train import TrainingConfig, resume, train
-from wt_gym.learning.training import callbacks, selection
-from wt_gym.learning.training import seeds as seeds_module
-from wt_gym.learning.training.seeds import resume_seeds, seeds_table, train_seeds
-from wt_gym.learning.training.selection import SELECTION_WIND_SEEDS, SelectionEvaluation
+from wt_gym.learning import callbacks
+from wt_gym.learning import seeds as seeds_module
+from wt_gym.learning.callbacks import SELECTION_WIND_SEEDS, SelectionEvaluation
+from wt_gym.learning.options import TrainingConfig
+from wt_gym.learning.seeds import resume_seeds, seeds_table, train_seeds
+from wt_gym.learning.train import resume, train
 from wt_gym.wind import SteadyInflow
 
 STEADY = "wt_gym/NREL5MW-Steady-v1"
@@ -86,16 +88,6 @@ def read_scalars(folder):
     return scalars
 
 
-def test_a_training_does_not_go_on_in_another_environment(tmp_path):
-    """The id has other arguments in the version that resumes than in the one that began."""
-    train(SMALL, tmp_path, progress=False)
-    path = tmp_path / "training.json"
-    record = json.loads(path.read_text())
-    path.write_text(json.dumps(record | {"environment": record["environment"] | {"residual_washout": 3.0}}))
-    with pytest.raises(ValueError, match=r"has other arguments now .*: residual_washout;"):
-        resume(tmp_path, total_steps=96, progress=False)
-
-
 @pytest.mark.parametrize("algorithm", ["SAC", "TQC"])
 def test_off_policy_training_keeps_its_replay_buffer(algorithm, tmp_path):
     train(replace(SMALL, algorithm=algorithm, hyperparameters=OFF_POLICY), tmp_path, progress=False)
@@ -126,15 +118,6 @@ def test_a_resumed_training_meets_other_winds(tmp_path):
     assert again["curve"]["episode_return"][2] != whole["curve"]["episode_return"][0]
 
 
-def test_nothing_is_left_to_resume(tmp_path):
-    train(SMALL, tmp_path, progress=False)
-    with pytest.raises(ValueError, match="has done its 64 steps"):
-        resume(tmp_path, progress=False)
-    with pytest.raises(FileNotFoundError, match="holds no training"):
-        resume(tmp_path / "nothing")
-    assert not (tmp_path / "nothing").exists()
-
-
 def test_evaluation_leaves_the_training_as_it_is(tmp_path):
     train(SMALL, tmp_path / "without", progress=False)
     train(replace(SMALL, eval_every=16), tmp_path / "with", progress=False)
@@ -149,9 +132,9 @@ def test_evaluation_is_in_winds_of_its_own_and_asks_the_baseline_once(monkeypatc
         asked.append((agent, config.winds))
         return evaluation.evaluate(agents, config, **options)
 
-    monkeypatch.setattr(selection, "evaluate", spy)
+    monkeypatch.setattr(callbacks, "evaluate", spy)
     config = TrainingConfig(eval_winds=2, eval_seconds=15.0, env_kwargs={"wind_speed": (12.0, 16.0)})
-    env = held_back_env(config)
+    env = gym.make(config.env_id, **config.env_kwargs)
     judge = SelectionEvaluation(config, env.unwrapped.wind)
     zero = ConstantAgent(env.unwrapped.layout)
     assert set(judge(zero).values()) == {0.0}  # zero offsets are the baseline
@@ -163,18 +146,12 @@ def test_evaluation_is_in_winds_of_its_own_and_asks_the_baseline_once(monkeypatc
     assert not set(SELECTION_WIND_SEEDS) & {*TRAINING_WIND_SEEDS, *EVALUATION_WIND_SEEDS[:6]}
     pool = {"wind_seeds": list(SELECTION_WIND_SEEDS[1:])}
     with pytest.raises(ValueError, match="eval_winds must be at most 1, "):
-        SelectionEvaluation(config, held_back_env(replace(config, env_kwargs=pool)).unwrapped.wind)
-
-
-def held_back_env(config):
-    import gymnasium as gym
-
-    return gym.make(config.env_id, **config.env_kwargs)
+        SelectionEvaluation(config, gym.make(config.env_id, **pool).unwrapped.wind)
 
 
 def test_a_policy_that_stops_the_rotor_has_a_return_and_no_loads():
     config = TrainingConfig(env_id=STEADY, env_kwargs={"wind_speed": 12.0}, eval_seconds=30.0)
-    env = held_back_env(config)
+    env = gym.make(config.env_id, **config.env_kwargs)
     figures = SelectionEvaluation(config, env.unwrapped.wind)(ConstantAgent(env.unwrapped.layout, [1.0, 0.0, 1.0]))
     assert figures["episode_return"] < -100.0
     assert figures["blade_flap_del"] is None
@@ -246,31 +223,6 @@ def test_a_refused_training_leaves_no_folder(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-def test_files_are_whole_or_as_they_were(tmp_path):
-    path = tmp_path / "file"
-    write_whole(path, lambda file: file.write(b"first"))
-
-    def half(file):
-        file.write(b"sec")
-        raise OSError("disk full")
-
-    with pytest.raises(OSError, match="disk full"):
-        write_whole(path, half)
-    assert [file.name for file in tmp_path.iterdir()] == ["file"]
-    assert path.read_bytes() == b"first"
-
-
-def test_processes_that_write_the_same_file_do_not_disturb_each_other(tmp_path, monkeypatch):
-    path = tmp_path / "file"
-    with whole_file(path) as mine:
-        mine.write_bytes(b"mine")
-        with monkeypatch.context() as patch:
-            patch.setattr("wt_gym.base.files.os.getpid", lambda: -1)
-            write_whole(path, lambda file: file.write(b"theirs"))
-        assert path.read_bytes() == b"theirs"
-    assert path.read_bytes() == b"mine"
-
-
 def test_checkpoints_by_time_and_by_steps(monkeypatch):
     now, saved = [0.0], []
     monkeypatch.setattr(callbacks.time, "monotonic", lambda: now[0])
@@ -321,17 +273,12 @@ def cut(fraction):
     ("name", "damage", "message"),
     [
         ("model.zip", cut(0.5), "damaged"),
-        ("model.zip", cut(0.0), "damaged"),
         ("model.zip", lambda _: b"PK\x03\x04 nonsense", "damaged"),
         ("vecnormalize.pkl", cut(0.5), "statistics .* are damaged"),
-        ("vecnormalize.pkl", cut(0.0), "statistics .* are damaged"),
-        ("vecnormalize.pkl", lambda _: b"\x80\x04 nonsense", "statistics .* are damaged"),
         ("vecnormalize.pkl", lambda _: pickle.dumps([1, 2]), "holds no statistics"),
         ("training.json", cut(0.5), "training.json is damaged"),
-        ("training.json", cut(0.0), "training.json is damaged"),
         ("training.json", lambda _: b"\xff\xfe", "training.json is damaged"),
         ("training.json", lambda _: b"[1]", "names no algorithm"),
-        ("training.json", lambda _: b"{}", "names no algorithm"),
         ("training.json", lambda _: b'{"algorithm": "XYZ"}', "algorithm must be one of"),
         ("training.json", lambda _: b'{"algorithm": "SAC"}', "is not a model of SAC"),
     ],
@@ -341,6 +288,14 @@ def test_damaged_agents_are_refused_in_a_line(copied, name, damage, message):
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(ValueError, match=message):
         TrainedAgent.load(copied)
+
+
+def test_nothing_is_left_to_resume(copied, tmp_path):
+    with pytest.raises(ValueError, match="has done its 64 steps"):
+        resume(copied, progress=False)
+    with pytest.raises(FileNotFoundError, match="holds no training"):
+        resume(tmp_path / "nothing")
+    assert not (tmp_path / "nothing").exists()
 
 
 @pytest.mark.parametrize("kept", [(), ("data",)])
@@ -358,12 +313,13 @@ def test_a_model_that_lacks_parts_is_refused(copied, kept):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"config": None}, "must have the fields"),
-        ({"config": {"n_steps": 64}}, "must have the fields"),
+        ({"config": None}, "must be a TrainingConfig or a mapping"),
+        ({"config": {"n_steps": 64}}, "training has no option 'n_steps'"),
         ({"curve": {"steps": [1, 2]}}, "its curve must have the columns"),
         ({"curve": [1]}, "curve is"),
         ({"sessions": 5}, "sessions is 5"),
         ({"wall_seconds": "long"}, "wall_seconds is 'long'"),
+        ({"environment": {}}, "has other arguments now .*: "),
     ],
 )
 def test_damaged_records_are_not_resumed(copied, changes, message):
@@ -376,23 +332,13 @@ def test_damaged_records_are_not_resumed(copied, changes, message):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"total_steps": -5}, "total_steps must be a whole number from 1"),
-        ({"total_steps": 10**30}, "total_steps must be"),
-        ({"total_steps": 1.5}, "total_steps must be"),
-        ({"max_seconds": float("nan")}, "max_seconds must be a number"),
-        ({"n_envs": 0}, "n_envs must be a whole number from 1 to 256"),
-        ({"n_envs": 10**9}, "n_envs must be"),
-        ({"seed": -1}, "seed must be"),
-        ({"seed": 2**40}, "seed must be"),
-        ({"checkpoint_minutes": float("inf")}, "checkpoint_minutes must be"),
-        ({"eval_seconds": 1.0}, "eval_seconds must be a number from 15"),
-        ({"env_kwargs": [1]}, "env_kwargs must map"),
+        ({"total_steps": 0}, "total_steps must be at least 1"),
         ({"env_kwargs": {"vector_reward": True}}, "vector_reward"),
         ({"algorithm": "DQN"}, "algorithm must be one of PPO, SAC, TQC"),
-        ({"hyperparameters": {"color": 1}}, "names for PPO must be among activation_fn, batch_size.*got 'color'"),
+        ({"hyperparameters": {"color": 1}}, "hyperparameters of PPO: .* has no option 'color'"),
     ],
 )
-def test_absurd_numbers_are_refused(changes, message):
+def test_what_does_not_go_together_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         replace(SMALL, **changes)
 
@@ -504,17 +450,12 @@ def test_clearing_takes_only_what_a_training_wrote(tmp_path):
     assert not left.exists()
 
 
-def test_evaluations_on_the_way_know_their_training(tmp_path, caplog):
+def test_evaluations_on_the_way_know_their_training_and_its_own_winds(tmp_path, caplog):
     """No word that nothing is known of the model, and none that it has met its winds."""
-    record = train(replace(SMALL, eval_every=64, eval_winds=1), tmp_path, progress=False)
-    assert record["evaluation"]["curve"]["steps"] == [64]
-    assert not [entry for entry in caplog.records if "training" in entry.getMessage()]
-
-
-def test_evaluations_on_the_way_in_winds_of_ones_own(tmp_path):
     kwargs = {"inflow": [SteadyInflow(12.0), SteadyInflow(13.0)], "episode_length": 5.0}
     record = train(replace(SMALL, env_kwargs=kwargs, eval_every=64, eval_winds=1), tmp_path, progress=False)
     assert record["evaluation"]["curve"]["steps"] == [64]
+    assert not [entry for entry in caplog.records if "training" in entry.getMessage()]
 
 
 # ---- the same words again ----
@@ -533,7 +474,7 @@ tensorboard: false
 
 def run_train(capsys, *words):
     """Call the command in this process; give the record it prints."""
-    train_command.main([*map(str, words), "--json"])
+    run_command("train", [*map(str, words), "--json"])
     return json.loads(capsys.readouterr().out.splitlines()[-1])
 
 
@@ -597,19 +538,21 @@ def test_bad_files_are_refused(text, message, tmp_path):
     file = tmp_path / "run.yml"
     file.write_text(text)
     with pytest.raises(SystemExit, match=message):
-        train_command.parse_arguments(["--config", str(file)])
+        parse_command("train", ["--config", str(file)])
 
 
 def test_a_file_gives_way_to_what_is_typed(tmp_path):
     file = tmp_path / "run.yml"
     file.write_text("seed: 3\nresume_if_exists: true\njson: false\ntensorboard: false\nhyper: {learning_rate: 3e-4}\n")
-    parsed = train_command.parse_arguments(["--config", str(file)])
-    assert (parsed.seed, parsed.resume_if_exists, parsed.json, parsed.tensorboard) == (3, True, False, False)
-    assert train_command.configuration(parsed).resolved["learning_rate"] == 3e-4  # which YAML takes for a word
-    assert train_command.parse_arguments(["--config", str(file), "--seeds", "0", "1"]).seeds == [0, 1]
-    parsed = train_command.parse_arguments(["--config", str(file), "--overwrite"])
+    parsed = parse_command("train", ["--config", str(file)])
+    assert (parsed.resume_if_exists, parsed.json) == (True, False)
+    config = train_command.configuration(parsed)
+    assert (config.seed, config.tensorboard) == (3, False)
+    assert config.resolved["learning_rate"] == 3e-4  # which YAML takes for a word
+    assert parse_command("train", ["--config", str(file), "--seeds", "0", "1"]).seeds == [0, 1]
+    parsed = parse_command("train", ["--config", str(file), "--overwrite"])
     assert (parsed.overwrite, parsed.resume_if_exists) == (True, False)
-    assert not train_command.parse_arguments(["--config", str(file), "--no-resume-if-exists"]).resume_if_exists
+    assert not parse_command("train", ["--config", str(file), "--no-resume-if-exists"]).resume_if_exists
 
 
 @pytest.mark.parametrize("text", ["color: red", "steps: many", "resume_if_exists: true\noverwrite: true"])
@@ -617,6 +560,6 @@ def test_options_of_a_file_are_checked_like_typed_ones(text, tmp_path, capsys):
     file = tmp_path / "run.yml"
     file.write_text(text)
     with pytest.raises(SystemExit) as caught:
-        train_command.parse_arguments(["--config", str(file)])
+        parse_command("train", ["--config", str(file)])
     assert caught.value.code == 2
     assert text.split(":")[0].replace("_", "-") in capsys.readouterr().err

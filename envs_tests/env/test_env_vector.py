@@ -15,7 +15,7 @@ from turbine_contract import PLAIN
 from wt_gym.base.errors import ActionError, ControllerError
 from wt_gym.control import Lidar
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
-from wt_gym.learning.training.turbine_vec_env import TurbineVecEnv
+from wt_gym.learning.environments import TurbineVecEnv
 
 ID = "wt_gym/LoadReduction-v2"
 STEPS = 9

@@ -14,13 +14,13 @@ from scripted_simulator import ScriptedSimulator, use
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import InflowError
-from wt_gym.commands.evaluate import configuration, parse_arguments
+from wt_gym.commands import parse as parse_command
+from wt_gym.commands.evaluate import configuration
 from wt_gym.envs.wind_sampler import TRANSIENTS, WindOptions, WindSampler
 from wt_gym.experiment import evaluation
 from wt_gym.experiment.evaluation import EvaluationConfig, EvaluationFolder, evaluate, winds_of
-from wt_gym.learning.datasets import DatasetConfig
-from wt_gym.learning.training.config import TrainingConfig
-from wt_gym.learning.training.selection import SelectionEvaluation
+from wt_gym.learning.callbacks import SelectionEvaluation
+from wt_gym.learning.options import DatasetConfig, TrainingConfig
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox
@@ -174,9 +174,9 @@ def test_paths_outlast_the_working_directory(files, monkeypatch):
     )
     assert [config.env_kwargs for config in configs] == [whole] * 3
     words = ["--env-kwargs", '{"inflow": "a.bts"}']
-    assert configuration(parse_arguments(words)).env_kwargs == {"inflow": str(files / "a.bts")}
+    assert configuration(parse_command("evaluate", words)).env_kwargs == {"inflow": str(files / "a.bts")}
     monkeypatch.chdir(files.parent)
-    assert gym.make(STEADY, **configs[0].to_json()["env_kwargs"]).unwrapped.wind.speeds == (9.0, 12.0)
+    assert gym.make(STEADY, **configs[0].env_kwargs).unwrapped.wind.speeds == (9.0, 12.0)
 
 
 def test_evaluations_take_pieces_of_files_that_have_nothing_in_common(files):

@@ -10,9 +10,11 @@ from scripted_simulator import ScriptedSimulator, use
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import InflowError, SimulationError, TurbineDefinitionError
-from wt_gym.commands import evaluate, simulate
-from wt_gym.commands.site_options import site_word, wind_word, with_options
-from wt_gym.commands.training_options import add_training_options, config_from
+from wt_gym.commands import evaluate
+from wt_gym.commands import parse as parse_command
+from wt_gym.commands import run as run_command
+from wt_gym.commands.options import environment_of, site_word, wind_word
+from wt_gym.commands.train import configuration
 from wt_gym.envs.options import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.experiment.evaluation import EvaluationConfig, winds_of
@@ -198,28 +200,19 @@ def test_words_of_the_command_line(files):
     assert site_word("air_density=1.1") == ("air_density", 1.1)
     assert site_word("turbulence_class=A+") == ("turbulence_class", "A+")
     assert wind_word(' {"kind": "step"}') == {"kind": "step"}
-    assert with_options({"site": {"cut_in": 4.0}}, [("cut_out", 30.0)], ["a.csv"]) == {
-        "site": {"cut_in": 4.0, "cut_out": 30.0}, "inflow": "a.csv",
-    }  # fmt: skip
+    more = ["--env-kwargs", '{"site": {"cut_in": 4.0}}', "--site", "cut_out=30", "--wind", "a.csv"]
+    kwargs = environment_of(parse_command("evaluate", more))
+    assert kwargs == {"site": {"cut_in": 4.0, "cut_out": 30.0}, "inflow": "a.csv"}
     words = ["--site", "air_density=1.1", "--wind", files[".csv"], files[".wnd"], "--env", STEADY]
-    config = evaluate.configuration(evaluate.parse_arguments([*words, "--duration", "40"]))
+    config = evaluate.configuration(parse_command("evaluate", [*words, "--duration", "40"]))
     assert config.env_kwargs == {"site": {"air_density": 1.1}, "inflow": [files[".csv"], files[".wnd"]]}
-    parser = program_parser()
-    trained = config_from(parser.parse_args(words))
+    trained = configuration(parse_command("train", words))
     assert trained.env_kwargs == config.env_kwargs
     for wrong in ("air_density", "=1", "cut_in="):
         with pytest.raises(SystemExit):
-            simulate.parse_arguments(["--site", wrong])
+            parse_command("simulate", ["--site", wrong])
     with pytest.raises(SystemExit):
-        simulate.parse_arguments(["--wind", files[".csv"], "--wind-speed", "8"])
-
-
-def program_parser():
-    import argparse
-
-    parser = argparse.ArgumentParser()
-    add_training_options(parser)
-    return parser
+        parse_command("simulate", ["--wind", files[".csv"], "--wind-speed", "8"])
 
 
 def test_simulate_runs_in_winds_from_files(files, tmp_path, capsys):
@@ -233,7 +226,7 @@ def test_simulate_runs_in_winds_from_files(files, tmp_path, capsys):
         "--out",
         str(out),
     ]
-    simulate.main([*words, "--site", "air_density=1.1", "--json"])
+    run_command("simulate", [*words, "--site", "air_density=1.1", "--json"])
     printed = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
     assert [point["wind_m_s"] for point in printed["points"]] == [8.0, 7.0]
     assert (tmp_path / "run_a.nc").is_file()

@@ -14,7 +14,7 @@ import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import SimulationError
 from wt_gym.bridges.openfast import VARIABLE, OpenFASTSimulator
 from wt_gym.bridges.openfast.model import tower_sections
-from wt_gym.commands.crosscheck import main as crosscheck
+from wt_gym.commands import run as run_command
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import starting_point
@@ -253,7 +253,7 @@ def test_a_model_of_ones_own(turbine):
 def test_crosscheck(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv(VARIABLE, str(LIBRARY))
     words = ["discon", "ipc", "--wind-speed", "15", "--wind-seeds", "1001", "--duration", "30", "--skip", "10"]
-    crosscheck([*words, "--out", str(tmp_path)])
+    run_command("crosscheck", [*words, "--out", str(tmp_path)])
     printed = capsys.readouterr().out
     assert "| 15 | ipc |" in printed
     content = json.loads((tmp_path / "crosscheck.json").read_text())

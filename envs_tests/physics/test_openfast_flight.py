@@ -10,8 +10,7 @@ from openfast_library import openfast_driver, openfast_library
 
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE, find_driver, read_outputs, run_driver
-from wt_gym.commands.fly import main as fly_command
-from wt_gym.commands.loads import main as loads_command
+from wt_gym.commands import run as run_command
 from wt_gym.deployment.export.openfast_flight import LOADS, export_openfast, fly, scene_of
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning.train import TrainingConfig, train
@@ -120,14 +119,14 @@ def test_commands_fly_and_read(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv(VARIABLE, str(LIBRARY))
     assert find_driver() == DRIVER.resolve()
     words = ["--wind-speed", "15", "--wind-seeds", "1001", "--duration", "6", "--skip", "1", "--json"]
-    fly_command(["discon", "--out", str(tmp_path), *words])
+    run_command("fly", ["discon", "--out", str(tmp_path), *words])
     text = capsys.readouterr().out
     told = json.loads(text.splitlines()[-1])
     assert told["agrees"]
     assert not told["missing"]
     assert "OpenFAST, library against Python: loads within 0.0" in text
     outputs = str(tmp_path / "openfast" / "model.out")
-    loads_command([outputs, "--skip", "1", "--json"])
+    run_command("loads", [outputs, "--skip", "1", "--json"])
     lines = capsys.readouterr().out.splitlines()
     found = json.loads(lines[-1])[outputs]
     flown = told["metrics"]["OpenFAST, library"]

@@ -14,7 +14,7 @@ from envs_tests.physics.cases.turbine_modes import (
     whirl_frequencies,
 )
 from wt_gym.base.errors import SimulationError
-from wt_gym.commands.campbell import parse_arguments
+from wt_gym.commands import parse as parse_command
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.campbell import campbell
 from wt_gym.simulation.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
@@ -301,5 +301,5 @@ def test_campbell_over_wind_follows_the_schedule(simulator):
 )
 def test_what_the_command_refuses_before_it_computes(capsys, arguments, message):
     with pytest.raises(SystemExit, match="2"):
-        parse_arguments(arguments)
+        parse_command("campbell", arguments)
     assert message in capsys.readouterr().err

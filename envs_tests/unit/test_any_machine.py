@@ -52,7 +52,7 @@ print(*sorted(lacking - {"ray", "minari", "optuna"}))
 """
 USE = """
 from wt_gym.experiment.store import FolderLock
-from wt_gym.learning.training.environments import START_METHOD
+from wt_gym.learning.environments import START_METHOD
 from wt_gym.base.files import remove_partial, write_text_whole
 from wt_gym.base.process_memory import peak_memory, resident_memory
 import json

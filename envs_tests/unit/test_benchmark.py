@@ -21,6 +21,7 @@ from load_travel_front import (
 from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.commands import benchmark as command
+from wt_gym.commands import run as run_command
 from wt_gym.control.bladed import rosco_library
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.experiment import benchmark as benchmark_runs
@@ -314,7 +315,7 @@ def test_a_task_with_a_baseline_of_its_own_is_scored_against_that(sweeps, monkey
     task, written = load_task("power-tracking"), []
     monkeypatch.setattr(command, "chosen", lambda names: [task])
     monkeypatch.setattr("wt_gym.experiment.benchmark_tasks.write_reference", lambda task, made: written.append(made))
-    command.main(["reference", "--out", str(tmp_path / "runs")])
+    run_command("benchmark", ["reference", "--out", str(tmp_path / "runs")])
     (jobs,) = sweeps
     assert {job.entry.name for job in jobs} == {"discon+derate_torque", "linear_optimal+derate_kinetic"}
     (made,) = written
@@ -433,7 +434,7 @@ def test_runs_that_will_have_no_score_are_warned_of_before_the_first(sweeps, mon
     for number, reference in enumerate((fits, older, None)):
         task = dataclasses.replace(TASK, reference=reference)
         monkeypatch.setattr(command, "chosen", lambda names, task=task: [task])
-        command.main(["run", "zero", "--out", str(tmp_path / str(number))])
+        run_command("benchmark", ["run", "zero", "--out", str(tmp_path / str(number))])
         capsys.readouterr()  # what came after the warning
     assert said[0] == ""
     assert said[1].startswith(
@@ -453,7 +454,7 @@ def test_all_tasks_of_a_command_are_one_sweep(words, sweeps, monkeypatch, tmp_pa
     tasks = [dataclasses.replace(t, reference=dataclasses.asdict(k)) for t, k in zip(tasks, known, strict=True)]
     monkeypatch.setattr(command, "chosen", lambda names: tasks)
     monkeypatch.setattr(benchmark_tasks, "write_reference", lambda task, made: written.update({task.name: made}))
-    command.main([*words, "--out", str(tmp_path / "runs")])
+    run_command("benchmark", ["reference", "--out", str(tmp_path / "runs")])
     (jobs,) = sweeps
     assert {job.task.name for job in jobs} == {"load-reduction-12", "load-reduction-15"}
     for task, before in zip(tasks, known, strict=True):

@@ -36,7 +36,8 @@ from wt_gym.bridges.openfast.run_folder import BentTurbine
 from wt_gym.bridges.openfast.simulator import PitchPath
 from wt_gym.bridges.openfast.wind import sampled, write_wind
 from wt_gym.commands import loadcases
-from wt_gym.commands.loads import main as loads_command
+from wt_gym.commands import parse as parse_command
+from wt_gym.commands import run as run_command
 from wt_gym.control import Lidar
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.operation import simulator_maker
@@ -550,12 +551,12 @@ class TestChoice:
         library = tmp_path / "library.so"
         library.write_bytes(b"")
         monkeypatch.setenv(VARIABLE, str(library))
-        chosen = loadcases.configuration(loadcases.parse_arguments(["discon", "--simulator", "openfast"]))
+        chosen = loadcases.configuration(parse_command("loadcases", ["discon", "--simulator", "openfast"]))
         assert "1.1" in chosen.cases
         assert "6.1" not in chosen.cases
         assert chosen.env_kwargs["simulator"] == "openfast"
         with pytest.raises(ValueError, match=r"6\.1, the parked turbine, must be left out"):
-            loadcases.configuration(loadcases.parse_arguments(["--simulator", "openfast", "--case", "6.1"]))
+            loadcases.configuration(parse_command("loadcases", ["--simulator", "openfast", "--case", "6.1"]))
 
     def test_no_pictures(self):
         with pytest.raises(ValueError, match="render_mode must be None"):
@@ -790,7 +791,7 @@ class TestDriverRuns:
 
     @staticmethod
     def loads(path, capsys, *more):
-        loads_command([str(path), "--skip", "0", "--json", *more])
+        run_command("loads", [str(path), "--skip", "0", "--json", *more])
         return json.loads(capsys.readouterr().out.splitlines()[-1])[str(path)]
 
     def test_loads_are_those_of_the_turbine_that_was_flown(self, turbine, written, tmp_path, capsys):
@@ -808,11 +809,11 @@ class TestDriverRuns:
         assert half["mean_power"] == pytest.approx(own["mean_power"] * 0.5 / turbine.drivetrain.generator_efficiency)
         (tmp_path / "turbine.json").unlink()
         with pytest.raises(SystemExit, match=r"--turbine must name the turbine of .*: there is no turbine.json beside"):
-            loads_command([str(paths[0])])
+            run_command("loads", [str(paths[0])])
         assert self.loads(paths[0], capsys, "--turbine", "nrel_5mw") == own
         (tmp_path / "turbine.json").write_text('{"record": "Tower", "fields": {}}', encoding="utf-8")
         with pytest.raises(SystemExit, match="must be the file of a turbine that was written here"):
-            loads_command([str(paths[0])])
+            run_command("loads", [str(paths[0])])
 
     @pytest.mark.parametrize("name", catalogue())
     def test_a_turbine_file_gives_the_turbine_back(self, tmp_path, name):

@@ -26,9 +26,9 @@ from wt_gym.control.controllers.linear_optimal import PitchOffsets
 from wt_gym.control.sensors import Lidar
 from wt_gym.experiment.benchmark import into_page, leaderboard, to_markdown
 from wt_gym.experiment.benchmark_tasks import BenchmarkTask, Ceiling, ceiling_of, load_task, task_file, task_names
-from wt_gym.learning.linear_design.feedback import FeedbackOptions, Plant, forecast
-from wt_gym.learning.linear_design.identification import respond
-from wt_gym.learning.linear_design.recording import Recording
+from wt_gym.learning.linear_design import Plant, forecast
+from wt_gym.learning.options import FeedbackOptions
+from wt_gym.learning.recording import Recording, respond
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow

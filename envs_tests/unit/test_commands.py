@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -17,13 +16,12 @@ import xarray as xr
 from wt_gym.commands import (
     COMMANDS,
     compare_controllers,
-    evaluate,
-    loadcases,
     main,
     module_of,
     program,
-    simulate,
 )
+from wt_gym.commands import parse as parse_command
+from wt_gym.commands import run as run_command
 from wt_gym.commands.program import OneLineParser, json_value, stoppable, user_errors
 
 
@@ -73,7 +71,7 @@ def test_every_command_explains_itself(command, capsys):
 
 def test_commands_import_nothing_heavy():
     for command in COMMANDS:
-        module = import_module(f"wt_gym.commands.{module_of(command)}")
+        module = module_of(command)
         assert not {"np", "torch", "xarray", "numba"} & set(vars(module))
 
 
@@ -162,14 +160,15 @@ def test_options_that_are_no_json_are_refused_in_one_line(text, capsys):
     assert len(error) < 300
 
 
-@pytest.mark.parametrize("command", [evaluate, loadcases])
-def test_fidelity_is_an_argument_of_the_environment_and_counts_before_the_others(command):
+@pytest.mark.parametrize("name", ["evaluate", "loadcases"])
+def test_fidelity_is_an_argument_of_the_environment_and_counts_before_the_others(name):
+    command = module_of(name)
     given = ["--fidelity", "engineering", "--env-kwargs", '{"fidelity": "reference", "overspeed_limit": 1.4}']
-    chosen = command.configuration(command.parse_arguments(given)).env_kwargs
+    chosen = command.configuration(parse_command(name, given)).env_kwargs
     assert chosen == {"fidelity": "engineering", "overspeed_limit": 1.4}
-    assert command.configuration(command.parse_arguments([])).env_kwargs == {}
+    assert command.configuration(parse_command(name, [])).env_kwargs == {}
     with pytest.raises(ValueError, match="must be a JSON object"):
-        command.configuration(command.parse_arguments(["--fidelity", "engineering", "--env-kwargs", "[1]"]))
+        command.configuration(parse_command(name, ["--fidelity", "engineering", "--env-kwargs", "[1]"]))
 
 
 class ScriptedSimulator:
@@ -194,7 +193,7 @@ def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
     monkeypatch.setattr("wt_gym.experiment.run.run_baseline", run)
     out = tmp_path / "new" / "run.nc"
-    assert ended(simulate.main, ["--wind-speed", "8", "12", "15", "--out", str(out)]) == 128 + number
+    assert ended(run_command, "simulate", ["--wind-speed", "8", "12", "15", "--out", str(out)]) == 128 + number
     assert sorted(file.name for file in out.parent.iterdir()) == ["run_12.nc", "run_8.nc"]
     with xr.open_dataset(out.with_stem("run_12"), engine="h5netcdf") as data:
         assert data.sizes["time"] == 5
@@ -203,8 +202,8 @@ def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
 
 def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
     (tmp_path / "file").write_text("")
-    assert "File exists" in ended(simulate.main, ["--out", str(tmp_path / "file" / "run.nc")])
-    assert "one file" in ended(simulate.main, ["--wind-speed", "8", "8", "--out", str(tmp_path / "run.nc")])
+    assert "File exists" in ended(run_command, "simulate", ["--out", str(tmp_path / "file" / "run.nc")])
+    assert "one file" in ended(run_command, "simulate", ["--wind-speed", "8", "8", "--out", str(tmp_path / "run.nc")])
     assert not (tmp_path / "run.nc").exists()
 
 
@@ -220,15 +219,15 @@ def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
     ],
 )
 def test_simulate_refuses_numbers_without_meaning_before_it_prints(words, message, capsys):
-    error = ended(simulate.main, words)
+    error = ended(run_command, "simulate", words)
     assert message in error
     assert "\n" not in error
     assert capsys.readouterr().out == ""
 
 
 def test_simulate_averages_over_short_runs_as_a_whole():
-    assert simulate.parse_arguments(["--duration", "20"]).average == 20.0
-    assert simulate.parse_arguments([]).average == 60.0
+    assert parse_command("simulate", ["--duration", "20"]).average == 20.0
+    assert parse_command("simulate", []).average == 60.0
 
 
 @pytest.mark.parametrize(
@@ -360,7 +359,7 @@ def test_a_full_disk_ends_in_one_line_and_what_was_written_stays(monkeypatch, tm
     monkeypatch.setattr("wt_gym.experiment.run.run_baseline", run)
     out = tmp_path / "run.nc"
     with files_of_at_most(400_000):
-        error = ended(simulate.main, ["--wind-speed", "8", "12", "--out", str(out)])
+        error = ended(run_command, "simulate", ["--wind-speed", "8", "12", "--out", str(out)])
     assert error.startswith("error: ")
     assert "\n" not in error
     assert [file.name for file in tmp_path.iterdir()] == ["run_8.nc"]

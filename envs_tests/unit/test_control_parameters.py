@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.commands import list as list_command
+from wt_gym.commands import run as run_command
 from wt_gym.control import Demand
 from wt_gym.control.controllers import (
     ADDITIONS,
@@ -228,7 +228,7 @@ def test_everything_has_a_meaning(name):
 
 
 def test_the_command_prints_every_parameter(capsys):
-    list_command.main(["controllers"])
+    run_command("list", ["controllers"])
     text = capsys.readouterr().out
     for name in CONTROLLERS:
         assert f"\n{name} (" in f"\n{text}"
@@ -237,7 +237,7 @@ def test_the_command_prints_every_parameter(capsys):
 
 
 def test_the_command_shows_the_defaults_of_a_turbine(capsys):
-    list_command.main(["controllers", "discon", "--turbine", "nrel_5mw", "--json"])
+    run_command("list", ["controllers", "discon", "--turbine", "nrel_5mw", "--json"])
     (row,) = json.loads(capsys.readouterr().out)["controllers"]
     shown = {parameter["name"]: parameter["default"] for parameter in row["parameters"]}
     # NREL/TP-500-38060, table 7-2
@@ -247,7 +247,7 @@ def test_the_command_shows_the_defaults_of_a_turbine(capsys):
 @pytest.mark.parametrize("turbine", ["nrel_5mw", "iea_22mw"])
 def test_the_command_shows_what_the_controller_of_a_turbine_takes(turbine, capsys):
     """What is left out is refused, what is shown is not."""
-    list_command.main(["controllers", "discon", "--turbine", turbine, "--json"])
+    run_command("list", ["controllers", "discon", "--turbine", turbine, "--json"])
     (row,) = json.loads(capsys.readouterr().out)["controllers"]
     shown = {parameter["name"] for parameter in row["parameters"]}
     for parameter in declared_parameters("discon"):
@@ -266,10 +266,10 @@ def test_the_command_shows_what_the_controller_of_a_turbine_takes(turbine, capsy
     [("turbines", "iea_22mw"), ("tasks", "wt_gym/LoadReduction-v2"), ("channels", "generator_speed"), ("agents", "l")],
 )
 def test_the_command_lists_other_things(what, word, capsys):
-    list_command.main([what])
+    run_command("list", [what])
     assert word in capsys.readouterr().out
 
 
 def test_an_unknown_name_takes_one_line():
     with pytest.raises(SystemExit, match=r"error: turbines must be among .*got 'iea_22'.*did you mean 'iea_22mw'"):
-        list_command.main(["turbines", "iea_22"])
+        run_command("list", ["turbines", "iea_22"])

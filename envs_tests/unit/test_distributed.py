@@ -8,9 +8,8 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from wt_gym.learning.distributed import rllib_environment
-from wt_gym.learning.distributed.rllib_environment import RunnerEnv, make_runner_env
-from wt_gym.learning.distributed.rllib_weights import first_weights, take_weights
+from wt_gym.learning import rllib_environment
+from wt_gym.learning.rllib_environment import RunnerEnv, first_weights, make_runner_env, take_weights
 
 SPACE = gym.spaces.Box(-1.0, 1.0, (3,), np.float32)
 

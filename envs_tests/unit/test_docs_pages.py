@@ -24,8 +24,8 @@ from envs_tests.physics.validation import load_cases
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
-from wt_gym.commands import COMMANDS, loadcases, module_of
-from wt_gym.commands.training_options import config_from
+from wt_gym.commands import COMMANDS, loadcases, module_of, parse
+from wt_gym.commands.train import configuration
 from wt_gym.control.controllers import CONTROLLERS, make_controller
 from wt_gym.control.controllers import controller as contract
 from wt_gym.experiment.benchmark_tasks import load_task, task_names
@@ -35,9 +35,9 @@ from wt_gym.experiment.loadcases import CASES, plan_of
 from wt_gym.experiment.names import read_name
 from wt_gym.experiment.run import run_controller
 from wt_gym.experiment.store import SWEEP_FILE, digest
-from wt_gym.learning.training.config import TrainingConfig
-from wt_gym.learning.training.hyperparameters import ALGORITHMS, read_hyperparameters
-from wt_gym.learning.training.selection import SELECTION_WIND_SEEDS
+from wt_gym.learning.callbacks import SELECTION_WIND_SEEDS
+from wt_gym.learning.hyperparameters import ALGORITHMS, read_hyperparameters
+from wt_gym.learning.options import TrainingConfig
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -73,7 +73,7 @@ CALL = re.compile(r"^ *(?:\S*/bin/)?wt-gym ([a-z][a-z-]*)((?: (?:[^#\n\\]|\\\n)*
 
 def commands():
     """Lines that call a command: name and arguments."""
-    docstrings = [import_module(f"wt_gym.commands.{module_of(name)}").__doc__ for name in COMMANDS]
+    docstrings = [module_of(name).__doc__ for name in COMMANDS]
     texts = [page.read_text(encoding="utf-8") for page in PAGES] + docstrings
     found = {(name, " ".join(words.replace("\\\n", " ").split())) for t in texts for name, words in CALL.findall(t)}
     return sorted(found)
@@ -121,7 +121,7 @@ def test_commands_are_accepted(name, words, tmp_path):
     file = tmp_path / "training.yml"
     file.write_text(TRAINING)
     words = words.replace("--config mine.yml", f"--config {file}").replace("agents/", f"{ROOT}/agents/")
-    arguments = import_module(f"wt_gym.commands.{module_of(name)}").parse_arguments(shlex.split(words))
+    arguments = parse(name, shlex.split(words))
     if isinstance(getattr(arguments, "env", None), str):
         assert arguments.env in gym.registry
     if name in ("evaluate", "loadcases"):
@@ -137,7 +137,7 @@ def test_commands_are_accepted(name, words, tmp_path):
         if "hyperparameters" in arguments:
             arguments.hyperparameters = tmp_path / "mine.yml"
             arguments.hyperparameters.write_text(YAML)
-        assert config_from(arguments).resolved["learning_rate"]
+        assert configuration(arguments).resolved["learning_rate"]
 
 
 def test_commands_are_found():
@@ -361,7 +361,7 @@ def what_ray_needs():
 def test_nothing_imports_ray_that_does_not_ask_for_it():
     program = (
         "import sys, wt_gym.learning.train, wt_gym.experiment.evaluation, wt_gym.experiment.execute, "
-        "wt_gym.learning.training.search, wt_gym.experiment.benchmark; sys.exit('ray' in sys.modules)"
+        "wt_gym.learning.search, wt_gym.experiment.benchmark; sys.exit('ray' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0
 
@@ -388,7 +388,7 @@ def test_first_commands_are_accepted(line):
     elif program == "python":
         assert (ROOT / words[0]).is_file()
     elif program == "wt-gym":
-        assert words == ["--help"] or import_module(f"wt_gym.commands.{module_of(words[0])}").parse_arguments(words[1:])
+        assert words == ["--help"] or parse(words[0], words[1:])
     else:
         assert (program, words[0]) == ("pip", "install")
 

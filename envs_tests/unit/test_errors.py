@@ -13,7 +13,7 @@ from wt_gym.commands.benchmark import chosen
 from wt_gym.commands.program import user_errors
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.names import read_name
-from wt_gym.learning.training.hyperparameters import check_hyperparameters
+from wt_gym.learning.hyperparameters import check_hyperparameters
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.drivetrain.faults import SensorBias

@@ -24,7 +24,7 @@ from envs_tests.unit.exported_library import (
     torques,
 )  # fmt: skip
 from wt_gym.bridges.openfast import write_model
-from wt_gym.commands.export import main
+from wt_gym.commands import run as run_command
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import Combined, make_controller
@@ -624,12 +624,12 @@ def test_drives_that_are_servos_settle_on_the_demand(tmp_path):
 )
 def test_what_cannot_be_exported_is_refused_with_what_can(choice, message, tmp_path):
     with pytest.raises(SystemExit, match=message):
-        main([choice, "--to", "discon", "--out", str(tmp_path)])
+        run_command("export", [choice, "--to", "discon", "--out", str(tmp_path)])
 
 
 def test_the_command_names_files_and_compiles_for_the_turbine(tmp_path, capsys):
     words = ["--turbine", "iea_22mw", "--interval", "0.05", "--drive"]
-    main(["tsr_tracking", "--to", "discon", "--out", str(tmp_path), *words])
+    run_command("export", ["tsr_tracking", "--to", "discon", "--out", str(tmp_path), *words])
     names = [line.rpartition("/")[2] for line in capsys.readouterr().out.splitlines()]
     assert [name.rpartition(".")[2] for name in names] == ["c", "so", "in", "md"]
     assert "\ndrive = 1.0 " in (tmp_path / "tsr_tracking.in").read_text(encoding="utf-8")
@@ -803,7 +803,7 @@ def openfast_words(folder, model, *more):
 
 
 def test_a_model_of_the_users_gets_the_controller_of_its_turbine(tmp_path, own_model):
-    main(openfast_words(tmp_path / "flight", own_model))
+    run_command("export", openfast_words(tmp_path / "flight", own_model))
     start = InputFile(tmp_path / "flight" / "elastodyn.dat")
     assert start.number("RotSpeed") == pytest.approx(7.56, rel=0.01)  # rated, IEA-15-240-RWT
     parameters = (tmp_path / "flight" / "discon.in").read_text(encoding="utf-8")
@@ -813,7 +813,8 @@ def test_a_model_of_the_users_gets_the_controller_of_its_turbine(tmp_path, own_m
 
 def test_a_folder_for_openfast_tells_which_points_of_the_lidar_it_reads(tmp_path, capsys):
     wind = '{"inflow": "steady", "wind_speed": 15.0}'
-    main(["lidar", "--to", "openfast", "--out", str(tmp_path), "--duration", "1", "--env-kwargs", wind])
+    words = ["lidar", "--to", "openfast", "--out", str(tmp_path), "--duration", "1", "--env-kwargs", wind]
+    run_command("export", words)
     assert "OpenFAST reads 5 of 12 points of the lidar" in capsys.readouterr().out
     page = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert "5 of 12 points, as many as it reads" in page
@@ -823,4 +824,4 @@ def test_a_folder_for_openfast_tells_which_points_of_the_lidar_it_reads(tmp_path
 
 def test_a_model_of_another_turbine_than_the_one_named_is_refused(tmp_path, own_model):
     with pytest.raises(SystemExit, match=r"TipRad must be that of the turbine .*, 63 .*, got 12"):
-        main(openfast_words(tmp_path / "flight", own_model, "--turbine", "nrel_5mw"))
+        run_command("export", openfast_words(tmp_path / "flight", own_model, "--turbine", "nrel_5mw"))

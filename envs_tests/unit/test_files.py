@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from wt_gym.base.files import remove_partial, require_writable, whole_file, write_text_whole
+from wt_gym.base.files import remove_partial, require_writable, whole_file, write_text_whole, write_whole
 
 
 def test_a_file_keeps_its_content_where_writing_fails(tmp_path):
@@ -42,3 +42,14 @@ def test_a_place_that_cannot_be_written_is_found_at_once(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):
         require_writable(tmp_path / "file" / "folder")
+
+
+def test_processes_that_write_the_same_file_do_not_disturb_each_other(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    with whole_file(path) as mine:
+        mine.write_bytes(b"mine")
+        with monkeypatch.context() as patch:
+            patch.setattr("wt_gym.base.files.os.getpid", lambda: -1)
+            write_whole(path, lambda file: file.write(b"theirs"))
+        assert path.read_bytes() == b"theirs"
+    assert path.read_bytes() == b"mine"

@@ -11,7 +11,7 @@ import pytest
 
 from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import ControllerError
-from wt_gym.commands import design as design_command
+from wt_gym.commands import run as run_command
 from wt_gym.control import Demand
 from wt_gym.control.controllers import Combined, FadeParameters, make_controller
 from wt_gym.control.controllers.controller import memory_of, remember
@@ -36,18 +36,19 @@ from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.comparison import inflow_of
 from wt_gym.experiment.run import benchmark_metrics, run_controller
-from wt_gym.learning.linear_design import design as designing
-from wt_gym.learning.linear_design.design import LinearDesignTask, change_of_power, default_speeds, design
-from wt_gym.learning.linear_design.feedback import (
-    FeedbackOptions,
+from wt_gym.learning import linear_design as designing
+from wt_gym.learning.linear_design import (
     Plant,
+    change_of_power,
+    default_speeds,
+    design,
     fit_feedback,
     forecast,
     forecast_change,
     minimize_quadratic,
 )
-from wt_gym.learning.linear_design.identification import explained_share, identify, respond
-from wt_gym.learning.linear_design.recording import Excitation, Recording, RecordingStore
+from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask
+from wt_gym.learning.recording import Recording, RecordingStore, explained_share, identify, respond
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
@@ -358,7 +359,7 @@ def test_drawn_offsets_are_held_and_reproducible():
     changes = np.flatnonzero(np.diff(levels[1])) + 1
     assert np.diff(changes).min() >= 2
     assert np.diff(changes).max() <= 50
-    with pytest.raises(ValueError, match="rising"):
+    with pytest.raises(ValueError, match="at least shortest"):
         Excitation(shortest=2.0, longest=1.0)
 
 
@@ -777,13 +778,13 @@ def test_winds_of_the_same_pitch_are_refused(turbine, toy_runs, monkeypatch):
         (["--out", "mine.npz", "--wind-speed", "18", "12"], "rising wind speeds"),
         (["--out", "mine.npz", "--base", "ipd"], "a controller must be among"),
         (["--out", "mine.npz", "--turbine", "nrel_6mw"], "nrel_6mw"),
-        (["--out", "mine.npz", "--travel-weight", "-1"], "travel_weight must be finite and not negative"),
+        (["--out", "mine.npz", "--travel-weight", "-1"], "travel_weight must be a number of at least 0, got -1.0"),
     ],
 )
 def test_the_command_refuses(words, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as end:
-        design_command.main(["linear_optimal", *words])
+        run_command("design", ["linear_optimal", *words])
     assert message in str(end.value)
     assert not list(tmp_path.iterdir())
 
@@ -791,7 +792,7 @@ def test_the_command_refuses(words, message, tmp_path, monkeypatch, capsys):
 def test_the_command_writes_a_design(toy_runs, tmp_path, capsys):
     path = tmp_path / "mine.npz"
     words = ["linear_optimal", "--wind-speed", "15", "--wind-seeds", "1", "2", "--excited", "2", "--duration", "75"]
-    design_command.main([*words, "--travel-weight", "2", "--out", str(path), "--json"])
+    run_command("design", [*words, "--travel-weight", "2", "--out", str(path), "--json"])
     shown = capsys.readouterr()
     assert json.loads(shown.out.splitlines()[-1])["task"]["feedback"]["travel_weight"] == 2.0
     assert "run 4 of 4: 15 m/s, seed 2, with drawn offsets" in shown.err

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
-from wt_gym.commands.loadcases import main
+from wt_gym.commands import run as run_command
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment import environments, execute, loadcase_runs
 from wt_gym.experiment.execute import SerialExecutor, Tally
@@ -332,7 +332,7 @@ def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(loadcase_runs._LoadCaseRuns, "table", lambda *_: pytest.fail("runs were begun"))
     with pytest.raises(SystemExit) as end:
-        main(words)
+        run_command("loadcases", words)
     assert message in end.value.code
     assert "\n" not in end.value.code
     assert not list(tmp_path.iterdir())

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import wt_gym
 import wt_gym.control.controllers.names
-from wt_gym.base.options import Options, add_options, chosen_options, option, option_record, options_of
+from wt_gym.base.options import Options, add_options, chosen_options, named_value, option, option_record, options_of
 
 
 @option_record
@@ -89,17 +89,39 @@ def test_the_class_documents_its_fields():
 def test_a_command_takes_the_options():
     parser = argparse.ArgumentParser()
     add_options(parser, Training, "seed", "speed", "terms", "quiet", "algorithm")
-    chosen = chosen_options(parser.parse_args(["--wind-speed", "5", "12", "--terms", "flap", "--no-quiet"]), Training)
-    assert Training(**chosen).given == {"speed": (5.0, 12.0), "terms": ("flap",), "quiet": False}
+    add_options(parser, Training, "weights", weights="weight")
+    words = ["--wind-speed", "5", "12", "--terms", "flap", "--no-quiet", "--weight", "power=1e-3", "--weight", "flap=2"]
+    chosen = chosen_options(parser.parse_args(words), Training)
+    weights = {"power": 1e-3, "flap": 2.0}
+    assert Training(**chosen).given == {"speed": (5.0, 12.0), "terms": ("flap",), "quiet": False, "weights": weights}
     assert chosen_options(parser.parse_args(["--wind-speed", "12"]), Training) == {"speed": 12}
     assert chosen_options(parser.parse_args([]), Training) == {}
+
+
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [
+        ("learning_rate=1e-3", 1e-3), ("n_steps=2048", 2048), ("net_arch=[128, 64]", [128, 64]),
+        ("ent_coef=auto", "auto"),
+        ("learning_rate=lin_3e-4", "lin_3e-4"), ("normalize_observations=true", True), ("limit=inf", "inf"),
+    ],
+)  # fmt: skip
+def test_words_of_a_command_line_are_names_and_values(word, value):
+    assert named_value(word) == (word.partition("=")[0], value)
+
+
+@pytest.mark.parametrize("word", ["gamma", "=0.9", "gamma=", "net_arch=[64", "deep=" + "[" * 100_000])
+def test_words_that_cannot_be_read_are_refused_in_a_line(word):
+    with pytest.raises(argparse.ArgumentTypeError, match=r"NAME=VALUE|a number, a word or JSON") as caught:
+        named_value(word)
+    assert len(str(caught.value)) < 200
 
 
 def records():
     """Every record of the package."""
     for module in pkgutil.walk_packages(wt_gym.__path__, "wt_gym."):
         if (
-            module.name.rpartition(".")[2] in {"options", "config", "settings", "fidelity"}
+            module.name.rpartition(".")[2] in {"options", "config", "settings", "fidelity", "hyperparameters"}
             or ".options." in module.name
         ):
             importlib.import_module(module.name)

@@ -93,7 +93,7 @@ WORKERS = """
 import multiprocessing, sys
 from pathlib import Path
 from wt_gym.base.files import shipped_folder
-from wt_gym.learning.training.hyperparameters import hyperparameters_for
+from wt_gym.learning.hyperparameters import hyperparameters_for
 from wt_gym.experiment.run_folder import RunFolder
 
 if __name__ == "__main__":

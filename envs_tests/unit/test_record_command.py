@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.commands import record
+from wt_gym.commands import run as run_command
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.controller import memory_of
 from wt_gym.envs import record_store as recording
@@ -25,7 +25,7 @@ from wt_gym.turbines import load_turbine
 )
 def test_what_cannot_be_recorded_is_refused(words, message, capsys):
     with pytest.raises(SystemExit) as end:
-        record.main(words)
+        run_command("record", words)
     assert re.search(message, f"{end.value.code} {capsys.readouterr().err}")
 
 
@@ -78,7 +78,7 @@ def test_turbines_of_one_name_get_a_file_each(tmp_path, monkeypatch):
     for present in (turbine, other):
         for module in ("wt_gym.turbines", "wt_gym.envs.record_store"):
             monkeypatch.setattr(f"{module}.load_turbine", lambda _, one=present: one)
-        record.main(["model.yaml"])
+        run_command("record", ["model.yaml"])
     paths, pieces, fidelities = zip(*made, strict=True)
     assert len({*paths}) == len({*pieces}) == 2
     assert {*fidelities} == {"training"}

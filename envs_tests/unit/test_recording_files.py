@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.commands import simulate
+from wt_gym.commands import run as run_command
 from wt_gym.simulation.recorder import write_recording
 
 TIME = np.arange(101) * 0.05
@@ -100,6 +100,6 @@ def test_other_endings_are_refused(tmp_path, data, capsys):
     with pytest.raises(ValueError, match=r"must end in .nc, .outb, .csv, got run.xlsx"):
         write_recording(tmp_path / "run.xlsx", data)
     with pytest.raises(SystemExit) as stop:
-        simulate.main(["--out", "run.xlsx"])
+        run_command("simulate", ["--out", "run.xlsx"])
     assert stop.value.code == 2
     assert "argument --out: must be a file that ends in .nc, .outb, .csv, got run.xlsx" in capsys.readouterr().err

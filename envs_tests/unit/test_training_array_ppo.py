@@ -11,7 +11,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from wt_gym.experiment.policy_arrays import FlatVector, PolicyArrays
-from wt_gym.learning.training.array_ppo import ArrayPPO
+from wt_gym.learning.models import ArrayPPO
 
 ACTIVATIONS = [torch.nn.Tanh, torch.nn.ReLU, torch.nn.ELU]
 

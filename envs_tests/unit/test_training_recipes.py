@@ -4,15 +4,16 @@ import gymnasium as gym
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.commands.train import configuration, parse_arguments
-from wt_gym.learning.training.recipes import recipe_file, recipe_names
+from wt_gym.commands import parse as parse_command
+from wt_gym.commands.train import configuration
+from wt_gym.learning.hyperparameters import recipe_file, recipe_names
 from wt_gym.tasks import DEFAULT_ENV, TASKS
 
 
 @pytest.mark.parametrize("name", recipe_names())
 def test_a_recipe_is_a_training_of_its_task(name):
     env_id = TASKS[name].id
-    arguments = parse_arguments(["--recipe", "--env", env_id])
+    arguments = parse_command("train", ["--recipe", "--env", env_id])
     config = configuration(arguments)
     assert config.env_id == env_id
     assert config.seed == 0
@@ -24,12 +25,12 @@ def test_a_recipe_is_a_training_of_its_task(name):
 
 
 def test_recipes_have_folders_of_their_own():
-    folders = [parse_arguments(["--recipe", "--env", TASKS[name].id]).out for name in recipe_names()]
+    folders = [parse_command("train", ["--recipe", "--env", TASKS[name].id]).out for name in recipe_names()]
     assert len(set(folders)) == len(folders)
 
 
 def test_typed_options_come_after_the_recipe():
-    arguments = parse_arguments(["--recipe", "--wind-speed", "15", "--out", "mine", "--seeds", "1", "2"])
+    arguments = parse_command("train", ["--recipe", "--wind-speed", "15", "--out", "mine", "--seeds", "1", "2"])
     config = configuration(arguments)
     assert (config.env_id, arguments.out, arguments.seeds) == (DEFAULT_ENV, "mine", [1, 2])
     assert config.env_kwargs["wind_speed"] == 15.0
@@ -39,10 +40,10 @@ def test_typed_options_come_after_the_recipe():
 def test_typed_options_of_a_pretraining_take_the_place_of_single_ones():
     """``--pretrain`` without options keeps those of the recipe."""
     words = ["--recipe", "--env", TASKS["IEA22MW-LoadReduction"].id]
-    recipe = configuration(parse_arguments(words)).pretraining
+    recipe = configuration(parse_command("train", words)).pretraining
     assert recipe["episodes"] == 28
-    assert configuration(parse_arguments([*words, "--pretrain"])).pretraining == recipe
-    changed = configuration(parse_arguments([*words, "--pretrain", "rounds=3"])).pretraining
+    assert configuration(parse_command("train", [*words, "--pretrain"])).pretraining == recipe
+    changed = configuration(parse_command("train", [*words, "--pretrain", "rounds=3"])).pretraining
     assert changed == recipe | {"rounds": 3}
 
 
@@ -56,12 +57,12 @@ def test_typed_options_of_a_pretraining_take_the_place_of_single_ones():
 )
 def test_environments_without_a_recipe_are_refused(words, message):
     with pytest.raises(SystemExit, match=message):
-        parse_arguments(["--recipe", *words])
+        parse_command("train", ["--recipe", *words])
 
 
 @pytest.mark.parametrize("words", [["--config", "mine.yml"], ["--resume", "runs/ppo"]])
 def test_a_recipe_is_given_alone(words, capsys):
     with pytest.raises(SystemExit) as caught:
-        parse_arguments(["--recipe", *words])
+        parse_command("train", ["--recipe", *words])
     assert caught.value.code == 2
     assert "--recipe" in capsys.readouterr().err

@@ -5,10 +5,10 @@ import signal
 
 import pytest
 
-from wt_gym.learning.training import search as searching
-from wt_gym.learning.training.config import TrainingConfig
-from wt_gym.learning.training.hyperparameters import hyperparameters_for
-from wt_gym.learning.training.search import BEST_FILE, SPACES, search
+from wt_gym.learning import search as searching
+from wt_gym.learning.hyperparameters import hyperparameters_for
+from wt_gym.learning.options import TrainingConfig
+from wt_gym.learning.search import BEST_FILE, SPACES, search
 from wt_gym.tasks import DEFAULT_ENV
 
 pytest.importorskip("optuna")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from openfast_model import DEGREE, Model, principal, with_few_points
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
-from wt_gym.commands.import_ import main
+from wt_gym.commands import run as run_command
 from wt_gym.control.controllers import make_controller
 from wt_gym.experiment.steady_check import SteadyRun, _run, steady_winds, verdict
 from wt_gym.simulation.contract import fingerprint
@@ -591,7 +591,7 @@ def test_openfast_io_misreads_files_of_another_release(model, tmp_path):
 class TestCommand:
     def test_it_shows_and_writes(self, model, tmp_path, capsys):
         out = tmp_path / "turbine.yaml"
-        main([str(model.write(tmp_path)), "--out", str(out), "--json", "--no-check"])
+        run_command("import", [str(model.write(tmp_path)), "--out", str(out), "--json", "--no-check"])
         text = capsys.readouterr().out
         assert "assumed and left aside" in text
         found = json.loads(text.splitlines()[-1])
@@ -613,18 +613,18 @@ class TestCommand:
     )
     def test_wrong_words(self, words, message, capsys):
         with pytest.raises(SystemExit) as end:
-            main(words)
+            run_command("import", words)
         assert end.value.code == 2
         assert message in capsys.readouterr().err
 
     def test_a_model_that_is_not_there_takes_one_line(self, tmp_path):
         with pytest.raises(SystemExit, match=r"error: .*nothing\.fst: cannot be read"):
-            main([str(tmp_path / "nothing.fst")])
+            run_command("import", [str(tmp_path / "nothing.fst")])
 
     def test_without_the_other_reader_it_says_how_to_install_it(self, model, tmp_path, monkeypatch):
         monkeypatch.setitem(__import__("sys").modules, "openfast_io", None)
         with pytest.raises(SystemExit, match=r"openfast_io is not installed; .*\[openfast\]"):
-            main([str(model.write(tmp_path)), "--check", "openfast_io"])
+            run_command("import", [str(model.write(tmp_path)), "--check", "openfast_io"])
 
 
 class TestCheckInSteadyWinds:
@@ -658,7 +658,7 @@ class TestCheckInSteadyWinds:
 
     @pytest.mark.filterwarnings("ignore:the speed loop of model")
     def test_a_right_one_passes_and_the_baseline_is_named(self, checked, capsys):
-        main([str(checked())])
+        run_command("import", [str(checked())])
         out = capsys.readouterr().out
         assert "discon: tracks the tip-speed ratio" in out
         assert "published: gains of the pitch, filter of the speed, torque gains, least pitch over the wind" in out
@@ -682,7 +682,7 @@ class TestCheckInSteadyWinds:
     @pytest.mark.filterwarnings("ignore:the speed loop of model")
     def test_a_wrong_one_is_said_and_ends_with_status_3(self, checked, capsys, wrong, words):
         with pytest.raises(SystemExit) as end:
-            main([str(checked(**wrong)), "--json"])
+            run_command("import", [str(checked(**wrong)), "--json"])
         out = capsys.readouterr().out
         assert end.value.code == 3
         assert words in out

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.commands.site_options import site_word
+from wt_gym.commands.options import site_word
 from wt_gym.control.controllers.additions import SideSideDamper
 from wt_gym.control.rotor import rotor_table
 from wt_gym.simulation.contract import fingerprint

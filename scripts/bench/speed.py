@@ -210,10 +210,10 @@ def measure_learning(fidelity: str, steps: float) -> dict[str, Any]:
     from stable_baselines3.common.logger import Logger
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
-    from wt_gym.learning.training.callbacks import EpisodeFigures, StopRequest, Watch
-    from wt_gym.learning.training.config import TrainingConfig
-    from wt_gym.learning.training.environments import START_METHOD, make_training_env, monitored, normalized
-    from wt_gym.learning.training.models import make_model
+    from wt_gym.learning.callbacks import EpisodeFigures, StopRequest, Watch
+    from wt_gym.learning.environments import START_METHOD, make_training_env, monitored, normalized
+    from wt_gym.learning.models import make_model
+    from wt_gym.learning.options import TrainingConfig
 
     torch.set_num_threads(1)  # as a training does
     config = TrainingConfig(env_kwargs={"fidelity": fidelity}, eval_every=0)

@@ -29,7 +29,7 @@ from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_text_whole
 from wt_gym.commands.benchmark import KEPT, chosen
-from wt_gym.commands.engine_options import add_engine_options, executor_of
+from wt_gym.commands.options import WORKERS, add_shared, executor_of
 from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
 from wt_gym.control.controllers import Combined, lidar_of
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, PitchOffsets
@@ -51,8 +51,9 @@ from wt_gym.experiment.comparison import inflow_of
 from wt_gym.experiment.execute import SerialExecutor
 from wt_gym.experiment.names import BASELINE, RESIDUAL_INTERFACE
 from wt_gym.experiment.store import RunStore, described
-from wt_gym.learning.linear_design.design import LinearDesignTask, identified_plant
-from wt_gym.learning.linear_design.recording import LOADS, DrawnOffsets, Recording, RecordingStore, record
+from wt_gym.learning.linear_design import identified_plant
+from wt_gym.learning.options import LinearDesignTask
+from wt_gym.learning.recording import LOADS, DrawnOffsets, Recording, RecordingStore, record
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller, Readings
     from wt_gym.experiment.benchmark_tasks import BenchmarkTask, BenchmarkWind
     from wt_gym.experiment.execute import Executor
-    from wt_gym.learning.linear_design.feedback import Plant
+    from wt_gym.learning.linear_design import Plant
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
@@ -509,7 +510,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--no-ladder", dest="ladder", action="store_false", help="without the ladder of information")
     parser.add_argument("--page", type=file_ending_in(".md"), metavar="FILE", help="put the tables into this page")
     parser.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
-    add_engine_options(parser, "runs")
+    add_shared(parser, *WORKERS)
     return parser.parse_args(words)
 
 

@@ -16,7 +16,7 @@ from ceiling_oracle import LoadQuadratic, limited, optimal_change
 
 from wt_gym.control.controllers.linear_optimal import bin_means, delay_bins, without_lasting
 from wt_gym.control.sensors import Lidar
-from wt_gym.learning.linear_design.feedback import forecast, forecast_change, minimize_quadratic
+from wt_gym.learning.linear_design import forecast, forecast_change, minimize_quadratic
 from wt_gym.wind.inflow import velocity_ahead
 
 if TYPE_CHECKING:
@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from ceiling_oracle import OracleOptions
     from numpy.typing import NDArray
 
-    from wt_gym.learning.linear_design.feedback import FeedbackOptions, Plant
-    from wt_gym.learning.linear_design.recording import Recording
+    from wt_gym.learning.linear_design import Plant
+    from wt_gym.learning.options import FeedbackOptions
+    from wt_gym.learning.recording import Recording
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 

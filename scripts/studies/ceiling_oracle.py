@@ -1,7 +1,7 @@
 """Offsets for a wind that is known from start to end: what no controller can do, and a measure of what is left to gain.
 
 The offsets are free series in time. On the model of the plant they minimize the quadratic that stands for the cost (see
-`wt_gym.learning.linear_design.feedback`) by conjugate gradients, weights and all renewed at the loads that the model
+`wt_gym.learning.linear_design`) by conjugate gradients, weights and all renewed at the loads that the model
 forecasts. They are played, and the next offsets are changes of what was measured under them, so that an error of the
 model is not carried on: iterative learning control in the lifted domain (Bristow, Tharayil and Alleyne, IEEE Control
 Syst. Mag. 26 (2006) 96). The best offsets that were played within all limits count. They are a lower bound of what can
@@ -20,18 +20,17 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
 from wt_gym.control.controllers.linear_optimal import OUTPUTS
-from wt_gym.learning.linear_design.feedback import FeedbackOptions, forecast, forecast_change
-from wt_gym.learning.linear_design.identification import respond
-from wt_gym.learning.linear_design.recording import LOADS
-from wt_gym.learning.linear_design.series import TOWER, amplitude_weights, to_blades, without_slow
+from wt_gym.learning.linear_design import forecast, forecast_change
+from wt_gym.learning.options import FeedbackOptions
+from wt_gym.learning.recording import LOADS, TOWER, amplitude_weights, respond, to_blades, without_slow
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from wt_gym.learning.linear_design.feedback import Plant
-    from wt_gym.learning.linear_design.recording import Recording
+    from wt_gym.learning.linear_design import Plant
+    from wt_gym.learning.recording import Recording
     from wt_gym.turbines import Turbine
 
 _SPEED = OUTPUTS.index("rotor_speed")

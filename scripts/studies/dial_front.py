@@ -26,12 +26,12 @@ import numpy as np
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.files import write_text_whole
+from wt_gym.commands import parse
 from wt_gym.commands.train import configuration
-from wt_gym.commands.train import parse_arguments as parse_training
 from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.trained_agent import TrainedAgent
-from wt_gym.learning.pretraining.pretrain import FRONT_SETTINGS
+from wt_gym.learning.pretraining import FRONT_SETTINGS
 from wt_gym.learning.train import train as train_policy
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def parse_arguments() -> argparse.Namespace:
 
 def train(out: Path) -> None:
     """Train the policy with the dial, and one for each setting; what is there stays."""
-    config = configuration(parse_training(["--config", str(TRAINING)]))
+    config = configuration(parse("train", ["--config", str(TRAINING)]))
     weights = {"dial": None} | SETTINGS
     for name, chosen in weights.items():
         folder = out / name.replace(" ", "_")

@@ -22,8 +22,9 @@ from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, ba
 from wt_gym.control.controllers.linear_optimal import save_design
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.comparison import ComparisonConfig, run_cases
-from wt_gym.learning.linear_design.design import LinearDesignTask, default_speeds, design
-from wt_gym.learning.linear_design.recording import Recording, RecordingStore
+from wt_gym.learning.linear_design import default_speeds, design
+from wt_gym.learning.options import LinearDesignTask
+from wt_gym.learning.recording import Recording, RecordingStore
 from wt_gym.turbines import load_turbine
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -25,7 +25,7 @@ from wt_gym.analysis.statistics import bootstrap_interval
 from wt_gym.base.files import whole_file
 from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
 from wt_gym.commands import benchmark as command
-from wt_gym.commands.engine_options import add_engine_options, add_model_options
+from wt_gym.commands.options import MODELS, WORKERS, add_shared
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
 from wt_gym.experiment.benchmark import BenchmarkAgent, entries_of, entry_of
 from wt_gym.experiment.names import BASELINE, LEVELS, with_model_options
@@ -311,8 +311,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--task", nargs="+", default=["load-reduction"], metavar="NAME", help="(default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path(command.KEPT), metavar="DIR", help="runs (%(default)s)")
     parser.add_argument("--data", type=Path, default=DATA, metavar="DIR", help="folder of table and figure")
-    add_engine_options(parser, "runs")
-    add_model_options(parser)
+    add_shared(parser, *WORKERS)
+    add_shared(parser, *MODELS)
     return parser.parse_args(words)
 
 

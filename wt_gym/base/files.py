@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import tempfile
+import weakref
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +18,25 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = [
-    "decoded_text", "json_values", "remove_partial", "require_writable", "shipped_folder", "whole_file",
+    "HeldFolder", "decoded_text", "json_values", "remove_partial", "require_writable", "shipped_folder", "whole_file",
     "write_netcdf_whole", "write_text_whole", "write_whole",
 ]  # fmt: skip
+
+
+class HeldFolder:
+    """Temporary folder that goes with the last object that holds it, or before by `remove`.
+
+    Where a file of it is still in use, as Windows does for a moment, the folder stays.
+
+    Parameters
+    ----------
+    prefix : str
+        Of its name.
+    """
+
+    def __init__(self, prefix: str):
+        self.path = Path(tempfile.mkdtemp(prefix=prefix))
+        self.remove = weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 
 def shipped_folder() -> Path:

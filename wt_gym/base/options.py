@@ -63,6 +63,7 @@ __all__ = [
     "check_number",
     "check_whole_steps",
     "chosen_options",
+    "named_value",
     "not_empty",
     "option",
     "option_record",
@@ -72,6 +73,7 @@ __all__ = [
     "real_numbers",
     "section",
     "shown",
+    "word_value",
 ]
 
 LONGEST = 1e6
@@ -341,6 +343,8 @@ def option(
         "", flat, kind, meaning, default, unit, low, high, above, below, tuple(choices), check, allowed, "", kinds,
         otherwise, in_use, only_of,
     )  # fmt: skip
+    if isinstance(default, dict):
+        return field(default_factory=default.copy, metadata={_KEY: declared})
     return field(default=default, metadata={_KEY: declared})
 
 
@@ -550,7 +554,7 @@ def add_options(parser: argparse._ActionsContainer, record: type[Options], *name
             continue
         flag = f"--{words.get(one.name, one.flat).replace('_', '-')}"
         unit = f" [{one.unit}]" if one.unit not in ("", "-") else ""
-        default = "" if one.default is None else f" (default: {one.default_text})"
+        default = f" (default: {text})" if (text := _default_word(one)) else ""
         settings: dict[str, Any] = {
             "dest": f"{record.title}.{one.name}", "default": argparse.SUPPRESS,
             "help": f"{one.meaning}{unit}{default}".replace("%", "%%"),
@@ -559,20 +563,63 @@ def add_options(parser: argparse._ActionsContainer, record: type[Options], *name
         if parts == ["bool"]:
             parser.add_argument(flag, action=argparse.BooleanOptionalAction, **settings)
             continue
+        if parts[0].startswith(("Mapping[", "dict[")):
+            parser.add_argument(flag, nargs="*", action="extend", type=named_value, metavar="NAME=VALUE", **settings)
+            continue
         settings["nargs"] = "+" if any(part.startswith("tuple[") for part in parts) else None
-        settings["type"] = _word_value if parts != ["str"] else str
+        kinds = {part.removeprefix("tuple[").partition(",")[0] for part in parts}
+        settings["type"] = next((kind for kind in (int, float, str) if kinds == {kind.__name__}), word_value)
         settings["metavar"] = (one.unit.upper().replace("/", "_") if unit else "") or (
             "|".join(one.choices) if one.choices and len(one.choices) < 6 else one.flat.rpartition("_")[2].upper()
         )
         parser.add_argument(flag, **settings)
 
 
-def _word_value(word: str) -> Any:
-    """Value of a word of a command line: a number, else JSON, else the text itself."""
+def _default_word(one: Option) -> str:
+    """Default as one types it; "" where there is nothing to say."""
+    if one.default is None or isinstance(one.default, dict):
+        return one.otherwise
+    return " ".join(map(str, one.default)) if isinstance(one.default, tuple) else f"{one.default}"
+
+
+def word_value(word: str) -> Any:
+    """Value of a word of a command line or a file: a number, else JSON, else the word itself.
+
+    Raises
+    ------
+    ValueError
+        If a list, a mapping or a text in quotes is not complete.
+    """
+    for kind in (int, float):
+        try:
+            number = kind(word)
+        except ValueError:
+            continue
+        if math.isfinite(number):
+            return number
     try:
         return json.loads(word)
-    except ValueError:
+    except (ValueError, RecursionError) as error:  # the latter where brackets are nested a thousand deep
+        if word[:1] in ("[", "{", '"'):
+            raise ValueError(f"a value must be a number, a word or JSON, got {word:.60}") from error
         return word
+
+
+def named_value(word: str) -> tuple[str, Any]:
+    """Name and value of ``NAME=VALUE``, as the type of an option that takes a mapping.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If there is no name, no value, or `word_value` refuses it.
+    """
+    name, _, value = word.partition("=")
+    if not (name.strip() and value):
+        raise argparse.ArgumentTypeError(f"{word:.60} must be NAME=VALUE")
+    try:
+        return name.strip(), word_value(value)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def chosen_options(arguments: argparse.Namespace, record: type[Options]) -> dict[str, Any]:
@@ -581,7 +628,9 @@ def chosen_options(arguments: argparse.Namespace, record: type[Options]) -> dict
     values = {name.removeprefix(prefix): value for name, value in vars(arguments).items() if name.startswith(prefix)}
     for one in options_of(record):
         value = values.get(one.name)
-        if isinstance(value, list) and len(value) == 1 and {"float", "int"} & set(one._parts):
+        if one._parts[0].startswith(("Mapping[", "dict[")) and value is not None:
+            values[one.name] = dict(value)
+        elif isinstance(value, list) and len(value) == 1 and {"float", "int"} & set(one._parts):
             values[one.name] = value[0]
     return values
 

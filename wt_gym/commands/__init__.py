@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import json
 import keyword
+import sys
 from importlib import import_module
+from typing import Any
 
 import wt_gym
 from wt_gym.base.errors import did_you_mean
-from wt_gym.commands.program import OneLineParser, write_any_character
+from wt_gym.commands.program import OneLineParser, stoppable, user_errors, write_any_character
 
-__all__ = ["COMMANDS", "main", "module_of"]
+__all__ = ["COMMANDS", "main", "module_of", "parse", "parser_of", "run"]
 
 COMMANDS = {
     "train": "train a policy: PPO, SAC or TQC",
@@ -37,10 +40,64 @@ COMMANDS = {
 }
 
 
-def module_of(command: str) -> str:
-    """Return the name of a command's module: with ``_`` for ``-``, and one more behind a word of Python."""
+def module_of(command: str) -> Any:
+    """Return the module of a command: its name has ``_`` for ``-``, and one more behind a word of Python."""
     name = command.replace("-", "_")
-    return f"{name}_" if keyword.iskeyword(name) else name
+    return import_module(f"wt_gym.commands.{name}_" if keyword.iskeyword(name) else f"wt_gym.commands.{name}")
+
+
+def parser_of(command: str) -> OneLineParser:
+    """Return the parser of a command."""
+    module = module_of(command)
+    parser = OneLineParser(command, description=module.__doc__, epilog=getattr(module, "EPILOG", None))
+    parser.set_defaults(status=0)
+    module.add_options(parser)
+    return parser
+
+
+def parse(command: str, words: list[str] | None = None) -> argparse.Namespace:
+    """Read the options of a command.
+
+    Its module has a docstring, which is the description, ``add_options``, which takes the parser, and may have a text
+    ``EPILOG``, ``check``, which takes parser and arguments and refuses what does not go together, and ``parse``, which
+    takes parser and words where one reading does not do.
+
+    Parameters
+    ----------
+    command : str
+        Of `COMMANDS`.
+    words : list of str, optional
+        By default none.
+    """
+    module, parser, words = module_of(command), parser_of(command), words or []
+    arguments: argparse.Namespace = (
+        module.parse(parser, words) if hasattr(module, "parse") else parser.parse_args(words)
+    )
+    if hasattr(module, "check"):
+        module.check(parser, arguments)
+    return arguments
+
+
+def run(command: str, words: list[str]) -> None:
+    """Run a command, print its result as JSON where that is asked for, and end with its status.
+
+    ``run`` of its module takes the arguments, of which it may set ``status``, and gives the result, None where there is
+    none to print. ``STOPPED`` tells what is there after Ctrl-C or SIGTERM: a text with names of arguments in braces.
+
+    Parameters
+    ----------
+    command : str
+        Of `COMMANDS`.
+    """
+    module, arguments = module_of(command), parse(command, words)
+    arguments.words = words
+    stopped: str = getattr(module, "STOPPED", "nothing is left to do")
+    with user_errors(), stoppable(stopped.format_map(vars(arguments))):
+        result = module.run(arguments)
+        if result is not None and arguments.json:
+            print(json.dumps(result, default=str))
+    if arguments.status:
+        sys.exit(arguments.status)
 
 
 def main(words: list[str] | None = None) -> None:
@@ -67,4 +124,4 @@ def main(words: list[str] | None = None) -> None:
     if chosen.command not in COMMANDS:
         near = did_you_mean(chosen.command, COMMANDS)
         parser.error(f"COMMAND must be one of {', '.join(COMMANDS)}, got {chosen.command!r}{near}")
-    import_module(f"wt_gym.commands.{module_of(chosen.command)}").main(chosen.words)
+    run(chosen.command, chosen.words)

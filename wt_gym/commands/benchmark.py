@@ -21,8 +21,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
-from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, file_ending_in, stoppable, user_errors
+from wt_gym.commands.options import MODELS, WORKERS, add_shared, executor_of
+from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, file_ending_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -32,11 +32,12 @@ if TYPE_CHECKING:
     from wt_gym.experiment.benchmark_tasks import BenchmarkTask
 
 KEPT = "runs/benchmark"
+EPILOG = UNSAFE
+STOPPED = "the same command resumes with the runs that are kept"
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("benchmark", description=__doc__, epilog=UNSAFE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     commands = parser.add_subparsers(dest="command", required=True, parser_class=OneLineParser)
     commands.add_parser("tasks", description="List the tasks.")
     run = commands.add_parser("run", description="Run agents in tasks.", epilog=UNSAFE)
@@ -64,18 +65,16 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     verify.add_argument(
         "--agents", nargs="+", default=[], metavar="NAME=AGENT", help="agents that are not in the archive"
     )
-    add_engine_options(verify, "runs")
+    add_shared(verify, *WORKERS)
     reference = commands.add_parser("reference", description="Renew the reference numbers in the files of tasks.")
     for command in (run, reference):
         command.add_argument(
             "--task", nargs="+", default=["all"], metavar="NAME", help="tasks, or the beginning of their names, or all"
         )
-        command.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
-        add_engine_options(command, "runs")
-    add_model_options(run)
+        add_shared(command, "out", *WORKERS, out={"type": Path, "default": Path(KEPT)})
+    add_shared(run, *MODELS)
     for command in (table, run, reference, archive, verify):
-        command.add_argument("--json", action="store_true", help="print the figures as one JSON object last")
-    return parser.parse_args(words)
+        add_shared(command, "json")
 
 
 def chosen(names: list[str]) -> list[BenchmarkTask]:
@@ -141,7 +140,7 @@ def idle_lines(results: Iterable[dict[str, Any]]) -> list[str]:
     return [line for agent, times in spells.items() if (line := idle_sentence(agent, times)) is not None]
 
 
-def run(arguments: argparse.Namespace) -> dict[str, Any]:
+def run_agents(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run agents."""
     from wt_gym.experiment.benchmark import ResultFolder, definition_of, entries_of, jobs_of, run_jobs
     from wt_gym.experiment.names import with_model_options
@@ -204,19 +203,14 @@ def verify(arguments: argparse.Namespace) -> dict[str, Any]:
         print(f"{'same' if one.same else 'DIFFERS'}: {one.label}: at most {one.deviation:.1e} in {one.metric}{sources}")
     wrong = [one.label for one in made if not one.same]
     print(f"{len(made) - len(wrong)} of {len(made)} repeated runs have the recorded metrics")
+    arguments.status = 1 if wrong else 0
     return {"repeated": len(made), "different": wrong}
 
 
 def results(
     arguments: argparse.Namespace, asked: list[tuple[BenchmarkTask, list[BenchmarkAgent]]]
 ) -> list[dict[str, dict[str, Any]]]:
-    """Run entries in their tasks, all beside each other; give the results of each task by the name of the entry.
-
-    Parameters
-    ----------
-    arguments : argparse.Namespace
-    asked : list of (BenchmarkTask, list of BenchmarkAgent)
-    """
+    """Run entries in their tasks, all beside each other; give the results of each task by the name of the entry."""
     from wt_gym.experiment.benchmark import ResultFolder, jobs_of, results_of, run_jobs
 
     folder = ResultFolder(arguments.out)
@@ -245,15 +239,11 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
     return best
 
 
-def main(words: list[str] | None = None) -> None:
-    """Do what the command says."""
-    arguments = parse_arguments(words)
-    commands = {
-        "tasks": tasks, "run": run, "table": table, "archive": archive, "verify": verify, "reference": reference,
-    }  # fmt: skip
-    with user_errors(), stoppable("the same command resumes with the runs that are kept"):
-        found = commands[arguments.command](arguments)
-    if getattr(arguments, "json", False):
-        print(json.dumps(found))
-    if arguments.command == "verify" and isinstance(found, dict) and found["different"]:
-        raise SystemExit(1)
+_COMMANDS = {
+    "tasks": tasks, "run": run_agents, "table": table, "archive": archive, "verify": verify, "reference": reference,
+}  # fmt: skip
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any] | None:
+    """Do what the second word says."""
+    return _COMMANDS[arguments.command](arguments)

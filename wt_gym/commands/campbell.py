@@ -11,50 +11,40 @@ speed unless --free-generator is given.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import require_writable, whole_file
-from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
-from wt_gym.commands.site_options import add_site_option
+from wt_gym.commands.options import add_shared, turbine_of
+from wt_gym.commands.program import FIDELITIES_HELP
 
 if TYPE_CHECKING:
-    from argparse import ArgumentParser, Namespace
-
     from wt_gym.simulation.campbell import CampbellDiagram
     from wt_gym.turbines import Turbine
 
 LARGEST_OVERSPEED = 5.0  # in rated rotor speeds
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("campbell", description=__doc__)
-    add_site_option(parser)
-    parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
-    parser.add_argument(
-        "--fidelity",
-        help=f"{FIDELITIES_HELP}; not gebhardt, whose constrained form has no linear model",
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    add_shared(
+        parser, "turbine", "site", "fidelity", "wind_speed",
+        fidelity={"help": f"{FIDELITIES_HELP}; not gebhardt, whose constrained form has no linear model"},
     )  # fmt: skip
     parser.add_argument("--rotor-speed", type=float, nargs="+", metavar="RPM", help="rotor speeds [rpm]")
-    parser.add_argument("--wind-speed", type=float, nargs="+", metavar="M_S", help="wind speeds [m/s]")
     parser.add_argument("--pitch", type=float, metavar="DEG", help="blade pitch, with rotor speeds only (default: 0)")
     parser.add_argument("--aerodynamics", choices=("none", "frozen_wake", "quasi_steady"), help="default: see above")
     parser.add_argument("--free-generator", action="store_true", help="constant torque instead of constant speed")
     parser.add_argument("--azimuths", type=int, default=6, help="over which models are averaged (default: %(default)s)")
     parser.add_argument("--out", type=Path, help="figure (format by its ending: png, svg, pdf)")
     parser.add_argument("--csv", type=Path, help="tidy table")
-    parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
-    arguments = parser.parse_args(words)
-    check(parser, arguments)
-    return arguments
+    add_shared(parser, "json")
 
 
-def check(parser: ArgumentParser, arguments: Namespace) -> None:
+def check(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
     """Refuse what cannot be drawn before anything is computed."""
     if arguments.rotor_speed and arguments.wind_speed:
         parser.error("give --rotor-speed or --wind-speed, not both")
@@ -62,13 +52,12 @@ def check(parser: ArgumentParser, arguments: Namespace) -> None:
         parser.error(
             "--pitch goes with --rotor-speed; with --wind-speed the schedule of the controller gives the pitch"
         )
-    for name, values, low in (
-        ("--rotor-speed", arguments.rotor_speed, 0.0),
-        ("--wind-speed", arguments.wind_speed, None),
-    ):
-        for value in values or ():
-            if not math.isfinite(value) or (value < 0.0 if low is not None else value <= 0.0):
-                parser.error(f"{name} {value}: allowed are finite speeds {'from 0' if low is not None else 'above 0'}")
+    for value in arguments.rotor_speed or ():
+        if not 0.0 <= value < math.inf:
+            parser.error(f"--rotor-speed {value}: allowed are finite speeds from 0")
+    for value in arguments.wind_speed or ():
+        if not 0.0 < value < math.inf:
+            parser.error(f"--wind-speed {value}: allowed are finite speeds above 0")
     if arguments.pitch is not None and not abs(arguments.pitch) <= 180.0:
         parser.error(f"--pitch {arguments.pitch}: allowed are -180 ... 180 degrees")
     if arguments.azimuths < 1:
@@ -110,17 +99,13 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
     import numpy as np
 
     from wt_gym.control.operating_point import operating_point
+    from wt_gym.experiment.execute import ProgressLine
     from wt_gym.simulation import Simulator
     from wt_gym.simulation.campbell import campbell
-    from wt_gym.turbines import load_turbine
-    from wt_gym.turbines.model import with_site
     from wt_gym.wind import SteadyInflow
 
-    def progress(done: int, count: int) -> None:
-        if sys.stderr.isatty():
-            print(f"\r{done} of {count} operating points", end="\n" if done == count else "", file=sys.stderr)
-
-    turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
+    line = ProgressLine(shown=sys.stderr.isatty())
+    turbine = turbine_of(arguments)
     check_speeds(arguments, turbine)
     inflow = SteadyInflow(turbine.rated_wind_speed, hub_height=turbine.hub_height)
     simulator = Simulator(turbine, inflow=inflow, fidelity=arguments.fidelity)
@@ -128,16 +113,12 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
     if speeds is None and arguments.wind_speed is None:
         speeds = np.linspace(0.0, 1.1, 6) * turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi
     return campbell(
-        simulator,
-        rotor_speeds=None if arguments.wind_speed else np.asarray(speeds) * np.pi / 30.0,
-        wind_speeds=arguments.wind_speed,
-        schedule=lambda wind: operating_point(turbine, wind),
-        pitch=np.radians(arguments.pitch or 0.0),
-        aerodynamics=arguments.aerodynamics,
-        generator="free" if arguments.free_generator else "locked",
-        n_azimuths=arguments.azimuths,
-        on_point=progress,
-    )
+        simulator, rotor_speeds=None if arguments.wind_speed else np.asarray(speeds) * np.pi / 30.0,
+        wind_speeds=arguments.wind_speed, schedule=lambda wind: operating_point(turbine, wind),
+        pitch=np.radians(arguments.pitch or 0.0), aerodynamics=arguments.aerodynamics,
+        generator="free" if arguments.free_generator else "locked", n_azimuths=arguments.azimuths,
+        on_point=lambda done, count: line.show(f"{done} of {count} operating points", final=done == count),
+    )  # fmt: skip
 
 
 def show(diagram: CampbellDiagram) -> None:
@@ -150,21 +131,21 @@ def show(diagram: CampbellDiagram) -> None:
         print(f"{name.replace('_', ' '):>24}  {cells}")
 
 
-def main(words: list[str] | None = None) -> None:
+STOPPED = "a diagram is written when all its points are done"
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Compute, print and draw the diagram."""
-    arguments = parse_arguments(words)
     files = [path for path in (arguments.csv, arguments.out) if path]
-    with user_errors(), stoppable("a diagram is written when all its points are done"):
-        for path in files:
-            require_writable(path.parent)
-        diagram = compute(arguments)
-        show(diagram)
-        if arguments.csv:
-            diagram.to_csv(arguments.csv)
-        if arguments.out:
-            with whole_file(arguments.out) as partial:
-                diagram.figure().savefig(partial, format=arguments.out.suffix.removeprefix("."), dpi=150)
+    for path in files:
+        require_writable(path.parent)
+    diagram = compute(arguments)
+    show(diagram)
+    if arguments.csv:
+        diagram.to_csv(arguments.csv)
+    if arguments.out:
+        with whole_file(arguments.out) as partial:
+            diagram.figure().savefig(partial, format=arguments.out.suffix.removeprefix("."), dpi=150)
     for path in files:
         print(f"written: {path}")
-    if arguments.json:
-        print(json.dumps({"turbine": diagram.turbine, "abscissa": diagram.abscissa, "rows": diagram.rows()}))
+    return {"turbine": diagram.turbine, "abscissa": diagram.abscissa, "rows": diagram.rows()}

@@ -13,53 +13,38 @@ import json
 from typing import TYPE_CHECKING
 
 from wt_gym.base.files import require_writable
-from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
-from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
-from wt_gym.commands.site_options import add_simulator_option, add_site_option
+from wt_gym.commands.options import MODELS, WORKERS, add_shared, agents_of, executor_of, turbine_of
+from wt_gym.commands.program import file_ending_in
 
 if TYPE_CHECKING:
     import argparse
 
     from wt_gym.experiment.comparison import ControllerRuns
 
+STOPPED = "shown are the winds in which every controller has run"
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("compare-controllers", description=__doc__)
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("controllers", nargs="*", metavar="CONTROLLER")
-    parser.add_argument("--turbine", default="nrel_5mw")
-    add_site_option(parser)
-    add_simulator_option(parser)
-    parser.add_argument(
-        "--wind-speed", nargs="+", type=float, default=[12.0, 15.0, 18.0], metavar="M_S", help="mean speeds [m/s]"
-    )
-    parser.add_argument(
-        "--wind-seeds",
-        nargs="*",
-        type=int,
-        default=[1001, 1002],
-        metavar="SEED",
-        help="turbulence seeds; none: steady wind",
-    )
-    parser.add_argument("--duration", type=float, default=150.0, help="measured, s")
-    parser.add_argument("--skip", type=float, default=30.0, help="before it, s")
-    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
-    parser.add_argument("--control-dt", type=float, help="s")
-    add_model_options(parser)
-    add_engine_options(parser, "runs")
+    add_shared(
+        parser, "turbine", "site", "simulator", wind_speed=[12.0, 15.0, 18.0],
+        wind_seeds={"nargs": "*", "default": [1001, 1002], "help": "turbulence seeds; none: steady wind"},
+        duration={"default": 150.0, "help": "measured time [s] (default: %(default)s)"},
+        skip={"help": "time before it [s] (default: %(default)s)"},
+    )  # fmt: skip
+    parser.add_argument("--control-dt", type=float, metavar="S", help="step of the controller [s]")
+    add_shared(parser, "fidelity", *MODELS, *WORKERS)
     parser.add_argument("--report", type=file_ending_in(".html"), metavar="FILE", help="HTML page to write")
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    return parser.parse_args(words)
+    add_shared(parser, "json")
 
 
 def write_report(runs: list[ControllerRuns], turbine: str, arguments: argparse.Namespace) -> None:
     """Write the page of the winds in which every controller has run."""
     from wt_gym.experiment.comparison import in_all_winds, write_comparison
 
-    settings = {
-        name: getattr(arguments, name)
-        for name in ("turbine", "wind_speed", "wind_seeds", "duration", "skip", "fidelity", "control_dt", "simulator")
-    }
+    names = ("turbine", "wind_speed", "wind_seeds", "duration", "skip", "fidelity", "control_dt", "simulator")
+    settings = {name: getattr(arguments, name) for name in names}
     print(f"report: {write_comparison(in_all_winds(runs), arguments.report, turbine, settings)}")
 
 
@@ -85,39 +70,28 @@ def show(runs: list[ControllerRuns], as_json: bool) -> None:
         print(json.dumps(rows), flush=True)
 
 
-def main(words: list[str] | None = None) -> None:
-    """Run."""
-    arguments = parse_arguments(words)
+def run(arguments: argparse.Namespace) -> None:
+    """Run, and show what was done of a stopped series too."""
+    from wt_gym.analysis.results import Wind
+    from wt_gym.experiment.comparison import ComparisonConfig, run_cases
+    from wt_gym.experiment.names import COMPARED, available, read_name
 
+    names = agents_of(arguments, arguments.controllers or available(COMPARED))
+    controllers = {label: ((name := read_name(text)).target, name.parameters) for label, text in names.items()}
+    winds = [Wind(wind, seed) for wind in arguments.wind_speed for seed in (arguments.wind_seeds or [None])]
+    if arguments.report:
+        require_writable(arguments.report.parent)
+    turbine = turbine_of(arguments)
+    settings = ComparisonConfig(
+        duration=arguments.duration, skip=arguments.skip, fidelity=arguments.fidelity,
+        control_dt=arguments.control_dt, simulator=arguments.simulator,
+    )  # fmt: skip
     runs: list[ControllerRuns] = []
-    with user_errors(), stoppable("shown are the winds in which every controller has run"):
-        from wt_gym.analysis.results import Wind
-        from wt_gym.experiment.comparison import ComparisonConfig, run_cases
-        from wt_gym.experiment.names import COMPARED, available, named_choices, read_name, with_model_options
-        from wt_gym.simulation.fidelity import suited_fidelity
-        from wt_gym.turbines import load_turbine
-        from wt_gym.turbines.model import with_site
-
-        chosen = arguments.controllers or available(COMPARED)
-        given = named_choices(with_model_options(chosen, arguments.algo, arguments.trust))
-        names = {label: read_name(text) for label, text in given.items()}
-        controllers = {label: (name.target, name.parameters) for label, name in names.items()}
-        winds = [Wind(wind, seed) for wind in arguments.wind_speed for seed in (arguments.wind_seeds or [None])]
-        if arguments.report:
-            require_writable(arguments.report.parent)
-        turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
-        arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
-        settings = ComparisonConfig(
-            duration=arguments.duration, skip=arguments.skip, fidelity=arguments.fidelity,
-            control_dt=arguments.control_dt, simulator=arguments.simulator,
-        )  # fmt: skip
-        try:
-            with executor_of(arguments) as executor:
-                run_cases(
-                    turbine, controllers, winds, settings, runs=runs, executor=executor, progress=True,
-                )  # fmt: skip
-        finally:  # of a stopped series too
-            if any(run.done for run in runs):
-                show(runs, arguments.json)
-                if arguments.report:
-                    write_report(runs, turbine.title, arguments)
+    try:
+        with executor_of(arguments) as executor:
+            run_cases(turbine, controllers, winds, settings, runs=runs, executor=executor, progress=True)
+    finally:
+        if any(run.done for run in runs):
+            show(runs, arguments.json)
+            if arguments.report:
+                write_report(runs, turbine.title, arguments)

@@ -9,40 +9,37 @@ seconds. On a cluster run it once on every kind of node, before the workers star
 
 from __future__ import annotations
 
-import argparse
 import time
+from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.commands.options import check_environment
 
-DEFAULT = "wt_gym/NREL5MW-Turbulent-v1"
+if TYPE_CHECKING:
+    import argparse
 
-
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("compile", description=__doc__)
-    parser.add_argument(
-        "env", nargs="*", default=[DEFAULT], metavar="ENV", help="environment ids (default: %(default)s)"
-    )
-    return parser.parse_args(words)
+STOPPED = "what is compiled so far stays"
 
 
-def main(words: list[str] | None = None) -> None:
-    """Run the command."""
-    arguments = parse_arguments(words)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    default = ["wt_gym/NREL5MW-Turbulent-v1"]
+    parser.add_argument("env", nargs="*", default=default, metavar="ENV", help="environment ids (default: %(default)s)")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Compile one after the other."""
     import gymnasium as gym
 
-    from wt_gym.commands.environment_options import environment_arguments
     from wt_gym.envs.turbine_env import turbine_env_of
     from wt_gym.experiment.environments import compile_kernels
     from wt_gym.simulation import Simulator
     from wt_gym.simulation.compilation import compile_ahead
 
-    with user_errors(), stoppable("what is compiled so far stays"):
-        for env_id in arguments.env:
-            environment_arguments(env_id, {})
-            began = time.perf_counter()
-            env = gym.make(env_id)
-            plain = turbine_env_of(env)
-            compile_ahead(Simulator, plain.turbine, plain.fidelity)
-            compile_kernels(env)
-            print(f"{env_id}: ready after {time.perf_counter() - began:.0f} s", flush=True)
+    for env_id in arguments.env:
+        check_environment(env_id, {})
+        began = time.perf_counter()
+        env = gym.make(env_id)
+        plain = turbine_env_of(env)
+        compile_ahead(Simulator, plain.turbine, plain.fidelity)
+        compile_kernels(env)
+        print(f"{env_id}: ready after {time.perf_counter() - began:.0f} s", flush=True)

@@ -8,63 +8,53 @@ An agent is baseline, random, a controller with parameters behind a colon, or th
 act on the rates of every blade and of the torque, a trained model as it was trained. Winds are those of training.
 """
 
-import argparse
-import json
+from __future__ import annotations
 
-from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, json_value, stoppable, user_errors
-from wt_gym.commands.site_options import add_site_option, add_wind_option, with_options
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.base.options import add_options as add_record
+from wt_gym.base.options import chosen_options
+from wt_gym.commands.options import add_shared, environment_of
+from wt_gym.commands.program import UNSAFE
+
+if TYPE_CHECKING:
+    import argparse
+
+EPILOG = UNSAFE
+STOPPED = "the episodes that were done are in {out}"
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("dataset", description=__doc__, epilog=UNSAFE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    from wt_gym.learning.options import DatasetConfig
+
     parser.add_argument("agent")
     parser.add_argument("id", help="id of the data set, namespace/name-vN")
-    parser.add_argument("--env", help="environment id (default: wt_gym/NREL5MW-Turbulent-v1, or that of the training)")
-    parser.add_argument(
-        "--env-kwargs", type=json_value, default={}, metavar="JSON", help="arguments of the environment"
-    )
-    add_site_option(parser)
-    add_wind_option(parser)
-    parser.add_argument("--allow-other-environment", action="store_true", help="take a trained model into other noise, "
-        "action spans or a base controller than those of its training")  # fmt: skip
-    parser.add_argument("--episodes", type=int, default=20, help="number of episodes (default: %(default)s)")
-    parser.add_argument("--noise", type=float, default=0.0, help="standard deviation on actions (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the first episode (default: %(default)s)")
-    parser.add_argument(
-        "--out", type=folder_path, default="runs/datasets", help="root of Minari's data sets (default: %(default)s)"
-    )
-    parser.add_argument("--json", action="store_true", help="print what was recorded as JSON at the end")
-    return parser.parse_args(words)
+    default = "wt_gym/NREL5MW-Turbulent-v1, or that of the training"
+    add_shared(
+        parser, "env", "env_kwargs", "site", "wind", "allow_other_environment", "out",
+        env={"default": None, "help": f"environment id (default: {default})"}, out="runs/datasets",
+    )  # fmt: skip
+    add_record(parser, DatasetConfig, "episodes", "noise", "seed")
+    add_shared(parser, "json")
 
 
-def main(words: list[str] | None = None) -> None:
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Record."""
-    arguments = parse_arguments(words)
+    import minari  # noqa: F401 - refused before anything is made
+
+    from wt_gym.learning.datasets import record_dataset
+    from wt_gym.learning.options import DatasetConfig
+
+    config = DatasetConfig(
+        agent=arguments.agent, dataset_id=arguments.id, env_id=arguments.env, env_kwargs=environment_of(arguments),
+        allow_other_environment=arguments.allow_other_environment, **chosen_options(arguments, DatasetConfig),
+    )  # fmt: skip
 
     def show(number: int, earned: float) -> None:
-        print(f"episode {number} of {arguments.episodes}: return {earned:.1f}", flush=True)
+        print(f"episode {number} of {config.episodes}: return {earned:.1f}", flush=True)
 
-    with user_errors(), stoppable(f"the episodes that were done are in {arguments.out}"):
-        import minari  # noqa: F401 - refused before anything is made
-
-        from wt_gym.commands.environment_options import environment_arguments
-        from wt_gym.learning.datasets import DatasetConfig, record_dataset
-
-        kwargs = with_options(arguments.env_kwargs, arguments.site, arguments.wind)
-        if arguments.env is not None:
-            environment_arguments(arguments.env, kwargs)
-        config = DatasetConfig(
-            arguments.agent, arguments.id, arguments.env, kwargs, arguments.episodes, arguments.noise,
-            arguments.seed, allow_other_environment=arguments.allow_other_environment,
-        )  # fmt: skip
-        dataset = record_dataset(config, arguments.out, show)
-    found = {
-        "id": dataset.id,
-        "folder": arguments.out,
-        "episodes": int(dataset.total_episodes),
-        "steps": int(dataset.total_steps),
-    }
-    print(f"{found['episodes']} episodes, {found['steps']} steps: {arguments.out}/{dataset.id}")
-    if arguments.json:
-        print(json.dumps(found))
+    dataset = record_dataset(config, arguments.out, show)
+    episodes, steps = int(dataset.total_episodes), int(dataset.total_steps)
+    print(f"{episodes} episodes, {steps} steps: {arguments.out}/{dataset.id}")
+    return {"id": dataset.id, "folder": arguments.out, "episodes": episodes, "steps": steps}

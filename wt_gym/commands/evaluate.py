@@ -23,65 +23,45 @@ resumes. docs/evaluation.md says what the figures mean.
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
-from wt_gym.commands.evaluation_options import add_climate_options, add_other_environment_option
-from wt_gym.commands.program import (
-    FIDELITIES_HELP,
-    UNSAFE,
-    OneLineParser,
-    folder_path,
-    json_value,
-    stoppable,
-    user_errors,
+from wt_gym.commands.options import (
+    MODELS,
+    WORKERS,
+    add_climate,
+    add_shared,
+    agents_of,
+    environment_of,
+    executor_of,
 )
-from wt_gym.commands.site_options import add_simulator_option, add_site_option, add_wind_option, with_options
-from wt_gym.tasks import DEFAULT_ENV
+from wt_gym.commands.program import UNSAFE
 
 if TYPE_CHECKING:
+    import argparse
+
     from wt_gym.experiment.evaluation import EvaluationConfig
 
+EPILOG = UNSAFE
+STOPPED = "the same command without --overwrite resumes with what is in {out}"
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("evaluate", description=__doc__, epilog=UNSAFE)
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the reference")
-    parser.add_argument("--env", default=DEFAULT_ENV, help="environment id (default: %(default)s)")
-    parser.add_argument(
-        "--out", type=folder_path, default="runs/evaluation", help="folder for the results (default: %(default)s)"
-    )
-    parser.add_argument("--overwrite", action="store_true", help="remove the evaluation that is in the folder")
-    parser.add_argument(
-        "--wind-speed", type=float, nargs="+", metavar="M_S",
-        help="mean speeds [m/s] (default: 15, or the middle of what the environment draws where that is not in it)",
+    speeds = "mean speeds [m/s] (default: 15, or the middle of what the environment draws where that is not in it)"
+    add_shared(
+        parser, "env", "out", "overwrite", "wind_speed", "wind_seeds", "duration", "skip", "fidelity", "env_kwargs",
+        "site", "wind", "simulator", "allow_other_environment", *MODELS, *WORKERS, out="runs/evaluation",
+        wind_speed={"help": speeds},
     )  # fmt: skip
-    parser.add_argument(
-        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held-out ones)"
-    )
     parser.add_argument(
         "--draws", type=int, metavar="N",
         help="winds at each speed where something else than turbulence is drawn, as gusts or files (default: six)",
     )  # fmt: skip
-    parser.add_argument("--duration", type=float, default=600.0, help="length of a run [s] (default: %(default)s)")
-    parser.add_argument(
-        "--skip", type=float, default=30.0, help="start left out of the metrics [s] (default: %(default)s)"
-    )
-    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
-    kwargs_help = 'more arguments of the environment, e.g. \'{"pitch": "individual"}\''
-    parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
-    add_site_option(parser)
-    add_wind_option(parser)
-    add_simulator_option(parser)
-    add_other_environment_option(parser)
-    add_model_options(parser)
-    add_engine_options(parser, "runs")
-    add_climate_options(parser)
+    add_climate(parser)
     report = parser.add_argument_group("report")
-    report.add_argument("--title", help="title of the report")
     report.add_argument(
         "--replay", type=float, default=20.0, metavar="S",
         help="length of the replay, the end of the runs in the first wind [s]; 0: none (default: %(default)s)",
@@ -91,61 +71,47 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         help="crosscheck.json: agents that have the same name in it get its figures of the other simulator beside "
         "those of the evaluation, where that has one mean wind speed",
     )  # fmt: skip
-    report.add_argument("--no-report", action="store_true", help="write signals and metrics only")
-    report.add_argument("--json", action="store_true", help="print the metrics as JSON at the end")
-    return parser.parse_args(words)
+    add_shared(report, "title", "no_report", "json")
 
 
 def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     """Configuration of the options."""
-    from wt_gym.commands.environment_options import chosen_arguments
     from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
 
-    given = with_options(arguments.env_kwargs, arguments.site, arguments.wind, arguments.simulator)
-    kwargs = chosen_arguments(arguments.env, given, arguments.fidelity)
+    kwargs = environment_of(arguments)
     return EvaluationConfig(
-        env_id=arguments.env,
-        env_kwargs=kwargs,
+        env_id=arguments.env, env_kwargs=kwargs,
         winds=winds_for(
             arguments.env, kwargs, arguments.wind_speed, arguments.wind_seeds, arguments.draws, arguments.duration
         ),
-        duration=arguments.duration,
-        skip=arguments.skip,
+        duration=arguments.duration, skip=arguments.skip,
         replay=0.0 if "simulator" in kwargs else arguments.replay,  # others give no shapes
-        iec_class=arguments.iec_class,
-        mean_wind_speed=arguments.mean_wind_speed,
+        iec_class=arguments.iec_class, mean_wind_speed=arguments.mean_wind_speed,
         weibull_shape=arguments.weibull_shape,
-    )
+    )  # fmt: skip
 
 
-def main(words: list[str] | None = None) -> None:
-    """Evaluate."""
-    arguments = parse_arguments(words)
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Evaluate, write the report and print the table."""
+    from wt_gym.analysis.report import write_report
+    from wt_gym.analysis.results import run_files
+    from wt_gym.analysis.summary import results_table, summarize
+    from wt_gym.experiment.evaluation import REPORT_FILE, evaluate
 
-    out = Path(arguments.out)
-    without = " without --overwrite" if arguments.overwrite else ""
-    hint = f"the same command{without} resumes with what is in {out}"
-    with user_errors(), stoppable(hint), executor_of(arguments) as executor:
-        from wt_gym.analysis.report import write_report
-        from wt_gym.analysis.results import run_files
-        from wt_gym.analysis.summary import results_table, summarize
-        from wt_gym.experiment.evaluation import REPORT_FILE, evaluate
-        from wt_gym.experiment.names import named_choices, own_controller, with_model_options
-
-        chosen = configuration(arguments)
-        crosscheck = None
+    out, crosscheck = Path(arguments.out), None
+    with executor_of(arguments) as executor:
+        config = configuration(arguments)
         if arguments.crosscheck is not None:
             crosscheck = json.loads(Path(arguments.crosscheck).read_text(encoding="utf-8"))
-        agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
+        agents = agents_of(arguments, arguments.agents, config.env_id, config.env_kwargs)
         evaluation = evaluate(
-            named_choices(agents, own_controller(chosen.env_id, chosen.env_kwargs)), chosen, folder=out,
-            overwrite=arguments.overwrite, allow_other_environment=arguments.allow_other_environment, executor=executor,
+            agents, config, folder=out, overwrite=arguments.overwrite,
+            allow_other_environment=arguments.allow_other_environment, executor=executor,
         )  # fmt: skip
-        if not arguments.no_report:
-            write_report(evaluation, out / REPORT_FILE, arguments.title, run_files(out), crosscheck)
+    if not arguments.no_report:
+        write_report(evaluation, out / REPORT_FILE, arguments.title, run_files(out), crosscheck)
     print("\n".join([*results_table(evaluation), "", *summarize(evaluation)]))
     print(f"metrics and signals: {out}")
     if not arguments.no_report:
         print(f"report: {out / REPORT_FILE}")
-    if arguments.json:
-        print(json.dumps(evaluation.to_json(), default=str))
+    return evaluation.to_json()

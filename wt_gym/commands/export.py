@@ -17,24 +17,25 @@ reads what OpenFAST writes.
 
 from __future__ import annotations
 
-import argparse
-import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, user_errors
-from wt_gym.commands.scene_options import add_scene_options, chosen_scene
+from wt_gym.commands.options import add_scene, add_shared, scene_of
+from wt_gym.commands.program import UNSAFE
 
-FORMS = ("onnx", "discon", "openfast")
+if TYPE_CHECKING:
+    import argparse
+
+EPILOG = UNSAFE
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("export", description=__doc__, epilog=UNSAFE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("agent", help="path of a trained model, its folder or its file; for discon a controller too")
-    parser.add_argument("--to", choices=FORMS, default="onnx", help="form (default: %(default)s)")
-    parser.add_argument("--out", type=folder_path, required=True, help="folder for the files")
+    parser.add_argument("--to", choices=tuple(_FORMS), default="onnx", help="form (default: %(default)s)")
+    add_shared(parser, out={"required": True, "help": "folder for the files"})
     discon = parser.add_argument_group("discon and openfast")
-    discon.add_argument("--turbine", help="of a controller (default: that of --model, else nrel_5mw)")
+    turbine_help = "of a controller (default: that of --model, else nrel_5mw)"
+    add_shared(discon, turbine={"default": None, "help": turbine_help})
     discon.add_argument("--interval", type=float, help="step of a controller in s (default: that of the simulator)")
     discon.add_argument("--target", help="machine: linux, linux-arm, windows, macos, macos-arm (default: this one)")
     discon.add_argument(
@@ -45,17 +46,14 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         help="hold channels that the interface does not have at the middle of their scale",
     )  # fmt: skip
     openfast = parser.add_argument_group("openfast")
-    add_scene_options(openfast, 600.0)
+    add_scene(openfast, 600.0)
     openfast.add_argument("--model", metavar="FST", help="model of your own for the turbine (default: one is written)")
-    parser.add_argument("--json", action="store_true", help="print what was written as JSON at the end")
-    return parser.parse_args(words)
+    add_shared(parser, "json")
 
 
-def main(words: list[str] | None = None) -> None:
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Export."""
-    arguments = parse_arguments(words)
-    with user_errors():
-        made = {"onnx": _onnx, "discon": _discon, "openfast": _openfast}[arguments.to](arguments)
+    made = _FORMS[arguments.to](arguments)
     for file in made["files"]:
         print(file)
     if arguments.to == "onnx":
@@ -65,8 +63,7 @@ def main(words: list[str] | None = None) -> None:
     if made.get("lidar_points"):
         of = len(made["lidar"]["ranges"]) * made["lidar"]["n_beams"]
         print(f"OpenFAST reads {made['lidar_points']} of {of} points of the lidar, without evolution: README.md")
-    if arguments.json:
-        print(json.dumps(made))
+    return made
 
 
 def _onnx(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -82,14 +79,9 @@ def _discon(arguments: argparse.Namespace) -> dict[str, Any]:
     from wt_gym.deployment.export.discon import export_discon
 
     return export_discon(
-        arguments.agent,
-        arguments.out,
-        turbine=arguments.turbine,
-        interval=arguments.interval,
-        target=arguments.target,
-        hold_missing=arguments.hold_missing,
-        drive=arguments.drive,
-    )
+        arguments.agent, arguments.out, turbine=arguments.turbine, interval=arguments.interval,
+        target=arguments.target, hold_missing=arguments.hold_missing, drive=arguments.drive,
+    )  # fmt: skip
 
 
 def _openfast(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -101,6 +93,9 @@ def _openfast(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.model is not None and arguments.turbine is None and parse_name(arguments.agent).kind != "trained":
         arguments.turbine = arguments.model  # an agent has the turbine of its training
     return export_openfast(
-        arguments.agent, arguments.out, chosen_scene(arguments), duration=arguments.duration,
+        arguments.agent, arguments.out, scene_of(arguments), duration=arguments.duration,
         hold_missing=arguments.hold_missing, model=arguments.model,
     )  # fmt: skip
+
+
+_FORMS = {"onnx": _onnx, "discon": _discon, "openfast": _openfast}

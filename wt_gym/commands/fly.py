@@ -14,63 +14,53 @@ OpenFAST within 0.1 %, with a lidar 0.5 %, from standstill 1 %), 1 they do not, 
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, user_errors
-from wt_gym.commands.scene_options import add_scene_options, chosen_scene
+from wt_gym.commands.loads import table
+from wt_gym.commands.options import add_scene, add_shared, scene_of
+from wt_gym.commands.program import UNSAFE
 
 if TYPE_CHECKING:
+    import argparse
+
     from wt_gym.deployment.export.openfast_flight import Flight
 
+EPILOG = UNSAFE
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("fly", description=__doc__, epilog=UNSAFE)
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("agent", help="path of a trained model, its folder or its file, or a controller")
-    parser.add_argument(
-        "--out", type=folder_path, default="runs/flight", help="folder for the files (default: %(default)s)"
-    )
-    parser.add_argument("--turbine", help="of a controller (default: nrel_5mw)")
-    add_scene_options(parser, 120.0)
-    parser.add_argument(
-        "--skip", type=float, default=20.0, metavar="S", help="start left out of the loads in s (default: %(default)s)"
-    )
+    turbine_help = "of a controller (default: nrel_5mw)"
+    add_shared(parser, out="runs/flight", turbine={"default": None, "help": turbine_help})
+    add_scene(parser, 120.0)
+    add_shared(parser, skip={"default": 20.0, "help": "start left out of the loads [s] (default: %(default)s)"})
     parser.add_argument("--openfast", metavar="PATH", help="OpenFAST's driver (default: on the path)")
     parser.add_argument("--openfast-library", metavar="PATH", help="OpenFAST's library (default: where it is found)")
     parser.add_argument("--hold-missing", action="store_true", help="as of wt-gym export")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON at the end")
-    return parser.parse_args(words)
+    add_shared(parser, "json")
 
 
-def main(words: list[str] | None = None) -> None:
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Fly."""
-    arguments = parse_arguments(words)
-    with user_errors():
-        if not 0.0 <= arguments.skip < arguments.duration:
-            raise ValueError(f"--skip must be from 0 to below --duration, got {arguments.skip:g}")
-        from wt_gym.deployment.export.openfast_flight import fly
+    if not 0.0 <= arguments.skip < arguments.duration:
+        raise ValueError(f"--skip must be from 0 to below --duration, got {arguments.skip:g}")
+    from wt_gym.deployment.export.openfast_flight import fly
 
-        flight = fly(
-            arguments.agent, arguments.out, chosen_scene(arguments), duration=arguments.duration, skip=arguments.skip,
-            hold_missing=arguments.hold_missing, driver=arguments.openfast, library=arguments.openfast_library,
-        )  # fmt: skip
-        print(_told(flight))
-        if arguments.json:
-            print(json.dumps({
-                "pitch_rad": flight.pitch, "torque": flight.torque, "yaw_rate_rad_s": flight.yaw_rate,
-                "changes": flight.changes,
-                "metrics": flight.metrics, "missing": flight.missing, "agrees": flight.agrees,
-            }))  # fmt: skip
-    if not flight.agrees:
-        sys.exit(1)
+    flight = fly(
+        arguments.agent, arguments.out, scene_of(arguments), duration=arguments.duration, skip=arguments.skip,
+        hold_missing=arguments.hold_missing, driver=arguments.openfast, library=arguments.openfast_library,
+    )  # fmt: skip
+    print(_text(flight))
+    arguments.status = 0 if flight.agrees else 1
+    return {
+        "pitch_rad": flight.pitch, "torque": flight.torque, "yaw_rate_rad_s": flight.yaw_rate,
+        "changes": flight.changes, "metrics": flight.metrics, "missing": flight.missing, "agrees": flight.agrees,
+    }  # fmt: skip
 
 
-def _told(flight: Flight) -> str:
-    """Lines of what came of it."""
-    from wt_gym.commands.loads import table
+def _text(flight: Flight) -> str:
+    """Loads and differences in lines."""
     from wt_gym.deployment.export.openfast_flight import LARGEST_DIFFERENCE
 
     lines = [

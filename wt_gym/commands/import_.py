@@ -16,26 +16,25 @@ does not hold its operating point within 2 % of rated speed, makes less than 90 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.files import require_writable
-from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
+from wt_gym.commands.options import add_shared
+from wt_gym.commands.program import file_ending_in
 
 if TYPE_CHECKING:
     from wt_gym.turbines import ControlData, Turbine
 
+STOPPED = "what was read stands above"
 _RPM = math.pi / 30.0
-_READERS = ("openfast_io",)
 _FAILED_CHECK = 3
 """Exit status."""
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("import", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("model", type=Path, help="primary file of the model (.fst)")
     parser.add_argument(
         "--out", type=file_ending_in(".yaml", ".yml"), metavar="YAML", help="windIO file to write (.yaml or .yml)"
@@ -44,18 +43,21 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--rated-power", type=float, metavar="KW", help="electrical, for a model that does not say it")
     parser.add_argument("--rated-rotor-speed", type=float, metavar="RPM", help="for a model that does not say it")
     parser.add_argument(
-        "--check", choices=_READERS, help="read it with this package too, and compare what both read (extra openfast)"
-    )
+        "--check", choices=("openfast_io",),
+        help="read it with this package too, and compare what both read (extra openfast)",
+    )  # fmt: skip
     parser.add_argument("--no-check", action="store_true", help="leave out the runs in nine steady winds")
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON at the end")
-    arguments = parser.parse_args(words)
+    add_shared(parser, "json")
+
+
+def check(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+    """Refuse other files, and ratings without meaning."""
     if arguments.model.suffix.lower() != ".fst":
         parser.error(f"{arguments.model}: must be the primary file of an OpenFAST model, .fst")
     rating = {"--rated-power": arguments.rated_power, "--rated-rotor-speed": arguments.rated_rotor_speed}
     for option, value in rating.items():
-        if value is not None and not (math.isfinite(value) and value > 0.0):
+        if value is not None and not 0.0 < value < math.inf:
             parser.error(f"{option} {value}: must be a positive number")
-    return arguments
 
 
 def summary(turbine: Turbine) -> list[tuple[str, float, str]]:
@@ -193,47 +195,38 @@ def check_steady(turbine: Turbine, model: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def main(words: list[str] | None = None) -> None:
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Read, show, write and check."""
-    arguments = parse_arguments(words)
-    with user_errors(), stoppable("what was read stands above"):
-        from wt_gym.base.errors import TurbineDefinitionError
-        from wt_gym.turbines import load_turbine
-        from wt_gym.turbines.openfast import read_openfast
-        from wt_gym.turbines.windio_writer import require_same, write_windio
+    from wt_gym.base.errors import TurbineDefinitionError
+    from wt_gym.turbines import load_turbine
+    from wt_gym.turbines.openfast import compare_with_openfast_io, read_openfast
+    from wt_gym.turbines.windio_writer import require_same, write_windio
 
-        if arguments.out:
-            require_writable(arguments.out.parent)
-        turbine = read_openfast(
-            arguments.model,
-            None if arguments.rated_power is None else 1e3 * arguments.rated_power,
-            None if arguments.rated_rotor_speed is None else _RPM * arguments.rated_rotor_speed,
-            arguments.blade,
-        )
-        show(turbine)
-        if arguments.check:
-            from wt_gym.turbines.openfast import compare_with_openfast_io
-
-            for line in compare_with_openfast_io(arguments.model):
-                print(line)
-        written: list[Path] = []
-        if arguments.out:
-            written = write_windio(turbine, arguments.out, f"the OpenFAST model {arguments.model.name}")
-            try:
-                require_same(turbine, load_turbine(arguments.out))
-            except TurbineDefinitionError as error:
-                raise TurbineDefinitionError(f"{arguments.out}, read back, is another turbine: {error}") from error
-        for path in written:
-            print(f"written: {path}")
-        show_controller(turbine)
-        rows = [] if arguments.no_check else check_steady(turbine, arguments.model)
-    if arguments.json:
-        print(json.dumps(_as_json(turbine, written, rows)))
+    if arguments.out:
+        require_writable(arguments.out.parent)
+    turbine = read_openfast(
+        arguments.model,
+        None if arguments.rated_power is None else 1e3 * arguments.rated_power,
+        None if arguments.rated_rotor_speed is None else _RPM * arguments.rated_rotor_speed,
+        arguments.blade,
+    )
+    show(turbine)
+    if arguments.check:
+        for line in compare_with_openfast_io(arguments.model):
+            print(line)
+    written: list[Path] = []
+    if arguments.out:
+        written = write_windio(turbine, arguments.out, f"the OpenFAST model {arguments.model.name}")
+        try:
+            require_same(turbine, load_turbine(arguments.out))
+        except TurbineDefinitionError as error:
+            raise TurbineDefinitionError(f"{arguments.out}, read back, is another turbine: {error}") from error
+    for path in written:
+        print(f"written: {path}")
+    show_controller(turbine)
+    rows = [] if arguments.no_check else check_steady(turbine, arguments.model)
     if any(row["verdict"] != "right" for row in rows):
-        raise SystemExit(_FAILED_CHECK)
-
-
-def _as_json(turbine: Turbine, written: list[Path], rows: list[dict[str, Any]]) -> dict[str, Any]:
+        arguments.status = _FAILED_CHECK
     return {
         "check": rows,
         "turbine": turbine.name,

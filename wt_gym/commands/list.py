@@ -12,23 +12,21 @@ parameter of the same name PART__PARAMETER tells which. The defaults that follow
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from typing import Any
 
-from wt_gym.commands.program import OneLineParser, user_errors
+from wt_gym.base.errors import did_you_mean
+from wt_gym.commands.options import add_shared
 
-WHAT = ("controllers", "turbines", "tasks", "channels", "agents")
 
-
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("list", description=__doc__)
-    parser.add_argument("what", choices=WHAT, metavar="WHAT", help=", ".join(WHAT))
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("what", choices=tuple(_TABLES), metavar="WHAT", help=", ".join(_TABLES))
     parser.add_argument("names", nargs="*", metavar="NAME", help="only these (by default all)")
-    parser.add_argument("--turbine", help="turbine whose defaults of controllers and channels are shown")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    return parser.parse_args(words)
+    add_shared(
+        parser, "turbine", "json",
+        turbine={"default": None, "help": "turbine whose defaults of controllers and channels are shown"},
+    )  # fmt: skip
 
 
 def controllers(turbine: Any = None) -> list[dict[str, Any]]:
@@ -112,29 +110,21 @@ _TABLES = {
 }  # fmt: skip
 
 
-def main(words: list[str] | None = None) -> None:
-    """Run the command."""
-    arguments = parse_arguments(words)
-    with user_errors():
-        from wt_gym.base.errors import did_you_mean
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Show the table, or give its rows."""
+    from wt_gym.turbines import load_turbine
 
-        turbine = None
-        if arguments.turbine is not None:
-            from wt_gym.turbines import load_turbine
-
-            turbine = load_turbine(arguments.turbine)
-        rows = _TABLES[arguments.what](turbine)
-        known = [row["name"] for row in rows]
-        for name in arguments.names:
-            if name not in known:
-                raise ValueError(
-                    f"{arguments.what} must be among {', '.join(known)}; got {name!r}{did_you_mean(name, known)}"
-                )
-        rows = [row for row in rows if not arguments.names or row["name"] in arguments.names]
-        if arguments.json:
-            print(json.dumps({arguments.what: rows}))
-        else:
-            _show(rows)
+    rows = _TABLES[arguments.what](None if arguments.turbine is None else load_turbine(arguments.turbine))
+    known = [row["name"] for row in rows]
+    for name in arguments.names:
+        if name not in known:
+            raise ValueError(
+                f"{arguments.what} must be among {', '.join(known)}; got {name!r}{did_you_mean(name, known)}"
+            )
+    rows = [row for row in rows if not arguments.names or row["name"] in arguments.names]
+    if not arguments.json:
+        _show(rows)
+    return {arguments.what: rows}
 
 
 def _show(rows: list[dict[str, Any]]) -> None:

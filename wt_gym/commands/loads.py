@@ -10,14 +10,13 @@ of wt-gym evaluate.
 
 from __future__ import annotations
 
-import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import OneLineParser, user_errors
+from wt_gym.commands.options import add_shared
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Mapping
 
     from wt_gym.turbines import Turbine
@@ -29,32 +28,24 @@ SHOWN = (
 """Metrics of the table."""
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("loads", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("outputs", nargs="+", metavar="FILE", help="text files of outputs (.out)")
-    parser.add_argument("--turbine", help="that was simulated (default: turbine.json beside each file)")
-    parser.add_argument(
-        "--skip", type=float, default=20.0, metavar="S", help="start left out in s (default: %(default)s)"
-    )
-    parser.add_argument("--json", action="store_true", help="print all metrics as JSON at the end")
-    return parser.parse_args(words)
+    turbine_help = "that was simulated (default: turbine.json beside each file)"
+    add_shared(parser, "turbine", "skip", "json", turbine={"default": None, "help": turbine_help}, skip=20.0)
 
 
-def main(words: list[str] | None = None) -> None:
+def run(arguments: argparse.Namespace) -> dict[str, dict[str, float]]:
     """Read and print."""
-    arguments = parse_arguments(words)
-    with user_errors():
-        from wt_gym.analysis.metrics import run_metrics
-        from wt_gym.bridges.openfast import read_outputs
+    from wt_gym.analysis.metrics import run_metrics
+    from wt_gym.bridges.openfast import read_outputs
 
-        found = {}
-        for path in arguments.outputs:
-            turbine = _turbine_of(path, arguments.turbine)
-            found[path] = run_metrics(read_outputs(path, turbine), turbine, arguments.skip)
-    print(table(found, arguments.outputs[0]))
-    if arguments.json:
-        print(json.dumps(found))
+    metrics = {}
+    for path in arguments.outputs:
+        turbine = _turbine_of(path, arguments.turbine)
+        metrics[path] = run_metrics(read_outputs(path, turbine), turbine, arguments.skip)
+    print(table(metrics, arguments.outputs[0]))
+    return metrics
 
 
 def _turbine_of(path: str, named: str | None) -> Turbine:

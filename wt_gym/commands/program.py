@@ -22,18 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 __all__ = [
-    "CLONE",
-    "FIDELITIES_HELP",
-    "IN_CLONE",
-    "UNSAFE",
-    "OneLineParser",
-    "file_ending_in",
-    "folder_path",
-    "json_value",
-    "stoppable",
-    "user_errors",
-    "write_any_character",
-]
+    "CLONE", "FIDELITIES_HELP", "IN_CLONE", "UNSAFE", "OneLineParser", "file_ending_in", "folder_path", "json_value",
+    "stoppable", "user_errors", "write_any_character",
+]  # fmt: skip
 
 UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
 they are loaded, and so can files of your own (file.py:Class): take none from strangers."""
@@ -51,18 +42,10 @@ IN_CLONE = (CLONE / "envs_tests").is_dir()
 
 _OF_BROKEN_PIPE = 128 + 13
 _EXTRAS = {
-    "minari": "data",
-    "onnx": "export",
-    "onnxruntime": "export",
-    "openfast_io": "openfast",
-    "optuna": "tune",
-    "ray": "ray",
-    "sb3_contrib": "train",
-    "stable_baselines3": "train",
-    "torch": "train",
-    "yaml": "train",
+    "minari": "data", "onnx": "export", "onnxruntime": "export", "openfast_io": "openfast", "optuna": "tune",
+    "ray": "ray", "sb3_contrib": "train", "stable_baselines3": "train", "torch": "train", "yaml": "train",
     "zmq": "serve",
-}
+}  # fmt: skip
 
 
 def _installation(extra: str) -> str:

@@ -11,55 +11,59 @@ of the wind. An interrupted command continues where it was, as long as program a
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import time
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import FIDELITIES_HELP, IN_CLONE, OneLineParser, stoppable, user_errors
+from wt_gym.commands.options import add_shared
+from wt_gym.commands.program import FIDELITIES_HELP, IN_CLONE
 
 if TYPE_CHECKING:
+    import argparse
     from pathlib import Path
 
     from wt_gym.envs.record_store import RecordedTurbine
 
+STOPPED = "the runs that are done stay: the same command continues"
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("record", description=__doc__)
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         "turbines", nargs="*", metavar="TURBINE", help="windIO files and OpenFAST models; with --package records of it"
     )
-    parser.add_argument("--fidelity", help=f"of the runs: {FIDELITIES_HELP} (default: by the blades)")
     parser.add_argument("--package", action="store_true", help="make the records of the package")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default: %(default)s)")
-    arguments = parser.parse_args(words)
+    add_shared(
+        parser, fidelity={"help": f"of the runs: {FIDELITIES_HELP} (default: by the blades)"},
+        jobs={"default": 2, "help": "processes (default: %(default)s)"},
+    )  # fmt: skip
+
+
+def check(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+    """Refuse a call without records to make."""
     if arguments.package and not IN_CLONE:
         parser.error("--package needs a clone of the project")
     if not (arguments.package or arguments.turbines):
         parser.error("TURBINE must name a file, or --package be there")
-    return arguments
 
 
-def main(words: list[str] | None = None) -> None:
-    """Run the command."""
-    arguments = parse_arguments(words)
+def run(arguments: argparse.Namespace) -> None:
+    """Make the records."""
     os.environ["OMP_NUM_THREADS"] = "1"  # of the processes
     from wt_gym.base.canary import package_digest
     from wt_gym.envs.record_store import FOLDER, make_record
     from wt_gym.experiment.execute import clock
 
-    with user_errors(), stoppable("the runs that are done stay: the same command continues"):
-        version = package_digest()[:16]
-        records = _of_package(arguments.turbines) if arguments.package else _of_user(arguments)
-        folder = FOLDER if arguments.package else _user_folder()
-        began = time.monotonic()
-        for number, (name, recorded) in enumerate(records.items(), 1):
-            path, pieces = folder / f"{name}.npz", _user_folder() / "runs" / version / recorded.key
-            make_record(recorded, path, pieces, arguments.jobs, _Report(f"record {number}/{len(records)}, {name}"))
-            size, passed = path.stat().st_size / 1e3, clock(time.monotonic() - began)
-            print(f"{path}: {size:.0f} kB after {passed}", flush=True)
+    version = package_digest()[:16]
+    records = _of_package(arguments.turbines) if arguments.package else _of_user(arguments)
+    folder = FOLDER if arguments.package else _user_folder()
+    began = time.monotonic()
+    for number, (name, recorded) in enumerate(records.items(), 1):
+        path, pieces = folder / f"{name}.npz", _user_folder() / "runs" / version / recorded.key
+        make_record(recorded, path, pieces, arguments.jobs, _Report(f"record {number}/{len(records)}, {name}"))
+        size, passed = path.stat().st_size / 1e3, clock(time.monotonic() - began)
+        print(f"{path}: {size:.0f} kB after {passed}", flush=True)
 
 
 def _of_package(names: list[str]) -> dict[str, RecordedTurbine]:
@@ -98,12 +102,7 @@ def _user_folder() -> Path:
 
 
 class _Report:
-    """Progress line with the time that is left, by the runs that this process has made.
-
-    Parameters
-    ----------
-    label : str
-    """
+    """Progress line with the time that is left, by the runs that this process has made."""
 
     def __init__(self, label: str):
         from wt_gym.experiment.execute import ProgressLine

@@ -10,55 +10,49 @@ folder: the same command resumes where an earlier one was stopped.
 Exit status: as of wt-gym train.
 """
 
-import argparse
-import json
+from __future__ import annotations
+
 import signal
 import sys
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.engine_options import add_address_options
-from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, user_errors
-from wt_gym.commands.training_options import add_training_options, config_from
+from wt_gym.commands.options import CLUSTER, add_shared
+from wt_gym.commands.program import UNSAFE
+from wt_gym.commands.train import add_training_options, configuration
+
+if TYPE_CHECKING:
+    import argparse
+
+EPILOG = UNSAFE
+STOPPED = "the same command resumes"
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("search", description=__doc__, epilog=UNSAFE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("--trials", type=int, default=30, help="altogether (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=60_000, help="of each trial (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of search and trainings (default: %(default)s)")
-    parser.add_argument(
-        "--out", type=folder_path, default="runs/search", help="folder for the results (default: %(default)s)"
-    )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON at the end")
     add_training_options(parser)
-    add_address_options(parser)
-    return parser.parse_args(words)
+    add_shared(parser, "out", *CLUSTER, "json", out="runs/search")
 
 
-def main(words: list[str] | None = None) -> None:
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Search."""
-    arguments = parse_arguments(words)
+    from wt_gym.learning.search import BEST_FILE, search
 
-    def progress(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
+    if arguments.engine == "ray":
+        from wt_gym.learning.rllib import tune_search
 
-    with user_errors():
-        from wt_gym.learning.training.search import BEST_FILE, search
-
-        if arguments.engine == "ray":
-            from wt_gym.learning.distributed.tune_search import tune_search
-
-            search = partial(tune_search, address=arguments.address)
-        elif arguments.address is not None:
-            raise ValueError("--address belongs to a Ray cluster: give --engine ray too")
-        config = config_from(arguments, total_steps=arguments.steps, seed=arguments.seed, tensorboard=False)
-        result = search(config, arguments.out, arguments.trials, progress)
+        search = partial(tune_search, address=arguments.address)
+    elif arguments.address is not None:
+        raise ValueError("--address belongs to a Ray cluster: give --engine ray too")
+    config = configuration(arguments, total_steps=arguments.steps, seed=arguments.seed, tensorboard=False)
+    result = search(config, arguments.out, arguments.trials, partial(print, file=sys.stderr, flush=True))
     if result["best"] is not None:
         print(f"best of {result['trials']} trials: return against the baseline's {result['value']:+.2f}; "
               f"wt-gym train --hyperparameters {arguments.out}/{BEST_FILE}")  # fmt: skip
-    if arguments.json:
-        print(json.dumps(result))
     if result["status"] == "interrupted":
         print(f"ended by {result['stopped_by']}; the same command resumes", file=sys.stderr)
-        sys.exit(128 + signal.Signals[result["stopped_by"]])
+        arguments.status = 128 + signal.Signals[result["stopped_by"]]
+    return result

@@ -12,8 +12,6 @@ Each is written when its run ends, and when it is ended by Ctrl-C or SIGTERM, wi
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import sys
 import time
@@ -22,10 +20,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.files import require_writable
-from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, file_ending_in, stoppable, user_errors
-from wt_gym.commands.site_options import add_simulator_option, add_site_option, add_wind_option
+from wt_gym.commands.options import add_shared, turbine_of
+from wt_gym.commands.program import file_ending_in
 
 if TYPE_CHECKING:
+    import argparse
+
     import xarray as xr
 
     from wt_gym.simulation import Recorder
@@ -33,47 +33,39 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow, SteadyInflow
 
+STOPPED = "what was simulated is written where --out was given"
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("simulate", description=__doc__)
-    parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
-    add_site_option(parser)
-    add_simulator_option(parser)
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    add_shared(parser, "turbine", "site", "simulator")
     winds = parser.add_mutually_exclusive_group()
-    winds.add_argument("--wind-speed", type=float, nargs="+", default=[8.0, 15.0], metavar="M_S", help="at the hub")
-    add_wind_option(winds)
-    parser.add_argument("--duration", type=float, default=300.0, help="simulated time [s] (default: %(default)s)")
+    add_shared(winds, "wind_speed", "wind", wind_speed={"default": [8.0, 15.0], "help": "at the hub [m/s]"})
+    add_shared(parser, "duration", "fidelity", duration=300.0)
     parser.add_argument(
-        "--average",
-        type=float,
+        "--average", type=float, metavar="S",
         help="last part averaged [s], at most the duration (default: 60, or a shorter duration)",
-    )
-    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
+    )  # fmt: skip
     parser.add_argument("--shear", type=float, default=0.0, help="power-law exponent (default: %(default)s)")
     parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
     parser.add_argument("--turbulent", action="store_true", help="Kaimal turbulence of the turbine's class")
+    add_shared(parser, wind_seeds={"nargs": None, "default": 1, "help": "turbulence seed (default: %(default)s)"})
     parser.add_argument(
-        "--wind-seeds", type=int, default=1, metavar="SEED", help="turbulence seed (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--scaling",
-        default="low_frequency",
-        choices=("low_frequency", "uniform", "none"),
+        "--scaling", default="low_frequency", choices=("low_frequency", "uniform", "none"),
         help="of the turbulence (default: %(default)s)",
-    )
+    )  # fmt: skip
     parser.add_argument(
-        "--out",
-        type=file_ending_in(".nc", ".outb", ".csv"),
-        metavar="FILE",
+        "--out", type=file_ending_in(".nc", ".outb", ".csv"), metavar="FILE",
         help="signals as NetCDF (.nc), OpenFAST's binary outputs (.outb) or text (.csv); the wind speed is added to "
         "its name for several speeds",
-    )
-    parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
-    arguments = parser.parse_args(words)
+    )  # fmt: skip
+    add_shared(parser, "json")
+
+
+def check(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+    """Average over short runs as a whole."""
     if arguments.average is None:
         arguments.average = min(60.0, arguments.duration)
-    return arguments
 
 
 LEAST_DURATION = 1.0  # s
@@ -93,7 +85,7 @@ COLUMNS = (
 )
 
 
-def check(arguments: argparse.Namespace) -> None:
+def check_numbers(arguments: argparse.Namespace) -> None:
     """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
     from wt_gym.base.options import check_duration
     from wt_gym.envs.operation import simulator_maker
@@ -151,12 +143,8 @@ def steady_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> 
     """Mean wind of the options; refuses what has no meaning."""
     from wt_gym.wind import SteadyInflow
 
-    return SteadyInflow(
-        speed,
-        hub_height=turbine.hub_height,
-        shear_exponent=arguments.shear,
-        yaw_misalignment=math.radians(arguments.yaw_misalignment),
-    )
+    yaw = math.radians(arguments.yaw_misalignment)
+    return SteadyInflow(speed, hub_height=turbine.hub_height, shear_exponent=arguments.shear, yaw_misalignment=yaw)
 
 
 def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Inflow:
@@ -172,13 +160,9 @@ def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float | st
     if not arguments.turbulent:
         return steady
     box = TurbulenceBox.kaimal(
-        speed,
-        turbine.hub_height,
-        turbine.rotor_diameter,
-        turbine.turbulence_class,
-        seed=arguments.wind_seeds,
+        speed, turbine.hub_height, turbine.rotor_diameter, turbine.turbulence_class, seed=arguments.wind_seeds,
         scaling=arguments.scaling,
-    )
+    )  # fmt: skip
     return TurbulentInflow(box, steady)
 
 
@@ -227,42 +211,34 @@ def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str
             recorder.save(file_of(arguments, speed))
 
 
-def main(words: list[str] | None = None) -> None:
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Simulate each wind speed and print the table."""
-    arguments = parse_arguments(words)
-    hint = "what was simulated is written" if arguments.out else "nothing was to be written"
-    with user_errors(), stoppable(hint):
-        check(arguments)
-        from wt_gym.analysis.metrics import idle_sentence, idle_time
-        from wt_gym.simulation.fidelity import suited_fidelity
-        from wt_gym.turbines import load_turbine
-        from wt_gym.turbines.model import with_site
+    check_numbers(arguments)
+    from wt_gym.analysis.metrics import idle_sentence, idle_time
 
-        turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
-        arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
-        means_of = {}
-        for number, wind in enumerate(_winds(arguments)):  # all before the first is simulated
-            if isinstance(wind, float):
-                steady_of(arguments, turbine, wind)
-                means_of[number] = wind
-            else:
-                means_of[number] = inflow_of(arguments, turbine, wind).mean_speed
-        rows = []
-        print(f"{turbine.title}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
-        print("  ".join(f"{title:>{width}}" for _, title, _, width, _ in COLUMNS) + "   x real time")
-        print("  ".join(f"{unit:>{width}}" for _, _, unit, width, _ in COLUMNS))
-        for number, speed in enumerate(_winds(arguments)):
-            start = time.perf_counter()
-            recorder = simulate(arguments, turbine, speed)
-            wall = time.perf_counter() - start
-            data = recorder.to_dataset()
-            rows.append(means(data, turbine.n_blades, means_of[number], arguments.average))
-            line = "  ".join(f"{rows[-1][key]:{width}.{digits}f}" for key, _, _, width, digits in COLUMNS)
-            print(("\r" if sys.stderr.isatty() else "") + line + f"   {arguments.duration / wall:.0f}", flush=True)
-            wind = f"{speed:g} m/s" if isinstance(speed, float) else _label(speed)
-            if sentence := idle_sentence("The baseline controller", [(wind, idle_time(data))]):
-                print(sentence, flush=True)
-            if arguments.out:
-                print(f"signals: {file_of(arguments, speed)}", flush=True)
-    if arguments.json:
-        print(json.dumps({"turbine": turbine.title, "fidelity": arguments.fidelity, "points": rows}))
+    turbine = turbine_of(arguments)
+    means_of = {}
+    for number, wind in enumerate(_winds(arguments)):  # all before the first is simulated
+        if isinstance(wind, float):
+            steady_of(arguments, turbine, wind)
+            means_of[number] = wind
+        else:
+            means_of[number] = inflow_of(arguments, turbine, wind).mean_speed
+    rows = []
+    print(f"{turbine.title}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
+    print("  ".join(f"{title:>{width}}" for _, title, _, width, _ in COLUMNS) + "   x real time")
+    print("  ".join(f"{unit:>{width}}" for _, _, unit, width, _ in COLUMNS))
+    for number, speed in enumerate(_winds(arguments)):
+        start = time.perf_counter()
+        recorder = simulate(arguments, turbine, speed)
+        wall = time.perf_counter() - start
+        data = recorder.to_dataset()
+        rows.append(means(data, turbine.n_blades, means_of[number], arguments.average))
+        line = "  ".join(f"{rows[-1][key]:{width}.{digits}f}" for key, _, _, width, digits in COLUMNS)
+        print(("\r" if sys.stderr.isatty() else "") + line + f"   {arguments.duration / wall:.0f}", flush=True)
+        wind = f"{speed:g} m/s" if isinstance(speed, float) else _label(speed)
+        if sentence := idle_sentence("The baseline controller", [(wind, idle_time(data))]):
+            print(sentence, flush=True)
+        if arguments.out:
+            print(f"signals: {file_of(arguments, speed)}", flush=True)
+    return {"turbine": turbine.title, "fidelity": arguments.fidelity, "points": rows}

@@ -22,106 +22,160 @@ from __future__ import annotations
 import argparse
 import json
 import signal
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.engine_options import add_address_options
-from wt_gym.commands.program import UNSAFE, OneLineParser, folder_path, stoppable, user_errors
-from wt_gym.commands.training_file import words_of
-from wt_gym.commands.training_options import add_training_options, config_from
+from wt_gym.base.options import add_options as add_record
+from wt_gym.base.options import chosen_options, named_value
+from wt_gym.commands.options import CLUSTER, add_shared, environment_of
+from wt_gym.commands.program import UNSAFE, user_errors
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from wt_gym.learning.training.config import TrainingConfig
-    from wt_gym.learning.training.learners import Learner
+    from collections.abc import Sequence
+
+    from wt_gym.learning.options import TrainingConfig
+    from wt_gym.learning.train import Learner
+
+EPILOG = UNSAFE
+STOPPED = (
+    "a pretraining keeps its recordings: the same command (of several seeds --resume) resumes with them; steps since "
+    "the last checkpoint are lost"
+)
+_NAMES = {"total_steps": "steps", "pretraining": "pretrain", "budgets": "budget"}
+"""Options of the command by field of the configuration, where they differ."""
+_WITH_RESUME = {"--resume", "--steps", "--max-seconds", "--json", "--engine", "--address", "--runners"}
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser("train", description=__doc__, epilog=UNSAFE)
-    parser.add_argument(
-        "--out",
-        type=folder_path,
-        default=argparse.SUPPRESS,
-        help="folder for the results (default: runs/ppo, or the algorithm)",
+def add_training_options(parser: argparse.ArgumentParser) -> None:
+    """Add what a configuration is made of. Options that are not given stay out of the result."""
+    from wt_gym.learning.options import TrainingConfig
+
+    what = parser.add_argument_group("what to train on", argument_default=argparse.SUPPRESS)
+    absent = {"default": argparse.SUPPRESS}
+    add_shared(
+        what, env=absent | {"help": f"environment id (default: {DEFAULT_ENV})"},
+        wind_speed={"help": "mean wind speed, or the range to draw it from [m/s]"},
+        env_kwargs=absent, fidelity={}, site={}, wind={},
+    )  # fmt: skip
+    what.add_argument("--episode-length", type=float, metavar="S", help="length of an episode [s]")
+    add_record(what, TrainingConfig, "n_envs")
+    how = parser.add_argument_group("how", argument_default=argparse.SUPPRESS)
+    how.add_argument(
+        "--algo", type=str.upper, dest="training.algorithm", metavar="NAME", help="PPO, SAC or TQC (default: PPO)"
     )
-    parser.add_argument("--overwrite", action="store_true", help="remove the training that is in the folder")
-    parser.add_argument("--resume", metavar="FOLDER", help="resume a training, as it is configured; --steps and "
-        "--max-seconds can change")  # fmt: skip
-    add_training_options(parser)
-    parser.add_argument("--config", metavar="FILE", help="YAML file with any of these options, by name; those typed "
-        "come after them")  # fmt: skip
-    parser.add_argument("--recipe", action="store_true", help="the recommended training of the task of --env: a file "
-        "of agents/recipes, as --config takes it")  # fmt: skip
+    how.add_argument("--hyperparameters", metavar="FILE", help="YAML file on top of those in agents/hyperparameters")
+    how.add_argument(
+        "--hyper", nargs="+", action="extend", type=named_value, metavar="NAME=VALUE",
+        help="single hyperparameters, on top of all files",
+    )  # fmt: skip
+    add_record(how, TrainingConfig, "eval_every", "eval_winds", "eval_seconds")
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    from wt_gym.learning.options import TrainingConfig
+
+    folder_help = "folder for the results (default: runs/ppo, or the algorithm)"
+    add_shared(parser, "overwrite", out={"default": argparse.SUPPRESS, "help": folder_help})
     parser.add_argument(
-        "--resume-if-exists", action=argparse.BooleanOptionalAction, default=False, help="resume where the folder "
-        "holds this training already, else begin: the same words again and again"
+        "--resume", metavar="FOLDER",
+        help="resume a training, as it is configured; --steps and --max-seconds can change",
+    )  # fmt: skip
+    add_training_options(parser)
+    parser.add_argument(
+        "--config", metavar="FILE", help="YAML file with any of these options, by name; those typed come after them"
+    )
+    parser.add_argument(
+        "--recipe", action="store_true",
+        help="the recommended training of the task of --env: a file of agents/recipes, as --config takes it",
+    )  # fmt: skip
+    parser.add_argument(
+        "--resume-if-exists", action=argparse.BooleanOptionalAction, default=False,
+        help="resume where the folder holds this training already, else begin: the same words again and again",
     )  # fmt: skip
     options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
-    options.add_argument("--steps", type=int, help="environment steps (default: 200000, with --pretrain 0)")
-    options.add_argument(
-        "--pretrain", nargs="*", action="extend", metavar="NAME=VALUE", help="follow the gradient of the cost on an "
-        "identified linear model, on top of linear_optimal, then PPO for --steps (default with it: 0); options such as "
-        "rounds=3 episodes=192"
-    )  # fmt: skip
-    options.add_argument(
-        "--budget", nargs="+", action="extend", metavar="NAME=LIMIT", help="costs that PPO is to keep by Lagrangian "
-        "multipliers: pitch_travel [rad/d], rotor_speed over rated [-], tip_clearance [m], tower_acceleration [m/s^2]"
-    )  # fmt: skip
-    options.add_argument("--max-seconds", type=float, metavar="S", help="stop after this wall time")
+    add_record(options, TrainingConfig, "total_steps", "pretraining", "budgets", "max_seconds", **_NAMES)
     seeds = options.add_mutually_exclusive_group()
-    seeds.add_argument("--seed", type=int, default=argparse.SUPPRESS, help="of policy and environments (default: 0)")
+    add_record(seeds, TrainingConfig, "seed")
     seeds.add_argument(
-        "--seeds", type=int, nargs="+", default=argparse.SUPPRESS, metavar="N", help="train one after another, each in "
-        "a folder seed-N"
+        "--seeds", type=int, nargs="+", default=argparse.SUPPRESS, metavar="N",
+        help="train one after another, each in a folder seed-N",
     )  # fmt: skip
-    options.add_argument("--checkpoint-steps", type=int, metavar="STEPS", help="between checkpoints (default: 50000)")
-    options.add_argument(
-        "--checkpoint-minutes", type=float, metavar="MIN", help="wall time between checkpoints; 0: none (default: 10)"
-    )
-    options.add_argument("--tensorboard", action=argparse.BooleanOptionalAction, help="write figures for TensorBoard "
-        "(default: if it is installed)")  # fmt: skip
+    add_record(options, TrainingConfig, "checkpoint_steps", "checkpoint_minutes", "tensorboard")
     where = parser.add_argument_group("where")
-    add_address_options(where)
+    add_shared(where, *CLUSTER)
     where.add_argument(
         "--runners", type=int, metavar="N", help="with Ray, processes that step the environments, a processor each "
         "(default: the processors of the cluster, at most --n-envs)",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the record of the training as JSON at the end")
-    words = list(sys.argv[1:] if words is None else words)
+    add_shared(parser, "json")
+
+
+def parse(parser: argparse.ArgumentParser, words: list[str]) -> argparse.Namespace:
+    """Read the words, those of a file or a recipe first."""
     arguments = parser.parse_args(words)
     if arguments.config is not None and arguments.recipe:
         parser.error("--config names a training and --recipe that of the task: give one of them")
     if arguments.config is not None or arguments.recipe:
+        from wt_gym.learning.hyperparameters import recipe_file
+
         with user_errors():
-            in_file = words_of(_recipe_of(arguments) if arguments.recipe else arguments.config, words)
+            file = recipe_file(getattr(arguments, "env", DEFAULT_ENV)) if arguments.recipe else arguments.config
+            in_file = words_of(file, words)
         arguments = parser.parse_args([*in_file, *words])
     if arguments.resume_if_exists and arguments.overwrite:
         parser.error(
             "--resume-if-exists keeps the training that is in the folder, --overwrite removes it: give one of them"
         )
     if arguments.resume is not None:
-        kept = {"resume", "steps", "max_seconds", "json", "overwrite", "engine", "address", "runners"}
-        kept |= {name for name in ("config", "recipe", "resume_if_exists") if not getattr(arguments, name)}
-        fixed = [f"--{name.replace('_', '-')}" for name in vars(arguments) if name not in kept]
-        fixed += ["--overwrite"] * arguments.overwrite
-        if fixed:
+        typed = [word.partition("=")[0] for word in words if word.startswith("--")]
+        if fixed := [word for word in typed if not any(one.startswith(word) for one in _WITH_RESUME)]:
             parser.error(f"--resume takes the configuration of the folder: leave out {', '.join(fixed)}")
     return arguments
 
 
-def _recipe_of(arguments: argparse.Namespace) -> Path:
-    """File with the recipe of the environment that was chosen."""
-    from wt_gym.learning.training.recipes import recipe_file
+def configuration(arguments: argparse.Namespace, **fields: Any) -> TrainingConfig:
+    """Configuration of the options that were given.
 
-    return recipe_file(getattr(arguments, "env", DEFAULT_ENV))
+    Parameters
+    ----------
+    **fields
+        Of the configuration, in place of those of the options.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, gymnasium.error.Error
+        If something is refused.
+    """
+    from wt_gym.learning.hyperparameters import hyperparameters_for
+    from wt_gym.learning.options import TrainingConfig
+
+    given, options = vars(arguments), chosen_options(arguments, TrainingConfig)
+    arguments.env = given.get("env", TrainingConfig.env_id)
+    kwargs = environment_of(arguments)
+    if "wind_speed" in given:
+        if len(given["wind_speed"]) > 2:
+            raise ValueError(f"--wind-speed must be one number or two, got {given['wind_speed']}")
+        low, *high = given["wind_speed"]
+        kwargs["wind_speed"] = (low, high[0]) if high else low
+    if "episode_length" in given:
+        kwargs["episode_length"] = given["episode_length"]
+    if "pretraining" in options:
+        options.setdefault("total_steps", 0)
+    algorithm = options.get("algorithm", TrainingConfig.algorithm)
+    hyperparameters = hyperparameters_for(
+        algorithm, arguments.env, given.get("hyperparameters"), dict(given.get("hyper", ()))
+    )
+    return TrainingConfig(
+        env_id=arguments.env, env_kwargs=kwargs, hyperparameters=hyperparameters, **(options | fields)
+    )
 
 
 def learner_of(arguments: argparse.Namespace) -> Learner | None:
     """Who learns; None for stable-baselines3 in this process."""
     if arguments.engine == "ray":
-        from wt_gym.learning.distributed.rllib_learner import RllibLearner
+        from wt_gym.learning.rllib import RllibLearner
 
         return RllibLearner(arguments.address, arguments.runners)
     for name in ("address", "runners"):
@@ -130,48 +184,10 @@ def learner_of(arguments: argparse.Namespace) -> Learner | None:
     return None
 
 
-def budgets_of(words: list[str]) -> dict[str, float]:
-    """Limits of costs from ``name=limit``.
-
-    Raises
-    ------
-    ValueError
-        If there is no name or no number.
-    """
-    limits = {}
-    for word in words:
-        name, separator, limit = word.partition("=")
-        try:
-            limits[name] = float(limit)
-        except ValueError:
-            separator = ""
-        if not (name and separator):
-            raise ValueError(f"--budget must be NAME=LIMIT with a number, got {word!r}")
-    return limits
-
-
-def configuration(arguments: argparse.Namespace) -> TrainingConfig:
-    """Configuration of a training from the options that were given."""
-    given = vars(arguments)
-    names = {"steps": "total_steps"} | {
-        name: name for name in ("max_seconds", "seed", "checkpoint_steps", "checkpoint_minutes", "tensorboard")
-    }
-    fields: dict[str, Any] = {}
-    if "pretrain" in given:
-        from wt_gym.learning.training.hyperparameters import parse_override
-
-        fields |= {"pretraining": dict(parse_override(text) for text in given["pretrain"]), "total_steps": 0}
-    if "budget" in given:
-        fields["budgets"] = budgets_of(given["budget"])
-    fields |= {field: given[name] for name, field in names.items() if name in given}
-    return config_from(arguments, **fields)
-
-
 def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Train; give the folder and the record, or the summary of several seeds."""
+    from wt_gym.learning.seeds import resume_or_train, train_seeds
     from wt_gym.learning.train import train  # torch takes seconds to import: not for --help
-    from wt_gym.learning.training.resume import resume_or_train
-    from wt_gym.learning.training.seeds import train_seeds
 
     given, config = vars(arguments), configuration(arguments)
     folder = Path(given.get("out", f"runs/{config.algorithm.lower()}"))
@@ -183,30 +199,22 @@ def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner)
 
 
-_STOPPED = (
-    "a pretraining keeps its recordings: the same command (of several seeds --resume) resumes with them; steps since "
-    "the last checkpoint are lost"
-)
-
-
 def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Resume; as `start`."""
     from wt_gym.experiment.run_folder import SEEDS_FILE
+    from wt_gym.learning.options import TrainingConfig
+    from wt_gym.learning.seeds import resume_seeds
     from wt_gym.learning.train import resume
-    from wt_gym.learning.training.seeds import resume_seeds
 
     folder = Path(arguments.resume)
     go = resume_seeds if (folder / SEEDS_FILE).exists() else resume
-    limits: dict[str, Any] = {
-        "total_steps": getattr(arguments, "steps", None), "max_seconds": getattr(arguments, "max_seconds", None),
-    }  # fmt: skip
-    return folder, go(folder, **limits, learner=learner_of(arguments))
+    return folder, go(folder, **chosen_options(arguments, TrainingConfig), learner=learner_of(arguments))
 
 
 def report(folder: Path, record: dict[str, Any]) -> None:
     """Say what has come out."""
-    from wt_gym.learning.training.seeds import seeds_table
-    from wt_gym.learning.training.selection import FIGURES
+    from wt_gym.learning.callbacks import FIGURES
+    from wt_gym.learning.seeds import seeds_table
 
     if "runs" in record:
         print("\n".join(seeds_table(record["runs"])))
@@ -220,15 +228,83 @@ def report(folder: Path, record: dict[str, Any]) -> None:
         print(f"best model, after {best['steps']} steps: {figures} (other winds than those of the training)")
 
 
-def main(words: list[str] | None = None) -> None:
-    """Train."""
-    arguments = parse_arguments(words)
-    with user_errors(), stoppable(_STOPPED):
-        folder, record = (start if arguments.resume is None else resume_folder)(arguments)
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Train or resume."""
+    folder, record = (start if arguments.resume is None else resume_folder)(arguments)
     report(folder, record)
     if record["status"] == "interrupted":
         print(f"ended by {record['stopped_by']}; resume with: wt-gym train --resume {folder}")
-    if arguments.json:
-        print(json.dumps(record, default=str))
-    if record["status"] == "interrupted":
-        sys.exit(128 + signal.Signals[record["stopped_by"]])
+        arguments.status = 128 + signal.Signals[record["stopped_by"]]
+    return record
+
+
+_ONLY_TYPED = ("config", "recipe", "resume")
+_WITH_NO = ("resume-if-exists", "tensorboard")
+_EITHER = (("--seed", "--seeds"), ("--resume-if-exists", "--overwrite"))
+
+
+def words_of(path: str | Path, typed: Sequence[str] = ()) -> list[str]:
+    """Options of a training file as words of a command line.
+
+    Parameters
+    ----------
+    path : str or path
+        YAML that maps names of options, with ``_`` or ``-``, to values: numbers, words, lists of them, true or false
+        for switches, a mapping for ``env_kwargs``, ``site``, ``hyper``, ``pretrain`` and ``budget``.
+    typed : sequence of str
+        Words that come after them; what they exclude is left out, as ``seed`` by ``--seeds``.
+
+    Returns
+    -------
+    list of str
+        What the parser of the command checks like words that were typed.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is not such a mapping.
+    """
+    import yaml  # in the extra "train"
+
+    try:
+        options = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is not valid YAML: {error}") from error
+    if not isinstance(options, dict) or not all(isinstance(name, str) for name in options):
+        raise ValueError(f"{path} must map options of the training to values, as 'algo: sac', got {options!r:.80}")
+    words = []
+    for name, value in options.items():
+        option = name.replace("_", "-")
+        if not _typed_instead(option, typed):
+            words += _option(option, value, path)
+    return words
+
+
+def _typed_instead(name: str, typed: Sequence[str]) -> bool:
+    """Whether an option was typed that excludes this one."""
+    options = {word.partition("=")[0] for word in typed}
+    return any(f"--{name}" in pair and options & (set(pair) - {f"--{name}"}) for pair in _EITHER)
+
+
+def _option(name: str, value: Any, path: str | Path) -> list[str]:
+    """Words of one option."""
+    if any(only.startswith(name) for only in _ONLY_TYPED):  # the parser takes beginnings of names too
+        raise ValueError(f"{path}: {name} belongs on the command line")
+    match value:
+        case bool():
+            return [f"--{name}" if value else f"--no-{name}"] if value or name in _WITH_NO else []
+        case dict() if name == "env-kwargs":
+            return [f"--{name}={json.dumps(value)}"]
+        case dict() if name in ("hyper", "site", "pretrain", "budget"):
+            return [f"--{name}", *(f"{key}={_word(entry)}" for key, entry in value.items())]
+        case list():
+            return [f"--{name}", *map(_word, value)]
+        case int() | float() | str():
+            return [f"--{name}={_word(value)}"]
+    raise ValueError(f"{path}: {name} must be a number, a word, a list or true or false, got {value!r:.80}")
+
+
+def _word(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -15,7 +14,6 @@ from gymnasium.envs.registration import EnvSpec
 import wt_gym
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
-from wt_gym.envs.options import with_whole_paths
 from wt_gym.experiment.agents import UniformAgent, load_agent, load_model
 from wt_gym.experiment.environments import check_environment
 from wt_gym.experiment.names import env_choices_of, read_name
@@ -27,58 +25,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.envs.episode import Agent
+    from wt_gym.learning.options import DatasetConfig
 
-__all__ = ["ENV_KWARGS", "DatasetConfig", "record_dataset"]
+__all__ = ["ENV_KWARGS", "record_dataset"]
 
 ENV_KWARGS = {"pitch": "individual", "episode_length": 60.0}
 """Arguments of the environment by default: rates of all blades, so that the actions of controllers are what they do."""
 
 _ROOT = "MINARI_DATASETS_PATH"
-
-
-@dataclass(frozen=True)
-class DatasetConfig:
-    """What to record.
-
-    Attributes
-    ----------
-    agent : str
-        "baseline", "random", a controller with parameters as ``ipc:bandwidth=0.1``, or the path of a trained model.
-    dataset_id : str
-        ``namespace/name-vN``.
-    env_id : str or None
-        By default ``wt_gym/NREL5MW-Turbulent-v1``, for a trained model the environment of its training.
-    env_kwargs : dict
-        On top of `ENV_KWARGS`, for a trained model of those of its training.
-    episodes : int
-    noise : float
-        Standard deviation of normal noise on the actions, which are kept within their bounds.
-    seed : int
-        Of the first episode (the winds are drawn from the seeds of the environment); the next ones count on.
-    random_episodes : int
-        Of random actions, for the lower reference score.
-    allow_other_environment : bool
-        Take a trained model into other noise, action spans or another base controller than in its training.
-    """
-
-    agent: str
-    dataset_id: str
-    env_id: str | None = None
-    env_kwargs: dict[str, Any] = field(default_factory=dict)
-    episodes: int = 20
-    noise: float = 0.0
-    seed: int = 0
-    random_episodes: int = 2
-    allow_other_environment: bool = False
-
-    def __post_init__(self) -> None:
-        if self.episodes < 1 or self.random_episodes < 1:
-            raise ValueError(
-                f"episodes and random_episodes must be at least 1, got {self.episodes} and {self.random_episodes}"
-            )
-        if not 0.0 <= self.noise < np.inf:
-            raise ValueError(f"noise must be finite and not negative, got {self.noise!r}")
-        object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
 
 
 def record_dataset(
@@ -92,7 +46,6 @@ def record_dataset(
 
     Parameters
     ----------
-    config : DatasetConfig
     folder : str or path
         Root of Minari's data sets (``MINARI_DATASETS_PATH``).
     on_episode : callable, optional

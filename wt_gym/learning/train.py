@@ -12,6 +12,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import torch
+from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.logger import Logger, configure
 
 import wt_gym
@@ -21,29 +22,69 @@ from wt_gym.experiment.environments import resolved_arguments, trained_arguments
 from wt_gym.experiment.execute import executor_for
 from wt_gym.experiment.run_folder import RunFolder
 from wt_gym.experiment.trained_agent import BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, RECORD_FILE, TrainedAgent
-from wt_gym.learning.pretraining.options import PretrainingOptions
-from wt_gym.learning.training.budgets import BudgetUpdates, budgeted_of
-from wt_gym.learning.training.callbacks import Checkpoints, Evaluations, Watch, stop_on_signals
-from wt_gym.learning.training.config import TrainingConfig
-from wt_gym.learning.training.environments import make_training_env
-from wt_gym.learning.training.learners import LocalLearner
-from wt_gym.learning.training.models import load_model, make_model, save_model
-from wt_gym.learning.training.selection import FIGURES, SelectionEvaluation
+from wt_gym.learning.callbacks import (
+    FIGURES,
+    Checkpoints,
+    EpisodeFigures,
+    Evaluations,
+    SelectionEvaluation,
+    Watch,
+    stop_on_signals,
+)
+from wt_gym.learning.environments import BudgetUpdates, budgeted_of, make_training_env
+from wt_gym.learning.models import load_model, make_model, save_model, save_replay_buffer
+from wt_gym.learning.options import PretrainingOptions, TrainingConfig
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import VecNormalize
 
-    from wt_gym.learning.training.callbacks import StopRequest
-    from wt_gym.learning.training.learners import Learner
+    from wt_gym.learning.callbacks import StopRequest
 
-__all__ = ["TrainingConfig", "resume", "train"]
+__all__ = ["Learner", "resume", "train"]
 
 _CURVE = ("steps", "episode_return", "episode_length")
 _EVALUATION_CURVE = ("steps", *FIGURES)
+
+
+class Learner:
+    """Takes the steps of a training and improves its model: stable-baselines3 in this process.
+
+    Attributes
+    ----------
+    engine : str
+        Of `wt_gym.experiment.execute.ENGINES`.
+    packages : tuple of str
+        Whose versions the record names.
+    samples_here : bool
+        Whether the environments of this process are stepped; otherwise one stands for all.
+    """
+
+    engine = "local"
+    packages: tuple[str, ...] = ("stable-baselines3", "sb3-contrib", "torch", "gymnasium")
+    samples_here = True
+
+    def check(self, config: TrainingConfig) -> None:
+        """Refuse a configuration that this one cannot learn by, by a ValueError; this one takes all."""
+
+    def figures(self) -> list[BaseCallback]:
+        """Callbacks that look at every single step."""
+        return [EpisodeFigures()]
+
+    def learn(
+        self, config: TrainingConfig, model: BaseAlgorithm, run: RunFolder, callbacks: Sequence[BaseCallback]
+    ) -> None:
+        """Learn until the steps of the configuration are done or a callback says no."""
+        steps = config.total_steps - model.num_timesteps
+        model.learn(steps, callback=CallbackList(list(callbacks)), reset_num_timesteps=False)
+
+    def save(self, model: BaseAlgorithm, run: RunFolder) -> None:
+        """Write what resuming needs beside model and statistics."""
+        save_replay_buffer(model, run.buffer)
 
 
 def train(
@@ -63,7 +104,6 @@ def train(
 
     Parameters
     ----------
-    config : TrainingConfig
     folder : str or path
         Gets ``model.zip``, ``vecnormalize.pkl`` (the statistics), ``training.json`` (the record), ``checkpoints/``,
         ``best_model.zip`` with its statistics, ``tensorboard/``, and the replay buffer of SAC and TQC.
@@ -76,7 +116,7 @@ def train(
     stop : StopRequest, optional
         Looked at after every step; default: one that SIGINT and SIGTERM set.
     learner : Learner, optional
-        Of `wt_gym.learning.training.learners`; default: stable-baselines3 in this process.
+        Default: stable-baselines3 in this process.
 
     Returns
     -------
@@ -91,7 +131,7 @@ def train(
         If the folder holds a training already or another process trains in it, environment and hyperparameters cannot
         be had, or nothing would hold a budget.
     """
-    config, learner = config.with_hyperparameters(), learner or LocalLearner()
+    config, learner = config.with_hyperparameters(), learner or Learner()
     learner.check(config)
     _refuse_budgets_of_a_pretraining(config)
     with RunFolder(folder) as run:
@@ -153,13 +193,11 @@ def resume(
     ValueError
         If the training is finished and has done its steps, began with another engine, or a file is damaged.
     """
-    learner = learner or LocalLearner()
+    learner = learner or Learner()
     RunFolder(folder).record()  # before the lock makes a folder
     with RunFolder(folder) as run:
         record = run.record()
-        config = TrainingConfig.from_json(record.get("config"))
-        changes: dict[str, Any] = {"total_steps": total_steps, "max_seconds": max_seconds}
-        config = replace(config, **{name: value for name, value in changes.items() if value is not None})
+        config = TrainingConfig.from_dict(record.get("config", {})).limited(total_steps, max_seconds)
         if (engine := record.get("engine")) != learner.engine:
             raise ValueError(
                 f"the engine of the training in {run.path} must be {engine}, got {learner.engine}: resume with "
@@ -234,11 +272,12 @@ class _Session:
         KeyboardInterrupt
             Where somebody asks to stop; the same training, begun again, resumes with what has been recorded.
         """
-        from wt_gym.learning.pretraining.pretrain import pretrain  # for those who ask for it
+        from wt_gym.learning.pretraining import pretrain
 
         config = self._config
         began = time.monotonic()
-        workers, options = min(config.n_envs, os.cpu_count() or 1), PretrainingOptions.of(config.pretraining or {})
+        workers = min(config.n_envs, os.cpu_count() or 1)
+        options = PretrainingOptions.from_dict(config.pretraining or {})
         say = (lambda line: print(line, file=sys.stderr, flush=True)) if progress else None
 
         def check() -> None:
@@ -263,7 +302,7 @@ class _Session:
         config, model = self._config, self._model
         with stop_on_signals() if stop is None else nullcontext(stop) as self._stop, self._logger():
             self._watch = Watch(config, self._layout.control_dt, self._curve, self._stop, progress)
-            callbacks = [self._watch, *self._learner.figures]
+            callbacks = [self._watch, *self._learner.figures()]
             if self._budgets is not None:
                 callbacks.append(self._budgets)
             if self._evaluations is not None:
@@ -335,7 +374,7 @@ class _Session:
             "wind_seeds": self._wind_seeds(),
             "wt_gym": wt_gym.__version__,
             "versions": {name: version(name) for name in self._learner.packages},
-            "config": config.to_json(),
+            "config": asdict(config),
             "environment": resolved_arguments(config.env_id, config.env_kwargs),
             "pretraining": self._pretraining,
             "budgets": None if self._budgets is None else self._budgets.record(config.budgets or {}),
@@ -349,7 +388,7 @@ class _Session:
         if self._wind.seeds is None:
             return None
         options = self._config.pretraining
-        before = () if options is None else PretrainingOptions.of(options).wind_seeds
+        before = () if options is None else PretrainingOptions.from_dict(options).wind_seeds
         return sorted({*map(int, self._wind.seeds), *before})
 
     def _evaluation_record(self) -> dict[str, Any] | None:

@@ -16,7 +16,6 @@ import math
 import os
 import shutil
 import sys
-import tempfile
 import weakref
 from functools import cache
 from pathlib import Path
@@ -26,6 +25,7 @@ import numpy as np
 
 from wt_gym.base.child_process import ChildEndedError, ChildProcess
 from wt_gym.base.errors import ControllerError, SimulationError
+from wt_gym.base.files import HeldFolder
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
 from wt_gym.control.bladed import worker
@@ -104,17 +104,16 @@ class Library:
     def __init__(self, path: Path, function: str = DEFAULT_FUNCTION, isolated: bool = False):
         check_library(path, function)
         self.path = path
-        # where Windows holds a file of it a moment longer, the folder stays
-        self._folder = tempfile.TemporaryDirectory(prefix="wt_gym_bladed_", ignore_cleanup_errors=True)
-        self.output_name = str(Path(self._folder.name) / "controller")
+        self._folder = HeldFolder("wt_gym_bladed_")
+        self.output_name = str(self._folder.path / "controller")
         """Where the library may write files: in a folder that goes with it."""
-        self._prints = Path(self._folder.name) / "prints.txt"
+        self._prints = self._folder.path / "prints.txt"
         self._called = False
         self._child: ChildProcess | None = None
         if isolated:
             self._child = ChildProcess(Path(worker.__file__), (str(path), function), self._prints)
         else:
-            copy = Path(self._folder.name) / path.name
+            copy = self._folder.path / path.name
             shutil.copy(path, copy)
             library = ctypes.CDLL(str(copy))
             self._library, self._function = library, getattr(library, function)
@@ -194,7 +193,7 @@ class Library:
             self._child.close()
         else:
             self._unload()
-        self._folder.cleanup()
+        self._folder.remove()
 
 
 def _unload(library: ctypes.CDLL) -> None:

@@ -17,7 +17,6 @@ import importlib.util
 import math
 import re
 import sys
-import tempfile
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import ControllerError
-from wt_gym.base.files import write_text_whole
+from wt_gym.base.files import HeldFolder, write_text_whole
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.controllers.controller import demanded_power_of
@@ -335,8 +334,8 @@ class RoscoController(BladedController):
     def __init__(self, turbine: Turbine, **parameters: Any) -> None:
         o = RoscoOptions(**parameters)
         library = rosco_library()
-        folder = tempfile.TemporaryDirectory(prefix="wt_gym_rosco_")
-        target = Path(folder.name) / "DISCON.IN"
+        folder = HeldFolder("wt_gym_rosco_")
+        target = folder.path / "DISCON.IN"
         source = tuned_input(turbine) if o.input_file is None else Path(o.input_file).expanduser()
         if source is None:
             write_rosco_input(turbine, target)
@@ -384,8 +383,8 @@ class RoscoController(BladedController):
     def _write_input(self, signals: Readings, demand: Demand) -> None:
         """Write the input file of this start into a folder of its own: copies keep theirs."""
         before = Path(self.input_file).parent
-        folder = tempfile.TemporaryDirectory(prefix="wt_gym_rosco_")
-        made = Path(folder.name)
+        folder = HeldFolder("wt_gym_rosco_")
+        made = folder.path
         for file in before.iterdir():
             (made / file.name).write_bytes(file.read_bytes())
         values: dict[str, object] = {}

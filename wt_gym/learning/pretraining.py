@@ -29,24 +29,22 @@ from wt_gym.experiment.execute import clock
 from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.experiment.store import described
 from wt_gym.experiment.trained_agent import TrainedAgent
-from wt_gym.learning.linear_design.identification import explained_share, identify
-from wt_gym.learning.linear_design.recording import Excitation, RecordingStore
-from wt_gym.learning.pretraining.episodes import (
-    EpisodeJob,
-    PlayedActions,
-    RecordedEpisode,
-    check_environment,
-    record_episode,
-)
-from wt_gym.learning.pretraining.objective import (
+from wt_gym.learning.options import Excitation
+from wt_gym.learning.pretraining_episodes import (
     OUTPUTS,
+    EpisodeJob,
     Limits,
     LinearizedEpisode,
     Plants,
+    PlayedActions,
+    RecordedEpisode,
+    check_environment,
     load_metrics,
     plant_outputs,
+    record_episode,
     tensor,
 )
+from wt_gym.learning.recording import RecordingStore, explained_share, identify
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -59,7 +57,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.dial import DialTerm
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.experiment.execute import Executor
-    from wt_gym.learning.pretraining.options import PretrainingOptions
+    from wt_gym.learning.options import PretrainingOptions
 
 __all__ = ["FRONT_SETTINGS", "Round", "forecast_front", "pretrain"]
 
@@ -86,55 +84,36 @@ _untrained: dict[tuple[Any, ...], tuple[Any, list[RecordedEpisode]]] = {}
 
 @dataclass(frozen=True)
 class Round:
-    """What a round found.
-
-    Attributes
-    ----------
-    recorded : float
-        Mean lifetime cost of the policy that was recorded less that of the published controller, in the held-out winds.
-    forecast : float
-        The same of the policy after it, by the model.
-    fitted : float
-        The same in the winds of the optimization.
-    iteration : int
-        Of the optimizer, at which the held-out winds chose the policy.
-    conditions : list of (float, float)
-        Recorded and forecast cost in the held-out winds of each condition.
-    travel : float
-        Forecast pitch travel of the policy after it, in all its winds [rad/day].
-    multiplier : float
-        Of the budget of travel at the end of the optimization: price of a whole budget in the cost that is followed.
-    seconds : float
-        Of recording and optimization.
-    """
+    """What a round found."""
 
     recorded: float
+    """Mean lifetime cost of the recorded policy less that of the published controller, in the held-out winds."""
     forecast: float
+    """The same of the policy after it, by the model."""
     fitted: float
+    """The same in the winds of the optimization."""
     iteration: int
+    """Of the optimizer, at which the held-out winds chose the policy."""
     conditions: list[tuple[float, float]] = field(default_factory=list)
+    """Recorded and forecast cost in the held-out winds of each condition."""
     travel: float = 0.0
+    """Forecast pitch travel of the policy after it, in all its winds [rad/day]."""
     multiplier: float = 0.0
+    """Of the budget of travel at the end of the optimization: price of a whole budget in the cost that is followed."""
     seconds: float = 0.0
+    """Of recording and optimization."""
 
 
 @dataclass(frozen=True)
 class _Identified:
-    """A condition.
-
-    Attributes
-    ----------
-    plants : Plants
-        From offsets to loads.
-    seen : Plants or None
-        From offsets to what the agent sees; None in the condition of the environment, where there is no such effect.
-    explained : dict
-        Shares of unseen runs that the plants explain, by wind speed.
-    """
+    """A condition."""
 
     plants: Plants
+    """From offsets to loads."""
     seen: Plants | None
+    """From offsets to what the agent sees; None in the condition of the environment, where there is no such effect."""
     explained: dict[float, dict[str, float]]
+    """Shares of unseen runs that the plants explain, by wind speed."""
 
 
 @dataclass
@@ -143,17 +122,12 @@ class _Budget:
 
     The multiplier has a part that adds up what is traveled beyond the limit and one in proportion to it, which damps
     (Stooke, Achiam, Abbeel, ICML 2020, arXiv:2007.03964).
-
-    Attributes
-    ----------
-    limit : float
-        [rad/s]; infinite without one.
-    multiplier : float
-        Of the share of the limit that is traveled, in the unit of the lifetime cost.
     """
 
     limit: float
+    """[rad/s]; infinite without one."""
     multiplier: float = 0.0
+    """Of the share of the limit that is traveled, in the unit of the lifetime cost."""
     _sum: float = 0.0
     _share: float = 1.0
 
@@ -178,12 +152,7 @@ class _Budget:
 
 
 class _Deployed:
-    """Policy without torch, as it acts in a process that records.
-
-    Parameters
-    ----------
-    network : Network
-    """
+    """Policy without torch, as it acts in a process that records."""
 
     def __init__(self, network: Network) -> None:
         self._network = network
@@ -213,10 +182,8 @@ def pretrain(
     ----------
     model : PPO or A2C
         Fresh; its last layer is set to zero first, so that it begins as the base controller alone.
-    env_id : str
     env_kwargs : dict
         JSON values.
-    options : PretrainingOptions
     executor : Executor
         Entered.
     seed : int
@@ -332,7 +299,6 @@ def forecast_front(
     ----------
     actor : callable
         Actions of observations.
-    held_out : sequence of LinearizedEpisode
     settings : mapping of str to mapping, optional
         Factors of the dial by name of a setting; None: those of the recordings, called "own".
 

@@ -1,4 +1,7 @@
-"""The turbines of an RLlib environment runner."""
+"""Turbines of an RLlib environment runner, and RLlib's networks in those of stable-baselines3; without Ray.
+
+So a policy of RLlib is written, evaluated and compared as every other trained model.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,19 @@ from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
+import torch
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.utils import RunningMeanStd
 
 import wt_gym  # noqa: F401 - registers the environments in the process of the runner
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from ray.rllib.env.env_runner import EnvRunner
+    from stable_baselines3.common.base_class import BaseAlgorithm
 
-__all__ = ["RunnerEnv", "make_runner_env", "runner_report", "set_runner_statistics"]
+__all__ = ["RunnerEnv", "first_weights", "make_runner_env", "runner_report", "set_runner_statistics", "take_weights"]
 
 # As stable-baselines3's VecNormalize, so that the same hyperparameters mean the same.
 _CLIP, _EPSILON = 10.0, 1e-8
@@ -137,3 +142,56 @@ def _turbines(runner: EnvRunner) -> RunnerEnv | None:
     while env is not None and not isinstance(env, RunnerEnv):
         env = getattr(env, "env", None)
     return env
+
+
+def take_weights(model: BaseAlgorithm, weights: Mapping[str, Any]) -> None:
+    """Give a model the policy of RLlib, and PPO its value network too.
+
+    The critics of SAC are built otherwise in RLlib: those of the model stay what they are, and no policy needs them.
+
+    Parameters
+    ----------
+    model : BaseAlgorithm
+        PPO or SAC of stable-baselines3.
+    weights : mapping
+        State of RLlib's module by name.
+    """
+    state = model.policy.state_dict()
+    for theirs, ours in _names(model):
+        parts = [state[name] for name in ours]
+        value = torch.as_tensor(weights[theirs])
+        for part, piece in zip(parts, value.split([len(part) for part in parts]), strict=True):
+            part.copy_(piece)
+    model.policy.load_state_dict(state)
+
+
+def first_weights(model: BaseAlgorithm) -> dict[str, Any]:
+    """Weights of a fresh model by RLlib's names: both begin with the same policy, ``log_std_init`` included.
+
+    Returns
+    -------
+    dict
+        Name to numpy.ndarray.
+    """
+    state = model.policy.state_dict()
+    return {theirs: torch.cat([state[name] for name in ours]).numpy() for theirs, ours in _names(model)}
+
+
+def _names(model: BaseAlgorithm) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Name in RLlib of each tensor, with those in stable-baselines3 that it is made of, one below the other."""
+    squashed = type(model).__name__ == "SAC"
+    layers = len(model.policy_kwargs["net_arch"])
+    body, encoder = (
+        ("actor.latent_pi", "pi_encoder") if squashed else ("mlp_extractor.policy_net", "encoder.actor_encoder")
+    )
+    heads = ("actor.mu", "actor.log_std") if squashed else ("action_net",)
+    for kind in ("weight", "bias"):
+        for k in range(0, 2 * layers, 2):  # activations stand between
+            yield f"{encoder}.net.mlp.{k}.{kind}", (f"{body}.{k}.{kind}",)
+            if not squashed:
+                yield f"encoder.critic_encoder.net.mlp.{k}.{kind}", (f"mlp_extractor.value_net.{k}.{kind}",)
+        yield f"pi.net.mlp.0.{kind}", tuple(f"{head}.{kind}" for head in heads)
+        if not squashed:
+            yield f"vf.net.mlp.0.{kind}", (f"value_net.{kind}",)
+    if not squashed:
+        yield "pi.log_std", ("log_std",)

@@ -1,4 +1,4 @@
-"""Runs of a base controller with and without drawn offsets of the pitch: what a plant is identified from."""
+"""Runs of a base controller with and without drawn offsets of the pitch, and impulse responses from them."""
 
 from __future__ import annotations
 
@@ -9,20 +9,27 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.signal import fftconvolve
 
 from wt_gym.analysis.results import Wind
 from wt_gym.base.canary import differing
 from wt_gym.base.files import whole_file
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.controller import Combined, parts_of
-from wt_gym.control.controllers.linear_optimal import PitchOffsets, recorded_outputs, side_sign
+from wt_gym.control.controllers.linear_optimal import (
+    PitchOffsets,
+    recorded_outputs,
+    side_sign,
+)
 from wt_gym.experiment.comparison import inflow_of
 from wt_gym.experiment.run import run_controller
 from wt_gym.experiment.store import run_digest
+from wt_gym.learning.options import Excitation
 from wt_gym.simulation import Simulator
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -31,52 +38,14 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["LOADS", "DrawnOffsets", "Excitation", "Recording", "RecordingStore", "record"]
+__all__ = [
+    "LOADS", "POWER", "TOWER", "DrawnOffsets", "Recording", "RecordingStore", "amplitude_weights", "explained_share",
+    "identify", "record", "respond", "to_blades", "without_slow",
+]  # fmt: skip
 
 _R = TypeVar("_R")
 LOADS = ("tower_fore_aft", "tower_side_side", "power")
 """Loads that a controller does not read [N m], and the power of the generator [W]."""
-
-
-@dataclass(frozen=True)
-class Excitation:
-    """Offsets drawn for an identification: levels that are held, evenly drawn, for times drawn evenly in the logarithm.
-
-    They are small, and a level of the mean is followed by its opposite for as long: so the azimuth stays near that of
-    the run without offsets, and blades meet the same eddies.
-
-    Attributes
-    ----------
-    mean, tilt_yaw : float
-        Greatest level of the mean, and of tilt and of yaw [rad].
-    shortest, longest : float
-        Time that a level is held [s].
-    """
-
-    mean: float = math.radians(0.2)
-    tilt_yaw: float = math.radians(0.6)
-    shortest: float = 0.2
-    longest: float = 5.0
-
-    def __post_init__(self) -> None:
-        if not (self.mean >= 0.0 and self.tilt_yaw >= 0.0 and 0.0 < self.shortest <= self.longest):
-            raise ValueError(f"an excitation must have levels of at least 0 and rising positive times, got {self}")
-
-    def draw(self, steps: int, dt: float, seed: int) -> NDArray[np.float64]:
-        """Levels (3, steps) of mean, tilt and yaw [rad]."""
-        rng = np.random.default_rng(seed)
-        out = np.zeros((3, steps))
-        for which, size in enumerate((self.mean, self.tilt_yaw, self.tilt_yaw)):
-            row, k = out[which], 0
-            while k < steps:
-                held = math.exp(rng.uniform(math.log(self.shortest), math.log(self.longest)))
-                n, level = max(round(held / dt), 1), size * rng.uniform(-1.0, 1.0)
-                row[k : k + n] = level
-                k += n
-                if which == 0:
-                    row[k : k + n] = -level
-                    k += n
-        return out
 
 
 class DrawnOffsets:
@@ -84,7 +53,6 @@ class DrawnOffsets:
 
     Parameters
     ----------
-    offsets : PitchOffsets
     levels : numpy.ndarray, shape (3, n)
         [rad]; after the last there are none.
     """
@@ -114,35 +82,24 @@ class DrawnOffsets:
 
 @dataclass(frozen=True)
 class Recording:
-    """A run, sample k at the instant at which offset k was decided; the last sample has no offset any more.
-
-    Attributes
-    ----------
-    dt : float
-        [s].
-    outputs : numpy.ndarray, shape (6, n + 1)
-        `OUTPUTS` of `wt_gym.control.controllers.linear_optimal`.
-    loads : numpy.ndarray, shape (3, n + 1)
-        `LOADS`.
-    flap, edge, pitch : numpy.ndarray, shape (n_blades, n + 1)
-        Root moments [N m], pitch [rad].
-    azimuth : numpy.ndarray, shape (n + 1,)
-        [rad].
-    offsets : numpy.ndarray, shape (3, n)
-        That reached the drives [rad].
-    share : numpy.ndarray, shape (n,)
-        In which offsets may act.
-    """
+    """A run, sample k at the instant at which offset k was decided; the last sample has no offset any more."""
 
     dt: float
+    """[s]."""
     outputs: NDArray[np.float64]
+    """`OUTPUTS` of `wt_gym.control.controllers.linear_optimal`. Shape (6, n + 1)."""
     loads: NDArray[np.float64]
+    """`LOADS`. Shape (3, n + 1)."""
     flap: NDArray[np.float64]
     edge: NDArray[np.float64]
     pitch: NDArray[np.float64]
+    """flap, edge, pitch: root moments [N m], pitch [rad]. Shape (n_blades, n + 1)."""
     azimuth: NDArray[np.float64]
+    """[rad]. Shape (n + 1,)."""
     offsets: NDArray[np.float64]
+    """That reached the drives [rad]. Shape (3, n)."""
     share: NDArray[np.float64]
+    """In which offsets may act. Shape (n,)."""
 
     @classmethod
     def of_channels(
@@ -159,7 +116,6 @@ class Recording:
         ----------
         channels : mapping
             Of names to arrays, shape (n + 1,).
-        turbine : Turbine
         dt, offsets, share
             As the attributes.
         """
@@ -195,7 +151,6 @@ class RecordingStore(Generic[_R]):
 
     Parameters
     ----------
-    folder : path
     kind : type
         Dataclass of the recordings, of numbers and arrays.
     """
@@ -251,7 +206,6 @@ def record(
 
     Parameters
     ----------
-    turbine : Turbine
     base : str
         As `make_controller` takes it.
     wind_speed : float
@@ -286,3 +240,144 @@ def record(
     return Recording.of_channels(
         channels, turbine, simulator.time_step, np.array(played.acting).T, np.array(played.share)
     )
+
+
+def respond(responses: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Outputs (n_out, n + 1) of inputs (n_in, n): output k follows from inputs 0 … k - 1.
+
+    Parameters
+    ----------
+    responses : numpy.ndarray, shape (n_out, n_in, n_taps)
+        Entry l is what an input of one does to the output l + 1 steps later.
+    inputs : numpy.ndarray, shape (n_in, n)
+    """
+    n = inputs.shape[1]
+    out = np.zeros((responses.shape[0], n + 1))
+    for j, series in enumerate(inputs):
+        out[:, 1:] += fftconvolve(responses[:, j], series[None], axes=1)[:, :n]
+    return out
+
+
+def _delayed(inputs: NDArray[np.float64], taps: int) -> NDArray[np.float64]:
+    """Regressors (n, n_in * taps) of outputs 1 … n."""
+    n = inputs.shape[1]
+    padded = np.pad(inputs, ((0, 0), (taps - 1, 0)))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, taps, axis=1)[:, :n, ::-1]
+    return windows.transpose(1, 0, 2).reshape(n, -1)
+
+
+def identify(
+    inputs: Sequence[NDArray[np.float64]],
+    changes: Sequence[NDArray[np.float64]],
+    taps: int,
+    ridge: float = 0.0,
+    decay: float = 0.0,
+) -> NDArray[np.float64]:
+    """Fit finite impulse responses to the changes of outputs by inputs.
+
+    Without a ridge, responses that end within the taps and outputs without noise are found exactly. The ridge is
+    heavier for later taps: a plant forgets (Chen, Ohlsson and Ljung, Automatica 48 (2012) 1525: diagonal kernel).
+
+    Parameters
+    ----------
+    inputs : sequence of numpy.ndarray, shape (n_in, n)
+        Of each run.
+    changes : sequence of numpy.ndarray, shape (n_out, n + 1)
+        Outputs with the inputs minus those without, in the same wind.
+    ridge : float
+        Over the mean square of the inputs, summed over the samples.
+    decay : float
+        Logarithm of the ridge's rise over the taps.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n_out, n_in, taps)
+        As of `respond`.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, nothing is finite, there are fewer samples than unknowns, or an input never moves.
+    """
+    if not inputs or len(inputs) != len(changes):
+        raise ValueError(f"there must be as many runs of inputs as of changes, got {len(inputs)} and {len(changes)}")
+    n_in, n_out = inputs[0].shape[0], changes[0].shape[0]
+    for given, changed in zip(inputs, changes, strict=True):
+        if given.shape[0] != n_in or changed.shape != (n_out, given.shape[1] + 1):
+            raise ValueError(
+                f"inputs (n_in, n) must come with changes (n_out, n + 1), got {given.shape} and {changed.shape}"
+            )
+        if not (np.isfinite(given).all() and np.isfinite(changed).all()):
+            raise ValueError("inputs and changes must be finite")
+    samples = sum(given.shape[1] for given in inputs)
+    if taps < 1 or samples < n_in * taps:
+        raise ValueError(
+            f"{n_in} inputs with {taps} taps need at least {n_in * max(taps, 1)} samples and a tap; got {samples}"
+        )
+    gram, right = np.zeros((n_in * taps, n_in * taps)), np.zeros((n_in * taps, n_out))
+    for given, changed in zip(inputs, changes, strict=True):
+        rows = _delayed(given, taps)
+        gram += rows.T @ rows
+        right += rows.T @ changed[:, 1:].T
+    still = [j for j in range(n_in) if gram[j * taps, j * taps] == 0.0]
+    if still:
+        raise ValueError(f"every input must move in some run; {', '.join(map(str, still))} do not")
+    heavier = np.exp(decay * np.arange(taps) / taps)
+    gram[np.diag_indices_from(gram)] += ridge * np.repeat(np.diag(gram)[::taps], taps) * np.tile(heavier, n_in)
+    solved: NDArray[np.float64] = np.linalg.solve(gram, right)
+    return solved.T.reshape(n_out, n_in, taps)
+
+
+def explained_share(
+    responses: NDArray[np.float64],
+    inputs: Sequence[NDArray[np.float64]],
+    changes: Sequence[NDArray[np.float64]],
+    skip: int = 0,
+) -> NDArray[np.float64]:
+    """Share of the mean square of changes that responses explain (n_out,), one for a perfect model.
+
+    Parameters
+    ----------
+    responses, inputs, changes
+        As of `identify`; of runs that the responses were not fitted to, it says what they are worth.
+    skip : int
+        Samples left out at the start of every run.
+    """
+    left = [c[:, skip:] - respond(responses, u)[:, skip:] for u, c in zip(inputs, changes, strict=True)]
+    whole = sum((c[:, skip:] ** 2).sum(1) for c in changes)
+    share: NDArray[np.float64] = 1.0 - sum((e**2).sum(1) for e in left) / whole
+    return share
+
+
+TOWER = (6, 7)
+POWER = 8
+"""Places of `LOADS` behind the six outputs in the responses of a plant."""
+
+
+def to_blades(values: NDArray[np.float64], azimuth: NDArray[np.float64], n_blades: int) -> NDArray[np.float64]:
+    """Values (..., n_blades, n) of mean, tilt and yaw (..., 3, n), blade 1 at ``azimuth`` (n,) [rad]."""
+    angles = azimuth + 2.0 * math.pi / n_blades * np.arange(n_blades)[:, None]
+    out: NDArray[np.float64] = (
+        values[..., 0:1, :] + values[..., 1:2, :] * np.cos(angles) + values[..., 2:3, :] * np.sin(angles)
+    )
+    return out
+
+
+def without_slow(series: NDArray[np.float64], length: int) -> NDArray[np.float64]:
+    """Series (..., n) without a smooth mean."""
+    window = np.hanning(2 * (length // 2) + 3)[1:-1]
+    window /= window.sum()
+    half = window.size // 2
+    padded = np.pad(series, [(0, 0)] * (series.ndim - 1) + [(half, half)], mode="edge")
+    smooth: NDArray[np.float64] = fftconvolve(
+        padded, window.reshape((1,) * (series.ndim - 1) + (-1,)), "valid", axes=-1
+    )
+    return series - smooth
+
+
+def amplitude_weights(series: NDArray[np.float64], exponent: float, window: int) -> NDArray[np.float64]:
+    """Weights (..., n) of the local range over its 90 % quantile, within bounds that keep single cycles from ruling."""
+    span = maximum_filter1d(series, window, axis=-1) - minimum_filter1d(series, window, axis=-1)
+    common = np.quantile(span, 0.9, axis=-1, keepdims=True)
+    out: NDArray[np.float64] = np.clip((span / common) ** exponent, 0.02, 6.0)
+    return out

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,22 +16,22 @@ import yaml
 
 from wt_gym.base.files import json_values, write_text_whole
 from wt_gym.experiment.run_folder import RunFolder
+from wt_gym.learning.callbacks import stop_on_signals
+from wt_gym.learning.hyperparameters import replaced
 from wt_gym.learning.train import train
-from wt_gym.learning.training.callbacks import stop_on_signals
-from wt_gym.learning.training.hyperparameters import replaced
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import optuna
 
-    from wt_gym.learning.training.callbacks import StopRequest
-    from wt_gym.learning.training.config import TrainingConfig
+    from wt_gym.learning.callbacks import StopRequest
+    from wt_gym.learning.options import TrainingConfig
 
-__all__ = ["BEST_FILE", "SPACES", "Choice", "Range", "check_search", "search", "tried", "write_best"]
+__all__ = ["BEST_FILE", "SPACES", "Choice", "Range", "check_search", "claim", "search", "tried", "write_best"]
 
 BEST_FILE = "best.yml"
-_STORAGE = "search.db"
+_STORAGE, _PLAN = "search.db", "search.json"
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,28 @@ SPACES: dict[str, dict[str, Range | Choice]] = {
 
 class _Interrupted(Exception):
     """Somebody asked to stop in the middle of a trial."""
+
+
+def claim(folder: Path, config: TrainingConfig, **fixed: Any) -> None:
+    """Keep what is searched in a folder, or refuse another search in it.
+
+    Parameters
+    ----------
+    **fixed
+        Further values that stay, as JSON knows them.
+
+    Raises
+    ------
+    ValueError
+    """
+    file, given = folder / _PLAN, json_values(fixed | asdict(config.with_hyperparameters()))
+    if file.exists():
+        before = json.loads(file.read_text(encoding="utf-8"))
+        if changed := [name for name in given if before.get(name) != given[name]]:
+            raise ValueError(
+                f"the configuration must be that of the search in this folder, got other {', '.join(changed)}"
+            )
+    write_text_whole(file, json.dumps(given, indent=1) + "\n")
 
 
 def check_search(config: TrainingConfig, trials: int) -> None:
@@ -167,6 +189,7 @@ def search(
     space = SPACES[config.algorithm]
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     with RunFolder(folder) as run, stop_on_signals() as stop:
+        claim(run.path, config)
         study = optuna.create_study(
             storage=f"sqlite:///{(run.path / _STORAGE).absolute()}",
             study_name="search",
@@ -175,7 +198,6 @@ def search(
             pruner=optuna.pruners.MedianPruner(n_startup_trials=5, n_warmup_steps=config.total_steps // 3),
             load_if_exists=True,
         )
-        _claim(study, config)
         if not _ended(study):
             keys = {name: part.key(config.resolved.get(name)) for name, part in space.items()}
             study.enqueue_trial({name: key for name, key in keys.items() if key is not None})
@@ -202,16 +224,6 @@ def search(
             "value": study.best_value if best else None,
             "trials": _ended(study),
         }
-
-
-def _claim(study: optuna.Study, config: TrainingConfig) -> None:
-    """Keep the configuration with the study, or refuse another one."""
-    given = json_values(config.with_hyperparameters().to_json())
-    kept = study.user_attrs.setdefault("config", given)
-    if kept != given:
-        changed = [name for name in given if kept.get(name) != given[name]]
-        raise ValueError(f"the configuration must be that of the search in this folder, got other {', '.join(changed)}")
-    study.set_user_attr("config", given)
 
 
 def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: StopRequest) -> float:

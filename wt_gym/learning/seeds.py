@@ -1,9 +1,9 @@
-"""The same training with several seeds, one after another, and what they have in common."""
+"""The same training with several seeds, and trainings that the same command begins and resumes, as on a cluster."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,18 +11,17 @@ import numpy as np
 
 from wt_gym.base.files import write_text_whole
 from wt_gym.experiment.run_folder import SEEDS_FILE, RunFolder, read_plan, seed_folder
+from wt_gym.learning.callbacks import FIGURES, stop_on_signals
+from wt_gym.learning.options import TrainingConfig
 from wt_gym.learning.train import resume, train
-from wt_gym.learning.training.callbacks import stop_on_signals
-from wt_gym.learning.training.config import TrainingConfig
-from wt_gym.learning.training.selection import FIGURES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
-    from wt_gym.learning.training.callbacks import StopRequest
-    from wt_gym.learning.training.learners import Learner
+    from wt_gym.learning.callbacks import StopRequest
+    from wt_gym.learning.train import Learner
 
-__all__ = ["resume_seeds", "seeds_table", "train_seeds"]
+__all__ = ["resume_or_train", "resume_seeds", "seeds_table", "train_seeds"]
 
 _RECENT = 10  # episodes
 
@@ -44,7 +43,6 @@ def train_seeds(
         Its own seed does not matter.
     folder : str or path
         Gets the folders and ``seeds.json``: seeds, configuration and, in the end, the summary.
-    seeds : iterable of int
     overwrite, progress, learner
         As `wt_gym.learning.train.train`.
 
@@ -67,7 +65,7 @@ def train_seeds(
         for seed in seeds:  # now, not when its turn comes
             RunFolder(seed_folder(folder, seed)).refuse_used(overwrite)
         run.clear()
-        plan = {"seeds": seeds, "config": config.with_hyperparameters().to_json()}
+        plan = {"seeds": seeds, "config": asdict(config.with_hyperparameters())}
         _write(folder, plan)
         records = (
             train(c, seed_folder(folder, c.seed), overwrite=overwrite, progress=progress, stop=stop, learner=learner)
@@ -100,10 +98,8 @@ def resume_seeds(
     """
     folder = Path(folder)
     plan = read_plan(folder)
-    seeds, config = plan["seeds"], TrainingConfig.from_json(plan["config"])
-    changes: dict[str, Any] = {"total_steps": total_steps, "max_seconds": max_seconds}
-    config = replace(config, **{name: value for name, value in changes.items() if value is not None})
-    plan["config"] = config.to_json()
+    seeds, config = plan["seeds"], TrainingConfig.from_dict(plan["config"]).limited(total_steps, max_seconds)
+    plan["config"] = asdict(config)
 
     def resume_seed(seed: int, stop: StopRequest) -> dict[str, Any]:
         run = RunFolder(seed_folder(folder, seed))
@@ -178,3 +174,56 @@ def _collect(
     }
     _write(folder, {**plan, "summary": summary})
     return summary
+
+
+def resume_or_train(
+    config: TrainingConfig, folder: str | Path, seeds: Sequence[int] | None = None, *, learner: Learner | None = None
+) -> dict[str, Any]:
+    """Train, or resume where the folder holds this training already.
+
+    Parameters
+    ----------
+    seeds : sequence of int, optional
+        Train with each of them; by default with that of the configuration.
+    learner : Learner, optional
+        As of `wt_gym.learning.train.train`.
+
+    Returns
+    -------
+    dict
+        The record; of several seeds the summary. A training that has done its steps gives what is there.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds another training, or a damaged one.
+    """
+    folder = Path(folder)
+    limits: dict[str, Any] = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
+    if seeds is not None:
+        if not (folder / SEEDS_FILE).is_file():
+            return train_seeds(config, folder, seeds, learner=learner)
+        plan = read_plan(folder)
+        _refuse_other(config, plan["config"], folder)
+        if plan["seeds"] != list(seeds):
+            raise ValueError(f"the seeds must be {plan['seeds']}, those of the training in {folder}; got {list(seeds)}")
+        return resume_seeds(folder, **limits, learner=learner)
+    if (folder / SEEDS_FILE).is_file():
+        raise ValueError(f"{folder} holds a training with the seeds {read_plan(folder)['seeds']}: give --seeds")
+    run = RunFolder(folder)
+    if not run.model.is_file():  # nothing, or stopped by force before anything was saved
+        return train(config, folder, overwrite=run.used, learner=learner)
+    record = run.record()
+    _refuse_other(config, record.get("config"), folder)
+    if record["config"]["seed"] != config.seed:
+        raise ValueError(
+            f"the seed must be {record['config']['seed']}, that of the training in {folder}; got {config.seed}"
+        )
+    if record["status"] == "finished" and record["steps"] >= config.total_steps:
+        return record
+    return resume(folder, **limits, learner=learner)
+
+
+def _refuse_other(config: TrainingConfig, record: Any, folder: Path) -> None:
+    if not config.continues(record):
+        raise ValueError(f"{folder} holds a training with another configuration: take another folder, or --overwrite")

@@ -1,0 +1,278 @@
+"""Options that several commands share, and what follows from them. Imports nothing heavy, for --help."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.base.errors import did_you_mean
+from wt_gym.commands.program import FIDELITIES_HELP, folder_path, json_value
+from wt_gym.tasks import DEFAULT_ENV
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from wt_gym.deployment.export.openfast_flight import Scene
+    from wt_gym.experiment.execute import Executor
+    from wt_gym.turbines import Turbine
+
+__all__ = [
+    "CLUSTER", "MODELS", "OWN_SIMULATOR", "WORKERS", "add_climate", "add_scene", "add_shared", "agents_of",
+    "check_environment", "environment_of", "executor_of", "scene_of", "site_word", "turbine_of", "wind_word",
+]  # fmt: skip
+
+OWN_SIMULATOR = "wt_gym"
+"""Name of the simulator of this package, the default of ``--simulator``."""
+
+
+def site_word(word: str) -> tuple[str, float | str]:
+    """Read ``NAME=VALUE`` of the option ``--site``: a number, or the name of a class."""
+    name, equals, value = word.partition("=")
+    if not (name and equals and value):
+        raise argparse.ArgumentTypeError(f"{word:.60} must be NAME=VALUE, for example air_density=1.1")
+    try:
+        return name, float(value)
+    except ValueError:
+        return name, value
+
+
+def wind_word(word: str) -> Any:
+    """Read a word, as a wind or a simulator: a name or path, or a mapping as JSON."""
+    return json_value(word) if word.lstrip().startswith("{") else word
+
+
+_SHARED: dict[str, dict[str, Any]] = {
+    "turbine": {"default": "nrel_5mw", "help": "catalogue name or windIO file (default: %(default)s)"},
+    "site": {
+        "type": site_word, "nargs": "+", "metavar": "NAME=VALUE",
+        "help": "numbers of the site instead of those of the turbine: air_density, cut_in, cut_out, iec_class, "
+        "turbulence_class, controller_air_density, rotation",
+    },
+    "wind": {
+        "type": wind_word, "nargs": "+", "metavar": "FILE",
+        "help": "winds from files (.bts, .csv, .wnd, .hh, .nc, .json) or as JSON, see docs/wind.md",
+    },
+    "simulator": {
+        "type": wind_word, "default": OWN_SIMULATOR, "metavar": "NAME",
+        "help": "wt_gym or openfast (default: %(default)s), or JSON with options: "
+        '\'{"name": "openfast", "openfast_library": "libopenfastlib.so"}\', see docs/howto/openfast.md',
+    },
+    "fidelity": {"help": FIDELITIES_HELP},
+    "env": {"default": DEFAULT_ENV, "metavar": "ID", "help": "environment id (default: %(default)s)"},
+    "env_kwargs": {
+        "type": json_value, "default": {}, "metavar": "JSON",
+        "help": 'more arguments of the environment, e.g. \'{"pitch": "individual"}\'',
+    },
+    "wind_speed": {"type": float, "nargs": "+", "metavar": "M_S", "help": "mean wind speeds [m/s]"},
+    "wind_seeds": {
+        "type": int, "nargs": "+", "metavar": "SEED", "help": "turbulence seeds (default: six held-out ones)",
+    },
+    "duration": {
+        "type": float, "default": 600.0, "metavar": "S", "help": "length of a run [s] (default: %(default)s)",
+    },
+    "skip": {
+        "type": float, "default": 30.0, "metavar": "S",
+        "help": "start left out of the metrics [s] (default: %(default)s)",
+    },
+    "out": {"type": folder_path, "metavar": "DIR", "help": "folder for the results (default: %(default)s)"},
+    "overwrite": {"action": "store_true", "help": "remove the results that are in the folder"},
+    "allow_other_environment": {
+        "action": "store_true",
+        "help": "take trained models into other noise, action spans or base controllers than those of their training",
+    },
+    "algo": {
+        "metavar": "NAME",
+        "help": "algorithm of models without a record of their training: PPO, A2C, SAC, TQC, TD3, DDPG or DQN "
+        "(default: as the file shows; for one of several, model.zip:algo=NAME)",
+    },
+    "trust": {
+        "action": "store_true",
+        "help": "load models that hold more than a policy needs, with whatever code is in them",
+    },
+    "jobs": {
+        "type": int, "metavar": "N",
+        "help": "runs at a time, in processes (default: 1; with Ray all processors of the cluster)",
+    },
+    "engine": {
+        "choices": ("local", "ray"), "default": "local",
+        "help": "this machine's processes, or a Ray cluster (extra ray; default: %(default)s)",
+    },
+    "address": {
+        "metavar": "HOST:PORT",
+        "help": "of the Ray cluster, or auto (default: RAY_ADDRESS, else a Ray of this machine alone)",
+    },
+    "title": {"help": "title of the report"},
+    "no_report": {"action": "store_true", "help": "write runs and metrics only"},
+    "json": {"action": "store_true", "help": "print the results as one JSON object at the end"},
+}  # fmt: skip
+CLUSTER = ("engine", "address")
+"""Options of where the work is done."""
+WORKERS = ("jobs", *CLUSTER)
+"""Options of who does the jobs of a sweep, and how many at a time."""
+MODELS = ("algo", "trust")
+"""Options about models of stable-baselines3 that were trained elsewhere."""
+
+
+def add_shared(parser: argparse._ActionsContainer, *names: str, **changes: Any) -> None:
+    """Add shared options by name.
+
+    Parameters
+    ----------
+    **changes
+        By name of the option: settings of ``add_argument`` in place of the shared ones, or another default alone.
+    """
+    for name in (*names, *(name for name in changes if name not in names)):
+        change = changes.get(name, {})
+        settings = change if isinstance(change, dict) else {"default": change}
+        parser.add_argument(f"--{name.replace('_', '-')}", **(_SHARED[name] | settings))
+
+
+def add_climate(parser: argparse.ArgumentParser) -> None:
+    """Add the wind climate that weighs loads over a life."""
+    climate = parser.add_argument_group("wind climate, for loads over a life")
+    one = climate.add_mutually_exclusive_group()
+    one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
+    one.add_argument("--mean-wind-speed", type=float, metavar="M_S", help="annual mean in place of the class's [m/s]")
+    climate.add_argument(
+        "--weibull-shape", type=float, default=2.0, metavar="K", help="Weibull exponent (default: %(default)s)"
+    )
+
+
+def turbine_of(arguments: argparse.Namespace) -> Turbine:
+    """Turbine of ``--turbine`` at ``--site``; where no fidelity was chosen, the arguments get the one that suits it."""
+    from wt_gym.simulation.fidelity import suited_fidelity
+    from wt_gym.turbines import load_turbine
+    from wt_gym.turbines.model import with_site
+
+    turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
+    arguments.fidelity = arguments.fidelity or suited_fidelity(turbine)
+    return turbine
+
+
+def executor_of(arguments: argparse.Namespace) -> Executor:
+    """Executor of `WORKERS`.
+
+    Raises
+    ------
+    ValueError
+        As `wt_gym.experiment.execute.executor_for`.
+    """
+    from wt_gym.experiment.execute import executor_for
+
+    return executor_for(arguments.engine, arguments.jobs, arguments.address)
+
+
+def agents_of(
+    arguments: argparse.Namespace, words: Sequence[str], env_id: str | None = None, kwargs: Any = None
+) -> dict[str, str]:
+    """Agents by the names that are shown, with the options `MODELS`.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Agents as they were typed.
+    env_id : str, optional
+        Environment whose own controller "baseline" stands for.
+    kwargs : dict, optional
+        Its arguments.
+    """
+    from wt_gym.experiment.names import named_choices, own_controller, with_model_options
+
+    given = with_model_options(words, arguments.algo, arguments.trust)
+    return named_choices(given, own_controller(env_id, kwargs)) if env_id is not None else named_choices(given)
+
+
+def environment_of(
+    arguments: argparse.Namespace, simulator: str | dict[str, Any] | None = None, **first: Any
+) -> dict[str, Any]:
+    """Arguments of the environment of ``--env-kwargs``, ``--site``, ``--wind``, ``--simulator`` and ``--fidelity``.
+
+    Where two of them name the same argument, the option of its own counts.
+
+    Parameters
+    ----------
+    simulator : str or mapping, optional
+        Instead of that of the options, see `wt_gym.envs.operation.simulator_maker`.
+    **first
+        Arguments that ``--env-kwargs`` replaces.
+
+    Raises
+    ------
+    ValueError, gymnasium.error.Error
+        If ``--env-kwargs`` is no mapping, or as `check_environment`.
+    """
+    from wt_gym.envs.options import flat_arguments
+
+    given = vars(arguments)
+    kwargs = given.get("env_kwargs", {})
+    if not isinstance(kwargs, dict):
+        raise ValueError(f"the arguments of the environment must be a JSON object, got {kwargs!r}")
+    kwargs = first | kwargs
+    if given.get("site"):
+        kwargs["site"] = {**(kwargs.get("site") or {}), **dict(given["site"])}
+    if wind := given.get("wind"):
+        kwargs["inflow"] = list(wind) if len(wind) > 1 else wind[0]
+    simulator = simulator or given.get("simulator", OWN_SIMULATOR)
+    if simulator != OWN_SIMULATOR:
+        kwargs["simulator"] = simulator
+    if given.get("env") is not None:
+        check_environment(given["env"], kwargs)
+    return flat_arguments(kwargs) | ({"fidelity": given["fidelity"]} if given.get("fidelity") else {})
+
+
+def check_environment(env_id: str, kwargs: dict[str, Any]) -> None:
+    """Refuse an environment that is not one of this package, and arguments that it does not take.
+
+    Raises
+    ------
+    ValueError
+    gymnasium.error.Error
+        If there is no such environment.
+    """
+    import gymnasium as gym
+
+    from wt_gym.envs.options import env_arguments, registered_arguments
+    from wt_gym.envs.turbine_env import WindTurbineEnv
+
+    entry_point = f"{WindTurbineEnv.__module__}:{WindTurbineEnv.__name__}"
+    if gym.spec(env_id).entry_point != entry_point:
+        known = sorted(name for name, entry in gym.registry.items() if entry.entry_point == entry_point)
+        raise ValueError(
+            f"the environment must be one of {', '.join(known)}, got {env_id!r}{did_you_mean(env_id, known)}"
+        )
+    arguments = env_arguments()
+    for name in kwargs:
+        if name not in arguments:
+            raise ValueError(
+                f"the environment has no argument {name!r}{did_you_mean(name, arguments, '.')} Its arguments are "
+                f"{', '.join(arguments)}"
+            )
+    registered_arguments(env_id, kwargs)
+
+
+def add_scene(parser: argparse._ActionsContainer, duration: float) -> None:
+    """Add the options of turbine and wind of a flight, with the length by default [s]."""
+    add_shared(
+        parser, "wind_speed", "wind_seeds", "duration", "env_kwargs", duration=duration,
+        wind_speed={"nargs": None, "help": "mean wind speed [m/s] (default: drawn)"},
+        wind_seeds={"nargs": None, "help": "turbulence seed (default: drawn)"},
+        env_kwargs={"help": 'other arguments of the environment: \'{"inflow": "steady", "wind_speed": 12}\''},
+    )  # fmt: skip
+
+
+def scene_of(arguments: argparse.Namespace) -> Scene:
+    """Turbine and wind of the options of `add_scene`.
+
+    Raises
+    ------
+    ValueError
+        As of `wt_gym.deployment.export.openfast_flight.scene_of`.
+    """
+    from wt_gym.deployment.export import openfast_flight
+
+    if not arguments.duration > 0.0:
+        raise ValueError(f"--duration must be above 0 s, got {arguments.duration:g}")
+    return openfast_flight.scene_of(
+        arguments.agent, turbine=arguments.turbine, env_kwargs=arguments.env_kwargs, wind_speed=arguments.wind_speed,
+        wind_seed=arguments.wind_seeds, duration=arguments.duration,
+    )  # fmt: skip

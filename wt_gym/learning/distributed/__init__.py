@@ -1,1 +1,0 @@
-"""Sweeps, trainings and searches on a Ray cluster; importing its modules needs the extra ``ray``."""

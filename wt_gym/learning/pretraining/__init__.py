@@ -1,1 +1,0 @@
-"""Pretraining of a policy by gradient on an identified model, in recorded winds."""

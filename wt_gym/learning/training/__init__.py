@@ -1,1 +1,0 @@
-"""What training is made of: configuration, hyperparameters, environments, callbacks, the folder of a run, search."""
