@@ -14,10 +14,10 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
+from wt_gym.analysis.statistics import WindClimate
 from wt_gym.analysis.summary import summarize
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.commands import main

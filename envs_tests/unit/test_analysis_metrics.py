@@ -12,9 +12,9 @@ from wt_gym.analysis.metrics import (
     TRACKING_METRICS,
     damage_equivalent_load,
     measured_metrics,
+    power_spectral_density,
     run_metrics,
 )
-from wt_gym.analysis.spectra import power_spectral_density
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.turbines import load_turbine
 

@@ -8,11 +8,23 @@ import pytest
 import xarray as xr
 from scipy import stats
 
-from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
-from wt_gym.analysis.paired import Estimate, level_of, lifetime, lifetime_change, paired_change, shared_winds
 from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.analysis.statistics import N_RESAMPLES, bootstrap_interval, interquartile_mean, stratified_resamples
+from wt_gym.analysis.statistics import (
+    N_RESAMPLES,
+    Estimate,
+    WindClimate,
+    bootstrap_interval,
+    interquartile_mean,
+    level_of,
+    lifetime,
+    lifetime_change,
+    lifetime_load,
+    paired_change,
+    shared_winds,
+    stratified_resamples,
+    wind_weights,
+)
 from wt_gym.analysis.summary import format_estimate, results_table, verdict
 from wt_gym.base.errors import InflowError
 

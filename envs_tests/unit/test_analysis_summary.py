@@ -7,22 +7,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.analysis.change import difference, relative_change
+from wt_gym.analysis.figures import spectra_figure, time_series_figure
 from wt_gym.analysis.metrics import METRICS
-from wt_gym.analysis.plots import spectra_figure, time_series_figure
-from wt_gym.analysis.replay import trailing_strength
+from wt_gym.analysis.page import difference_class, format_difference
 from wt_gym.analysis.report import write_report
-from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.analysis.summary import (
-    difference_class,
-    format_difference,
-    format_value,
-    headline,
-    result_sentence,
-    summarize,
-    unseen,
-    verdict,
-)
+from wt_gym.analysis.results import Evaluation, Run, Wind, trailing_strength
+from wt_gym.analysis.statistics import difference, relative_change
+from wt_gym.analysis.summary import format_value, headline, result_sentence, summarize, unseen, verdict
 
 WINDS = (Wind(12.0, 1001), Wind(12.0, 1002))
 TIME = np.arange(1, 401) * 0.2

@@ -24,7 +24,7 @@ import numpy as np
 from ceiling_ladder import Rung, Seen, climb, known_wind, rungs_of, see
 from ceiling_oracle import OracleOptions, Played, best_of, learn_offsets
 
-from wt_gym.analysis.change import relative_change
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_text_whole
 from wt_gym.benchmark import ResultFolder, ceiling_file, ceiling_of, into_page, play, run_definition

@@ -26,11 +26,9 @@ import numpy as np
 
 import wt_gym
 from envs_tests.physics.validation import source_commit
-from wt_gym.analysis.change import relative_change
-from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
-from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
+from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, WindClimate, lifetime_load, relative_change, wind_weights
 from wt_gym.base.files import shipped_folder, write_text_whole
 from wt_gym.commands.program import stoppable, user_errors
 from wt_gym.envs.faults import FAULT_KINDS

@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from scipy.interpolate import CubicSpline
 
-from wt_gym.analysis.replay import trailing_strength
+from wt_gym.analysis.results import trailing_strength
 from wt_gym.base.picture_style import BLUE
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["Camera", "Scene", "filament_weights", "line_look", "smooth_curves"]
 
 _STEEL, _SUBMERGED, _BLADE, _LAND, _SEA = "#98a4af", "#c3ccd4", "#26323d", "#e9efe6", "#cfe3f1"
 _MARK = "#5d6b78"

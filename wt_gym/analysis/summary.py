@@ -5,29 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
-from wt_gym.analysis.change import difference
 from wt_gym.analysis.metrics import METRICS, measured_metrics
-from wt_gym.analysis.paired import LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
-from wt_gym.analysis.statistics import LEAST_PER_STRATUM
+from wt_gym.analysis.page import NONE, Row, format_estimate, format_value, markdown
+from wt_gym.analysis.statistics import (
+    LEAST_PER_STRATUM,
+    LIFETIME_EXPONENTS,
+    lifetime,
+    lifetime_change,
+    paired_change,
+)
 
 if TYPE_CHECKING:
-    from wt_gym.analysis.paired import Estimate
     from wt_gym.analysis.results import Evaluation, Wind
+    from wt_gym.analysis.statistics import Estimate
 
-__all__ = [
-    "JUDGED",
-    "Verdict",
-    "difference_class",
-    "format_difference",
-    "format_estimate",
-    "format_value",
-    "headline",
-    "result_sentence",
-    "results_table",
-    "summarize",
-    "unseen",
-    "verdict",
-]
 
 JUDGED = {
     "corrected_power": "power",
@@ -37,9 +28,6 @@ JUDGED = {
     "pitch_travel": "pitch travel",
 }
 """What decides whether an agent is better, and how it is called in a sentence."""
-
-# Differences of extremes below this fraction are called equal.
-_NEGLIGIBLE = 0.01
 _LOADS = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
 _FATIGUE = {
     "blade_flap_del": "flapwise blade fatigue",
@@ -74,59 +62,6 @@ _MANY_WINDS = 6
 _MOST_NAMED = 3
 _SHORT_TRAINING = 300_000
 _WORDS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
-
-
-def format_value(key: str, value: float) -> str:
-    """Value of a metric in the unit shown, without the unit."""
-    metric = METRICS[key]
-    return f"{value * metric.factor:.{metric.digits}f}".replace("-", "\u2212")
-
-
-def format_difference(key: str, value: float, reference: float) -> str:
-    """Signed difference of a metric to its reference, in percent where that makes sense, else in the unit shown."""
-    amount, relative = difference(key, value, reference)
-    if amount == 0.0:
-        return "="
-    if relative:
-        return f"{_signed(100 * amount, 1)} %" if abs(amount) < 10 else f"\u00d7 {1 + amount:.0f}"
-    unit = METRICS[key].unit
-    return _signed(amount, METRICS[key].digits) + ("" if unit == "-" else f" {unit}")
-
-
-def format_estimate(key: str, estimate: Estimate) -> str:
-    """Change with its interval: ``−18.4 % [−20.1, −16.2]``, ``× 4.4 [4.1, 4.8]``, or in the unit shown.
-
-    No change in any wind is ``=``.
-    """
-    values = [estimate.value, estimate.low, estimate.high] if estimate.has_interval else [estimate.value]
-    if not any(values):
-        return "="
-    if not estimate.relative:
-        shown, unit = [_signed(value, METRICS[key].digits) for value in values], METRICS[key].unit
-    elif estimate.value >= 1.0:
-        shown, unit = [f"{1.0 + value:.1f}" for value in values], "-"
-        shown[0] = f"\u00d7 {shown[0]}"
-    else:
-        shown, unit = [_signed(100.0 * value, 1) for value in values], "%"
-    interval = f" [{', '.join(shown[1:])}]" if estimate.has_interval else ""
-    return f"{shown[0]}{'' if unit == '-' else f' {unit}'}{interval}"
-
-
-def _signed(value: float, digits: int) -> str:
-    """Number with its sign, none for what rounds to zero."""
-    text = f"{value:+.{digits}f}"
-    return (text if float(text) else text[1:]).replace("-", "\u2212")
-
-
-def difference_class(key: str, value: float, reference: float) -> str:
-    """``"better"``, ``"worse"`` or ``"equal"`` than the reference, or ``"none"`` if neither is good."""
-    better = METRICS[key].better
-    amount, relative = difference(key, value, reference)
-    if better == 0:
-        return "none"
-    if abs(amount) < (_NEGLIGIBLE if relative else 0.5 * 10.0 ** -METRICS[key].digits):
-        return "equal"
-    return "better" if amount * better > 0 else "worse"
 
 
 def headline(evaluation: Evaluation) -> str:
@@ -460,7 +395,7 @@ def _all_complete(evaluation: Evaluation, agent: str) -> bool:
 
 def _shown(key: str, metrics: dict[str, float]) -> str:
     """Value with its unit."""
-    return f"{format_value(key, metrics[key])} {METRICS[key].unit}"
+    return format_value(key, metrics[key], unit=True)
 
 
 def _count(number: int, noun: str) -> str:
@@ -474,28 +409,25 @@ def results_table(evaluation: Evaluation) -> list[str]:
     Greatest speed, smallest clearance and overspeeds are extremes and sums over the winds, not changes.
     """
     measured = measured_metrics(run.metrics for run in evaluation.runs)
-    table = _TABLE | {key: text for key, text in _MORE.items() if key in measured}
-    lines = ["| wind | agent | " + " | ".join(table.values()) + " |", "|---" * (len(table) + 2) + "|"]
-    speeds = evaluation.speeds
-    groups = [(f"{speed:g} m/s", speed) for speed in speeds] + ([("all", None)] if len(speeds) > 1 else [])
-    for label, speed in groups:
-        for agent in evaluation.agents:
-            cells = [_table_cell(evaluation, agent, key, speed) for key in table]
-            lines.append(f"| {label} | {agent} | " + " | ".join(cells) + " |")
-    if evaluation.climate is not None and len(speeds) > 1:
-        for agent in evaluation.agents:
-            cells = [_lifetime_cell(evaluation, agent, key) for key in table]
-            lines.append(f"| lifetime | {agent} | " + " | ".join(cells) + " |")
-    return lines
+    columns = _TABLE | {key: text for key, text in _MORE.items() if key in measured}
+    several = len(evaluation.speeds) > 1
+    rows = []
+    for speed in (*evaluation.speeds, *([None] if several else [])):
+        rows.append(Row("all" if speed is None else f"{speed:g} m/s"))
+        rows += [Row(a, [_table_cell(evaluation, a, key, speed) for key in columns]) for a in evaluation.agents]
+    if evaluation.climate is not None and several:
+        rows.append(Row("lifetime"))
+        rows += [Row(a, [_lifetime_cell(evaluation, a, key) for key in columns]) for a in evaluation.agents]
+    return markdown(["wind", "agent", *columns.values()], rows)
 
 
 def _table_cell(evaluation: Evaluation, agent: str, key: str, speed: float | None) -> str:
     """Value of the baseline or of an extreme, else a change."""
     values = evaluation.overall_metrics(agent, speed)
     if key not in values:
-        return "\u2013"
+        return NONE
     if agent == evaluation.baseline or METRICS[key].over_winds != "mean":
-        return _shown(key, values).removesuffix(" -")
+        return _shown(key, values)
     change = paired_change(evaluation, agent, key, speed)
     return "not compared" if change is None else format_estimate(key, change)
 
@@ -506,6 +438,6 @@ def _lifetime_cell(evaluation: Evaluation, agent: str, key: str) -> str:
         return ""
     if agent == evaluation.baseline:
         value = lifetime(evaluation, agent, key)
-        return "\u2013" if value is None else _shown(key, {key: value})
+        return NONE if value is None else _shown(key, {key: value})
     change = lifetime_change(evaluation, agent, key)
-    return "\u2013" if change is None else format_estimate(key, change)
+    return NONE if change is None else format_estimate(key, change)

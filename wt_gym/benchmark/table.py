@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.analysis.change import relative_change
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.benchmark.ceiling import ceiling_line, ceiling_of
 from wt_gym.benchmark.reference import reference_of

@@ -92,9 +92,7 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(hint):
         if other == OWN_SIMULATOR:
             raise ValueError(f"--simulator must be another one than {OWN_SIMULATOR}, which the crosscheck runs anyway")
-        from wt_gym.analysis.crosscheck import Crosscheck
-        from wt_gym.analysis.crosscheck_page import figure_files, tables, write_page
-        from wt_gym.analysis.crosscheck_report import write_crosscheck_report
+        from wt_gym.analysis.crosscheck import Crosscheck, tables, write_crosscheck
         from wt_gym.experiment.evaluation import evaluate
         from wt_gym.experiment.names import named_choices, own_controller, with_model_options
 
@@ -112,7 +110,6 @@ def main(words: list[str] | None = None) -> None:
                 )  # fmt: skip
         check = Crosscheck((OWN_SIMULATOR, name), (found[0], found[1]))
         command = shlex.join(["wt-gym", "crosscheck", *(sys.argv[2:] if words is None else words)])
-        path = write_page(check, out, command)
-        report = write_crosscheck_report(check, out, command, figure_files(check))
-    print(tables(check.to_json()))
+        path, report = write_crosscheck(check, out, command)
+    print(tables(check.content))
     print(f"\npage: {path}\nreport: {report}")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import stdtrit
 
-from wt_gym.analysis.change import is_relative, relative_change
 from wt_gym.analysis.metrics import idle_time
+from wt_gym.analysis.statistics import is_relative, relative_change
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.options import check_duration
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
@@ -401,7 +401,7 @@ def change(run: ControllerRuns, reference: ControllerRuns, wind_speed: float, me
     -------
     mean, half_width : float
         NaN where no run, or fewer than three, can be compared, and where no share makes sense
-        (`wt_gym.analysis.change.is_relative`).
+        (`wt_gym.analysis.statistics.is_relative`).
     """
     values, references = np.array(_pairs(run, reference, wind_speed, metric)).reshape(-1, 2).T
     if values.size == 0 or not is_relative(metric, references):

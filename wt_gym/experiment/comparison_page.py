@@ -8,12 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.analysis.change import is_relative, relative_change
-from wt_gym.analysis.metrics import METRICS
-from wt_gym.analysis.paired import Estimate
-from wt_gym.analysis.plots import agent_styles
-from wt_gym.analysis.report_page import Row, Section, agent_label, legend, settings_element, table, today, write_page
-from wt_gym.analysis.summary import format_estimate, format_value
+from wt_gym.analysis.page import (
+    Row,
+    Section,
+    agent_labels,
+    change_tag,
+    format_value,
+    html_list,
+    legend,
+    settings_element,
+    table,
+    today,
+    write_page,
+)
+from wt_gym.analysis.statistics import Estimate, is_relative, relative_change
 from wt_gym.experiment.comparison import COLUMNS, LEAST_FOR_INTERVAL, change
 
 if TYPE_CHECKING:
@@ -35,13 +43,6 @@ _LOADS = {
     "blade_flap_del": "flapwise blade fatigue", "tower_fore_aft_del": "fore-aft tower fatigue",
     "tower_side_side_del": "side-side tower fatigue",
 }  # fmt: skip
-
-
-class _Compared:
-    """Names for the colors."""
-
-    def __init__(self, runs: Sequence[ControllerRuns]):
-        self.agents = [run.name for run in runs]
 
 
 def write_comparison(
@@ -72,11 +73,11 @@ def write_comparison(
         f" (Student's t) from {LEAST_FOR_INTERVAL} seeds on",
         "pitch, torque and speed: means",
     ]
-    failures = "".join(
-        f"<li>{escape(f'{run.name} at {case.wind_speed:g} m/s, seed {case.seed}: {message}')}</li>"
+    failures = [
+        f"{run.name} at {case.wind_speed:g} m/s, seed {case.seed}: {message}"
         for run in runs
         for case, message in run.failures.items()
-    )
+    ]
     return write_page(
         path,
         title=f"{turbine}: controllers compared",
@@ -92,7 +93,7 @@ def write_comparison(
         sections=[
             Section("verdict", f"What changes against {runs[0].name}?", legend(more=marks) + _table(runs, speeds),
                     link="Changes"),
-            Section("failed", "What failed", f"<ul>{failures}</ul>" if failures else ""),
+            Section("failed", "What failed", html_list(failures)),
             Section("method", "Settings", settings_element(settings)),
         ],
     )  # fmt: skip
@@ -131,14 +132,10 @@ def _percent(value: float) -> str:
 
 def _table(runs: Sequence[ControllerRuns], speeds: Sequence[float]) -> str:
     """A block a wind speed, a row a controller."""
-    styles = agent_styles(_Compared(runs))
-    rows = []
+    labels, rows = agent_labels([run.name for run in runs]), []
     for speed in speeds:
         rows.append(Row(f"{speed:g} m/s"))
-        rows += [
-            Row(agent_label(run.name, styles[run.name]), [_cell(key, run, runs[0], speed) for key, _ in COLUMNS])
-            for run in runs
-        ]
+        rows += [Row(labels[run.name], [_cell(key, run, runs[0], speed) for key, _ in COLUMNS]) for run in runs]
     return table(["Controller", *(_HEADS[key] for key, _ in COLUMNS)], rows)
 
 
@@ -149,8 +146,5 @@ def _cell(key: str, run: ControllerRuns, reference: ControllerRuns, speed: float
         return "failed"
     mean, half = change(run, reference, speed, key)
     if run is reference or key in _VALUES or math.isnan(mean):
-        return f"{format_value(key, float(np.mean(values)))} {METRICS[key].unit}"
-    found = Estimate(mean, mean - half, mean + half, True, len(values))
-    value, _, interval = format_estimate(key, found).partition(" [")
-    kind = "none" if value == "=" else found.kind(key)
-    return f"<span class='diff main {kind}'>{value}{f'<small>[{interval}</small>' if interval else ''}</span>"
+        return format_value(key, float(np.mean(values)), unit=True)
+    return change_tag(key, Estimate(mean, mean - half, mean + half, True, len(values)), "main")

@@ -11,8 +11,8 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.results import Evaluation, Run, Wind
+from wt_gym.analysis.statistics import WindClimate
 from wt_gym.base.files import json_values
 from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.envs.layout import layout_of

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 import wt_gym
-from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
+from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import require_writable, write_text_whole
 from wt_gym.control.controllers.names import SHORT_FOR, load_class
@@ -90,7 +90,7 @@ class Cost:
     ----------
     weights : dict
         By the keys of `wt_gym.benchmark.run.benchmark_metrics`. By default
-        `wt_gym.analysis.lifetime_cost.LIFETIME_COST_WEIGHTS`, by which the load-reduction tasks of the benchmark score
+        `wt_gym.analysis.metrics.LIFETIME_COST_WEIGHTS`, by which the load-reduction tasks of the benchmark score
         too: one per cent of energy is one per cent of cost.
     least_power : float
         Captured power over that of the reference; the benchmark's load-reduction tasks allow no less either.

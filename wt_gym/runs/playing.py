@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.analysis.metrics import IDLE_ATTRIBUTE
-from wt_gym.analysis.replay import ReplayRecorder
+from wt_gym.analysis.results import ReplayRecorder
 from wt_gym.control import Demand
 from wt_gym.control.controllers import checked_demand, make_controller, readings_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import gymnasium as gym
     import xarray as xr
 
-    from wt_gym.analysis.replay import Replay
+    from wt_gym.analysis.results import Replay
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.episode import Agent, EpisodeStep
     from wt_gym.envs.turbine_env import WindTurbineEnv

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.analysis.lifetime import lifetime_load, wind_weights
-from wt_gym.analysis.paired import LIFETIME_EXPONENTS
+from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, lifetime_load, wind_weights
 from wt_gym.experiment.loadcases.cases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION
 from wt_gym.experiment.loadcases.run import COMPLETE
 
 if TYPE_CHECKING:
-    from wt_gym.analysis.lifetime import WindClimate
+    from wt_gym.analysis.statistics import WindClimate
     from wt_gym.experiment.loadcases.cases import Condition
 
 __all__ = ["CLEARANCE", "PARKED", "SPEED", "CaseRun", "LoadCaseResults", "Value"]
@@ -167,7 +166,7 @@ class LoadCaseResults:
         ----------
         agent : str
         key : str
-            Of `wt_gym.analysis.paired.LIFETIME_EXPONENTS`.
+            Of `wt_gym.analysis.statistics.LIFETIME_EXPONENTS`.
 
         Returns
         -------

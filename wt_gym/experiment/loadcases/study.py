@@ -13,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.analysis.lifetime import WindClimate
+from wt_gym.analysis.statistics import WindClimate
 from wt_gym.base.files import json_values, require_writable, write_text_whole
 from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.envs.operation import OWN

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import wt_gym
-from wt_gym.analysis.change import relative_change
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.benchmark.run import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, LinearDesign, PitchOffsets, default_limits, offset_fade

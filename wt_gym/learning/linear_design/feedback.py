@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.signal import fftconvolve
 
-from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
-from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
+from wt_gym.analysis.metrics import BLADE_EXPONENT, LIFETIME_COST_WEIGHTS, TOWER_EXPONENT, damage_equivalent_load
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, bin_means, delay_bins, spread_over_bins, without_lasting
 from wt_gym.learning.linear_design.identification import respond
 from wt_gym.learning.linear_design.series import POWER, TOWER, amplitude_weights, to_blades, without_slow
@@ -78,7 +77,7 @@ class FeedbackOptions:
     skip : float
         Start of each run that does not count [s].
     weights : dict
-        Of the cost, see `wt_gym.analysis.lifetime_cost.LIFETIME_COST_WEIGHTS`.
+        Of the cost, see `wt_gym.analysis.metrics.LIFETIME_COST_WEIGHTS`.
 
     Raises
     ------

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.results import Wind
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 
