@@ -117,7 +117,7 @@ class Crosscheck:
     @property
     def agents(self) -> list[str]:
         """All but the baseline."""
-        return [name for name in self.evaluations[0].agents if name != self.baseline]
+        return self.evaluations[0].others
 
     @property
     def speeds(self) -> list[float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,18 +30,6 @@ if TYPE_CHECKING:
     from wt_gym.analysis.statistics import Estimate
 
 
-_RPM = 30 / np.pi
-
-
-@dataclass(frozen=True)
-class _Row:
-    """A row of the time-series figure: title with unit, how to get the values, and a reference line."""
-
-    title: str
-    values: Callable[[xr.Dataset], NDArray[np.float64]]
-    limit: Callable[[dict[str, float]], float | None]
-
-
 def _largest_tip(run: xr.Dataset) -> NDArray[np.float64]:
     """Downwind deflection of the tip that is bent most [m]."""
     names = [name for name in run.data_vars if str(name).startswith("tip_out_of_plane_")]
@@ -50,25 +37,16 @@ def _largest_tip(run: xr.Dataset) -> NDArray[np.float64]:
     return out
 
 
-_ROWS = (
-    _Row("Wind speed at the hub [m/s]", lambda run: run["wind_x"].values, lambda _: None),
-    _Row(
-        "Electrical power [MW]",
-        lambda run: run["generator_power"].values / 1e6,
-        lambda limits: limits["rated_power"] / 1e6 if "rated_power" in limits else None,
-    ),
-    _Row(
-        "Rotor speed [rpm]",
-        lambda run: run["rotor_speed"].values * _RPM,
-        lambda limits: limits["rated_rotor_speed"] * _RPM if "rated_rotor_speed" in limits else None,
-    ),
-    _Row("Pitch of blade 1 [deg]", lambda run: np.degrees(run["pitch_1"].values), lambda _: None),
-    _Row("Generator torque [kN m]", lambda run: run["generator_torque"].values / 1e3, lambda _: None),
-    _Row("Tip deflection downwind, largest of the blades [m]", _largest_tip, lambda _: None),
-    _Row(
-        "Tower-base fore-aft moment [MN m]", lambda run: run["tower_base_fore_aft_moment"].values / 1e6, lambda _: None
-    ),
+_ROWS: tuple[tuple[str, str | Callable[[xr.Dataset], NDArray[np.float64]], float, str], ...] = (
+    ("Wind speed at the hub [m/s]", "wind_x", 1.0, ""),
+    ("Electrical power [MW]", "generator_power", 1e-6, "rated_power"),
+    ("Rotor speed [rpm]", "rotor_speed", 30 / np.pi, "rated_rotor_speed"),
+    ("Pitch of blade 1 [deg]", "pitch_1", 180 / np.pi, ""),
+    ("Generator torque [kN m]", "generator_torque", 1e-3, ""),
+    ("Tip deflection downwind, largest of the blades [m]", _largest_tip, 1.0, ""),
+    ("Tower-base fore-aft moment [MN m]", "tower_base_fore_aft_moment", 1e-6, ""),
 )
+"""Rows of the time series: title with unit, signal, factor, and the limit that is drawn where it is known."""
 
 
 def _line(look: dict[str, str]) -> dict[str, Any]:
@@ -83,19 +61,20 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
     """
     styles = agent_styles(evaluation.agents)
     figure = make_subplots(
-        rows=len(_ROWS), cols=1, shared_xaxes=True, vertical_spacing=0.032, subplot_titles=[row.title for row in _ROWS]
+        rows=len(_ROWS), cols=1, shared_xaxes=True, vertical_spacing=0.032, subplot_titles=[row[0] for row in _ROWS]
     )
     for agent in evaluation.agents:
         run = evaluation.run(agent, wind)
         time = run.data["time"].values
         step = float(time[1] - time[0]) if time.size > 1 else 0.0
-        for i, row in enumerate(_ROWS, start=1):
+        for i, (_, signal, factor, _) in enumerate(_ROWS, start=1):
             if i == 1 and agent != evaluation.agents[0]:
                 continue  # all agents meet the same wind
             line = {"color": WIND_COLOR, "width": 1.4} if i == 1 else _line(styles[agent])
+            values = factor * (run.data[signal].values if isinstance(signal, str) else signal(run.data))
             figure.add_trace(
                 go.Scatter(
-                    x0=float(time[0]), dx=step, y=compact(row.values(run.data)), mode="lines", line=line,
+                    x0=float(time[0]), dx=step, y=compact(values), mode="lines", line=line,
                     name="wind" if i == 1 else agent, legendgroup=agent, showlegend=i == 2, hovertemplate="%{y:.4g}",
                 ),
                 row=i, col=1,
@@ -104,10 +83,11 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
             figure.add_vline(
                 x=run.duration, line={"color": styles[agent]["color"], "width": 1, "dash": "dot"}, row="all", col=1
             )
-    for i, row in enumerate(_ROWS, start=1):
-        limit = row.limit(evaluation.limits)
-        if limit is not None:
-            figure.add_hline(y=limit, line={"color": MUTED, "width": 1, "dash": "dash"}, row=i, col=1)
+    for i, (_, _, factor, limit) in enumerate(_ROWS, start=1):
+        if limit in evaluation.limits:
+            figure.add_hline(
+                y=factor * evaluation.limits[limit], line={"color": MUTED, "width": 1, "dash": "dash"}, row=i, col=1
+            )
     titles_at_left(figure)
     style(figure, height=1180)
     figure.update_layout(hovermode="x unified", hoversubplots="axis")
@@ -142,17 +122,14 @@ def spectra_figure(evaluation: Evaluation, skip: float) -> go.Figure:
                 ),
                 row=i, col=1,
             )  # fmt: skip
-    for multiple, rotor_frequency in _rotor_frequencies(evaluation):
+    turning = [run.data["rotor_speed"].values.mean() for run in evaluation.runs_of(evaluation.baseline)]
+    rotation = float(np.mean(turning)) / (2 * np.pi)
+    for multiple, rotor_frequency in (("1P", rotation), ("3P", 3 * rotation)):
         figure.add_vline(x=rotor_frequency, line={"color": MUTED, "width": 1, "dash": "dot"}, row="all", col=1)
         figure.add_annotation(
-            x=np.log10(rotor_frequency),
-            y=1,
-            xref="x",
-            yref="y domain",
-            text=multiple,
-            showarrow=False,
+            x=np.log10(rotor_frequency), y=1, xref="x", yref="y domain", text=multiple, showarrow=False,
             yanchor="bottom",
-        )
+        )  # fmt: skip
     titles_at_left(figure, len(rows))
     style(figure, height=1000)
     ticks = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10]
@@ -178,13 +155,6 @@ def _mean_spectra(
     return {name: (spectra[0][0], np.mean([s[1] for s in spectra], axis=0)) for name, spectra in found.items()}
 
 
-def _rotor_frequencies(evaluation: Evaluation) -> list[tuple[str, float]]:
-    """Once and three times the mean rotational frequency of the baseline [Hz]."""
-    runs = evaluation.runs_of(evaluation.baseline)
-    rotation = float(np.mean([run.data["rotor_speed"].values.mean() for run in runs])) / (2 * np.pi)
-    return [("1P", rotation), ("3P", 3 * rotation)]
-
-
 def compact(values: NDArray[np.float64]) -> NDArray[np.float32]:
     """float32 copy: half the size in the page, more digits than a screen shows."""
     return np.asarray(values, dtype=np.float32)
@@ -205,7 +175,7 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
 
     The shaded half is the better one. None where no agent can be compared.
     """
-    agents = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    agents = evaluation.others
     panels = ({"corrected_power": "Power"}, _LOADS)
     changed = {(agent, key): paired_change(evaluation, agent, key) for agent in agents for key in panels[0] | panels[1]}
     found = {place: change for place, change in changed.items() if change is not None and change.relative}
@@ -356,18 +326,7 @@ def trainings(evaluation: Evaluation) -> list[list[str]]:
 
 
 def running_mean(values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
-    """Mean over a centered window that shrinks at the ends.
-
-    Parameters
-    ----------
-    values : numpy.ndarray, shape (n,)
-    half_width : int
-        Values on either side.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-    """
+    """Mean of values (n,) over a centered window, ``half_width`` to either side, that shrinks at the ends."""
     total = np.concatenate([[0.0], np.cumsum(values)])
     index = np.arange(len(values))
     low, high = np.maximum(index - half_width, 0), np.minimum(index + half_width + 1, len(values))

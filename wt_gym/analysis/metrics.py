@@ -110,13 +110,7 @@ def metric_of(key: str | Metric) -> Metric:
 
 
 def measured_metrics(tables: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
-    """Keys of `METRICS` without those of the tracked power and of limits where no run has them.
-
-    Parameters
-    ----------
-    tables : iterable of mapping
-        Metrics of runs.
-    """
+    """Keys of `METRICS` without those of the tracked power and of limits where no table of a run has them."""
     found = list(tables)
     groups = (TRACKING_METRICS, LIMIT_METRICS)
     absent = {key for keys in groups if not any(keys[0] in table for table in found) for key in keys}
@@ -131,12 +125,7 @@ def idle_time(run: xr.Dataset) -> float:
 def idle_sentence(agent: str, spells: Iterable[tuple[str, float]]) -> str | None:
     """Sentence on runs in which a turbine made no power, None where there are none.
 
-    Parameters
-    ----------
-    agent : str
-        Name of the agent or controller.
-    spells : iterable of (str, float)
-        Name of the wind, and `idle_time` of the run [s].
+    ``spells`` are the names of the winds and the `idle_time` of the runs [s].
     """
     cases = [f"{time:.0f} s in {wind}" for wind, time in spells if time > 0.0]
     if not cases:

@@ -132,14 +132,7 @@ def markdown(head: Sequence[str], rows: Iterable[Row]) -> list[str]:
 def table(head: Sequence[str], rows: Iterable[Row], texts: Sequence[int] = ()) -> str:
     """Table that becomes a card for each row where it has no room.
 
-    Parameters
-    ----------
-    head : sequence of str
-        HTML above the columns, the first above the headers of the rows.
-    rows : iterable of Row
-        In HTML.
-    texts : sequence of int
-        Columns with text, which is at the left and may be broken.
+    Head and rows are HTML; ``texts`` are the columns with text, which is at the left and may be broken.
     """
     top = "".join(f"<th scope='col'{' class=text' if k in texts else ''}>{name}</th>" for k, name in enumerate(head))
     body = "".join(_row(row, head, texts) for row in rows)
@@ -284,18 +277,11 @@ def style(figure: go.Figure, height: int) -> go.Figure:
         plot_bgcolor=_PAPER,
         hoverlabel={"font": {"family": FONT, "size": 12, "color": INK}, "bgcolor": _PAPER},
     )  # fmt: skip
-    axis = {
-        "gridcolor": GRID,
-        "zeroline": False,
-        "linecolor": _AXIS,
-        "ticks": "outside",
-        "tickcolor": _AXIS,
-        "tickfont": {"color": INK, "size": 12},
-        "title_font": {"color": INK, "size": 13},
-        "automargin": True,
-    }
-    figure.update_xaxes(**axis)
-    figure.update_yaxes(**axis)
+    for update in (figure.update_xaxes, figure.update_yaxes):
+        update(
+            gridcolor=GRID, zeroline=False, linecolor=_AXIS, ticks="outside", tickcolor=_AXIS, automargin=True,
+            tickfont={"color": INK, "size": 12}, title_font={"color": INK, "size": 13},
+        )  # fmt: skip
     figure.update_annotations(font={"family": FONT, "size": 13, "color": INK})
     return figure
 

@@ -21,6 +21,7 @@ from wt_gym.analysis.figures import (
 )
 from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS, measured_metrics
 from wt_gym.analysis.page import (
+    BEYOND,
     CHANGES_LEGEND,
     NONE,
     Row,
@@ -55,7 +56,7 @@ from wt_gym.analysis.statistics import (
     paired_change,
     wind_weights,
 )
-from wt_gym.analysis.summary import JUDGED, headline, result_sentence, summarize, unseen, verdict
+from wt_gym.analysis.summary import JUDGED, REASONS, headline, result_sentence, summarize, unseen, verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -89,13 +90,6 @@ _GROUPS = {
     "Tower base": ("tower_fore_aft_del", "tower_side_side_del", "tower_del", "tower_base_max"),
     "Actuators": ("pitch_duty_cycle", "pitch_travel", "yaw_travel", "torque_rate"),
 }  # fmt: skip
-_REASONS = {
-    "time": "complete",
-    "overspeed": "overspeed",
-    "standstill": "rotor stalled",
-    "tower_strike": "tower strike",
-    "failure": "simulation failed",
-}
 
 
 def write_report(
@@ -112,7 +106,6 @@ def write_report(
     evaluation : Evaluation
     path : str or path
         HTML file; its folder is created if missing.
-    title : str, optional
     files : sequence of str, optional
         Of the runs, as seen from the folder of the page, in the order of ``evaluation.runs``; the page links to them.
     crosscheck : mapping, optional
@@ -186,7 +179,7 @@ def _facts(evaluation: Evaluation) -> dict[str, str | None]:
 
 def _question(evaluation: Evaluation) -> str:
     """What the page answers first."""
-    others = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    others = evaluation.others
     if not others:
         return headline(evaluation)
     return f"Is {others[0] if len(others) == 1 else 'any of these'} better than {evaluation.baseline}?"
@@ -194,47 +187,29 @@ def _question(evaluation: Evaluation) -> str:
 
 def _verdicts(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None) -> str:
     """The answer: legend, a row an agent with the changes that decide and the tip clearance, and their picture."""
-    others = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    others = evaluation.others
     if not others:
         return f"<p>{escape(result_sentence(evaluation))}</p>"
     labels, base = agent_labels(evaluation.agents), evaluation.baseline
-    rows = [
-        Row(
-            labels[base],
-            [
-                f"{badge('', 'Reference')}{_survived(evaluation, base)}",
-                *(_value(evaluation, base, key) for key in (*JUDGED, _CLEARANCE)),
-            ],
-        )
-    ]
-    found = {}
+    own = [_value(evaluation, base, key) for key in (*JUDGED, _CLEARANCE)]
+    rows = [Row(labels[base], [f"{badge('', 'Reference')}{_survived(evaluation, base)}", *own])]
+    note: list[str] = []
     for agent in others:
         result = verdict(evaluation, agent)
         cells = [change_tag(key, paired_change(evaluation, agent, key), "main") for key in JUDGED]
         there = _elsewhere(evaluation, crosscheck, agent)
-        rows.append(
-            Row(
-                labels[agent],
-                [f"{badge(result.kind, result.word)}{_survived(evaluation, agent)}", *cells,
-                 _extreme(evaluation, _CLEARANCE, agent)],
-                "under" if there else "",
-            )
-        )  # fmt: skip
+        word = f"{badge(result.kind, result.word)}{_survived(evaluation, agent)}"
+        cells = [word, *cells, _extreme(evaluation, _CLEARANCE, agent)]
+        rows.append(Row(labels[agent], cells, "under" if there else ""))
         if crosscheck is not None and there is not None:
-            found[agent] = there
-            rows.append(
-                Row(f"in {escape(_simulator(crosscheck))}", ["", *(there.get(key, "") for key in JUDGED), ""], "sub")
-            )
+            note = [escape(_crosscheck_note(crosscheck, evaluation.speeds[0]))]
+            cells = ["", *(there.get(key, "") for key in JUDGED), ""]
+            rows.append(Row(f"in {escape(_simulator(crosscheck))}", cells, "sub"))
     head = ["Agent", "Verdict", *_SHORT.values(), "Tip clearance, smallest"]
-    more = [f"changes against <b>{escape(base)}</b> in the same winds, with 95 % intervals"]
-    if found and crosscheck is not None:
-        more.append(escape(_crosscheck_note(crosscheck, evaluation.speeds[0])))
+    more = [f"changes against <b>{escape(base)}</b> in the same winds, with 95 % intervals", *note]
     figure = verdict_figure(evaluation)
-    return (
-        legend(more=more)
-        + table(head, rows, texts=(1,))
-        + ("" if figure is None else figure_element("changes", figure))
-    )
+    drawn = "" if figure is None else figure_element("changes", figure)
+    return legend(more=more) + table(head, rows, texts=(1,)) + drawn
 
 
 def _survived(evaluation: Evaluation, agent: str) -> str:
@@ -255,16 +230,11 @@ def _extreme(evaluation: Evaluation, key: str, agent: str) -> str:
     mine, base = (evaluation.overall_metrics(name) for name in (agent, evaluation.baseline))
     if key not in mine:
         return NONE
-    text = _value(evaluation, agent, key) + ("" if _whole(evaluation, agent) else " \u2020")
-    if key not in base or not (_whole(evaluation, agent) and _whole(evaluation, evaluation.baseline)):
+    text = _value(evaluation, agent, key) + ("" if evaluation.survived(agent) else f" {BEYOND}")
+    if key not in base or not (evaluation.survived(agent) and evaluation.survived(evaluation.baseline)):
         return text
     kind, change = (show(key, mine[key], base[key]) for show in (difference_class, format_difference))
     return tag(text, kind, change, "main")
-
-
-def _whole(evaluation: Evaluation, agent: str, speed: float | None = None) -> bool:
-    """Whether all runs lasted as long as planned."""
-    return all(run.complete for run in evaluation.runs_of(agent) if speed in (None, run.wind.speed))
 
 
 def _simulator(crosscheck: Mapping[str, Any]) -> str:
@@ -288,9 +258,8 @@ def _elsewhere(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None, age
     for key in JUDGED:
         change = changes.get("mean_power" if key == "corrected_power" else key)
         if change is not None:
-            cells[key] = (
-                f"<span class='diff'>{format_estimate(key, Estimate.from_json(change)).partition(' [')[0]}</span>"
-            )
+            value = format_estimate(key, Estimate.from_json(change)).partition(" [")[0]
+            cells[key] = f"<span class='diff'>{value}</span>"
     return cells or None
 
 
@@ -332,7 +301,7 @@ def _table(evaluation: Evaluation, speed: float | None) -> str:
 
 def _survival(evaluation: Evaluation, agent: str, speed: float | None) -> str:
     """How many runs lasted as long as planned."""
-    runs = [run for run in evaluation.runs_of(agent) if speed in (None, run.wind.speed)]
+    runs = evaluation.runs_of(agent, speed)
     return f"{sum(run.complete for run in runs)} of {len(runs)}"
 
 
@@ -342,8 +311,8 @@ def _cell(evaluation: Evaluation, key: str, agent: str, speed: float | None) -> 
     mine, base = evaluation.overall_metrics(agent, speed), evaluation.overall_metrics(baseline, speed)
     if key not in mine:
         return NONE
-    whole = {name: _whole(evaluation, name, speed) for name in (agent, baseline)}
-    text = format_value(key, mine[key]) + ("" if whole[agent] else " \u2020")
+    whole = {name: evaluation.survived(name, speed) for name in (agent, baseline)}
+    text = format_value(key, mine[key]) + ("" if whole[agent] else f" {BEYOND}")
     if agent != baseline and key in base and all(whole.values()):
         if METRICS[key].over_winds == "mean":
             text += change_tag(key, paired_change(evaluation, agent, key, speed))
@@ -424,7 +393,7 @@ def _runs(evaluation: Evaluation, files: Sequence[str] | None) -> Section:
     labels = agent_labels(evaluation.agents)
 
     def cell(run: Run) -> str:
-        text = _REASONS[run.ending] if run.complete else f"{_REASONS[run.ending]} after {run.duration:.0f} s"
+        text = "complete" if run.complete else f"{REASONS[run.ending]} after {run.duration:.0f} s"
         kind = "" if run.complete else " class='worse'"
         named = f"<span{kind}>{escape(text)}</span>"
         return named if files is None else f"<a href='{quote(files[place[run.agent, run.wind]])}'>{named}</a>"

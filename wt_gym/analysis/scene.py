@@ -101,10 +101,6 @@ def line_look(weights: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     ----------
     weights : numpy.ndarray, shape (n,)
         0 to 1.
-
-    Returns
-    -------
-    widths, opacities : numpy.ndarray, shape (n,)
     """
     return _NARROWEST + (_WIDEST - _NARROWEST) * weights, np.clip(0.12 + 0.88 * weights, 0.0, 1.0)
 
@@ -173,13 +169,7 @@ class Scene:
         self._frame(length)
 
     def draw(self, geometry: Mapping[str, NDArray[np.float64]]) -> None:
-        """Show an instant.
-
-        Parameters
-        ----------
-        geometry : mapping
-            As given by ``Simulator.geometry()``.
-        """
+        """Show an instant, as given by ``Simulator.geometry()``."""
         project, hub = self.camera.project, np.asarray(geometry["hub"], dtype=np.float64)
         blades = project(geometry["blades"])
         self._blades.set_verts([np.concatenate([blade[0], blade[-1][::-1]]) for blade in blades])

@@ -28,7 +28,6 @@ JUDGED = {
     "pitch_travel": "pitch travel",
 }
 """What decides whether an agent is better, and how it is called in a sentence."""
-_LOADS = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
 _FATIGUE = {
     "blade_flap_del": "flapwise blade fatigue",
     "tower_fore_aft_del": "fore-aft tower fatigue",
@@ -66,7 +65,7 @@ _WORDS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
 
 def headline(evaluation: Evaluation) -> str:
     """One line for the top of the page: agents and winds."""
-    others = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    others = evaluation.others
     winds = _count(len(evaluation.winds), "unseen wind" if evaluation.training and unseen(evaluation) else "wind")
     if not others:
         return f"{evaluation.baseline} in {winds}"
@@ -79,7 +78,7 @@ def result_sentence(evaluation: Evaluation) -> str:
 
     The best is better in `JUDGED` at no cost or as a trade, and among those of most the one with the lowest loads.
     """
-    others = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    others = evaluation.others
     winds = f"in {_count(len(evaluation.winds), 'wind')}"
     if not others:
         mean = evaluation.mean_metrics(evaluation.baseline)
@@ -111,7 +110,7 @@ def result_sentence(evaluation: Evaluation) -> str:
 
 def _rank(evaluation: Evaluation, agent: str) -> float:
     """Mean change of the loads less that of power; least is best."""
-    loads = [change.value for key in _LOADS if (change := paired_change(evaluation, agent, key)) and change.relative]
+    loads = [change.value for key in _FATIGUE if (change := paired_change(evaluation, agent, key)) and change.relative]
     power = paired_change(evaluation, agent, "corrected_power")
     gained = power.value if power is not None and power.relative else 0.0
     return (sum(loads) / len(loads) if loads else 0.0) - gained
@@ -194,7 +193,7 @@ def verdict(evaluation: Evaluation, agent: str) -> Verdict:
     A change counts if it exceeds 1 % and, where there are winds enough for an interval, that excludes zero. More than
     5 % of lost power does not count as a trade.
     """
-    if not (_all_complete(evaluation, agent) and _all_complete(evaluation, evaluation.baseline)):
+    if not (evaluation.survived(agent) and evaluation.survived(evaluation.baseline)):
         return Verdict("lost", "Runs ended early")
     changes = {key: paired_change(evaluation, agent, key) for key in JUDGED}
     kinds = {key: change.kind(key) for key, change in changes.items() if change is not None}
@@ -210,15 +209,9 @@ def verdict(evaluation: Evaluation, agent: str) -> Verdict:
 
 
 def summarize(evaluation: Evaluation) -> list[str]:
-    """Describe what was found: what all have in common, then a paragraph an agent, a note, and how far it carries.
-
-    Returns
-    -------
-    list of str
-        Plain text.
-    """
+    """Paragraphs of plain text: what all agents have in common, one an agent, notes, and how far the result carries."""
     paragraphs = [_baseline_paragraph(evaluation)]
-    paragraphs += [_agent_paragraph(evaluation, a) for a in evaluation.agents if a != evaluation.baseline]
+    paragraphs += [_agent_paragraph(evaluation, agent) for agent in evaluation.others]
     notes = [*evaluation.notes.values(), *evaluation.idle_sentences.values()]
     return [*paragraphs, *notes, _reach_paragraph(evaluation)]
 
@@ -227,7 +220,7 @@ def _baseline_paragraph(evaluation: Evaluation) -> str:
     agent = evaluation.baseline
     sentences = [_common_survival(evaluation), _survival(evaluation, agent), _common_overspeed(evaluation)]
     mean = evaluation.mean_metrics(agent)
-    if _all_complete(evaluation, agent) and "corrected_power" in mean:
+    if evaluation.survived(agent) and "corrected_power" in mean:
         fastest = _shown("rotor_speed_max", evaluation.overall_metrics(agent))
         sentences.append(
             f"{agent} made {_shown('corrected_power', mean)} on average, with a rotor speed of up to {fastest} and a"
@@ -257,7 +250,7 @@ def _common_survival(evaluation: Evaluation) -> str:
         runs = [evaluation.run(agent, wind) for agent in evaluation.agents]
         first, last = min(run.duration for run in runs), max(run.duration for run in runs)
         when = f"{first:.0f} s" if f"{first:.0f}" == f"{last:.0f}" else f"{first:.0f} to {last:.0f} s"
-        reasons.append(f"{wind.name}: {_and(list(dict.fromkeys(_REASONS[run.ending] for run in runs)))} after {when}")
+        reasons.append(f"{wind.name}: {_and(list(dict.fromkeys(REASONS[run.ending] for run in runs)))} after {when}")
     return f"{every.capitalize()} lost the turbine in {_count(len(ends), 'wind')} ({'; '.join(reasons)})."
 
 
@@ -272,7 +265,7 @@ def _common_overspeed(evaluation: Evaluation) -> str:
 
 def _agent_paragraph(evaluation: Evaluation, agent: str) -> str:
     sentences = [_training_sentence(evaluation, agent), _survival(evaluation, agent)]
-    if not (_all_complete(evaluation, agent) and _all_complete(evaluation, evaluation.baseline)):
+    if not (evaluation.survived(agent) and evaluation.survived(evaluation.baseline)):
         energy = _produced(evaluation, agent)
         if energy is not None:
             sentences.append(
@@ -308,7 +301,7 @@ def _survival(evaluation: Evaluation, agent: str) -> str:
     if not stopped:
         said = common or (len(evaluation.agents) > 1 and all(run.complete for run in evaluation.runs))
         return "" if said else f"{agent} kept the turbine running in {_every_wind(len(runs))}."
-    reasons = "; ".join(f"{_REASONS[run.ending]} after {run.duration:.0f} s at {run.wind.name}" for run in stopped)
+    reasons = "; ".join(f"{REASONS[run.ending]} after {run.duration:.0f} s at {run.wind.name}" for run in stopped)
     number = _WORDS.get(len(stopped), len(stopped))
     alone = " alone" if common else ""
     return f"{agent}{alone} lost the turbine in {number} of {_count(len(runs), 'wind')} ({reasons})."
@@ -318,7 +311,7 @@ def _every_wind(number: int) -> str:
     return {1: "the wind", 2: "both winds"}.get(number, f"all {_count(number, 'wind')}")
 
 
-_REASONS = {
+REASONS = {
     "overspeed": "overspeed",
     "standstill": "the rotor stalled",
     "tower_strike": "a blade hit the tower",
@@ -331,7 +324,7 @@ def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
     mine, base = evaluation.mean_metrics(agent), evaluation.mean_metrics(evaluation.baseline)
     # all winds can be compared
     change = {key: format_estimate(key, cast("Estimate", paired_change(evaluation, agent, key))) for key in JUDGED}
-    loads = ", ".join(f"{JUDGED[key]} {change[key]}" for key in _LOADS)
+    loads = ", ".join(f"{JUDGED[key]} {change[key]}" for key in _FATIGUE)
     sentences = [
         f"{agent} made {_shown('corrected_power', mine)} ({change['corrected_power']} against {evaluation.baseline}).",
         f"Damage-equivalent loads: {loads}.",
@@ -387,10 +380,6 @@ def _produced(evaluation: Evaluation, agent: str) -> float | None:
 
     reference = energy(evaluation.baseline)
     return 100 * energy(agent) / reference if reference > 0 else None
-
-
-def _all_complete(evaluation: Evaluation, agent: str) -> bool:
-    return all(run.complete for run in evaluation.runs_of(agent))
 
 
 def _shown(key: str, metrics: dict[str, float]) -> str:
