@@ -83,7 +83,7 @@ def test_a_turbine_of_a_path_and_another_simulator(tmp_path):
 
 def test_wrappers_and_texts_show_one_line():
     env = gym.make("wt_gym/NREL5MW-Steady-v1")
-    assert str(env) == repr(env) == "<OrderEnforcing<PassiveEnvChecker<WindTurbineEnv<wt_gym/NREL5MW-Steady-v1>>>>"
+    assert str(env) == repr(env) == "<OrderEnforcing<WindTurbineEnv<wt_gym/NREL5MW-Steady-v1>>>"
     assert f"{env.unwrapped}" == "<WindTurbineEnv<wt_gym/NREL5MW-Steady-v1>>"
     assert f"{WindTurbineEnv()}" == "<WindTurbineEnv instance>"
     assert "\n" not in repr(env.unwrapped)

@@ -12,7 +12,8 @@ from wt_gym.analysis.results import Wind
 from wt_gym.analysis.summary import results_table
 from wt_gym.base.files import shipped_folder
 from wt_gym.deployment.export.openfast_flight import Scene, fly
-from wt_gym.envs import VectorReward, reward_store
+from wt_gym.envs import VectorReward
+from wt_gym.envs import twin as reward_store
 from wt_gym.envs.dial import DIAL_NAMES, factor_of
 from wt_gym.envs.terminations import Costs, violated
 from wt_gym.envs.turbine_env import WindTurbineEnv

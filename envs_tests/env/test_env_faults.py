@@ -90,7 +90,7 @@ def test_environments_have_the_turbulence_of_mann(monkeypatch):
     with gym.make("wt_gym/NREL5MW-Turbulent-v1", turbulence="mann", wind_speed=12.0) as env:
         env.reset(seed=0, options={"wind_seed": 3})
         assert "Mann NTM class" in env.unwrapped.episode_wind.inflow.description
-    with pytest.raises(InflowError, match=r"turbulence must be one of \('kaimal', 'mann'\), got 'burgers'"):
+    with pytest.raises(InflowError, match="turbulence must be one of kaimal, mann, got 'burgers'"):
         gym.make("wt_gym/NREL5MW-Turbulent-v1", turbulence="burgers")
     with pytest.raises(InflowError, match="turbulence='mann' belongs to the inflows"):
         gym.make("wt_gym/NREL5MW-Steady-v1", turbulence="mann")

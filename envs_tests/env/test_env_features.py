@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, use
 
-from wt_gym.envs.episode_start import _FEATURES
+from wt_gym.envs.episode_start import FEATURE_OPTIONS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 
@@ -103,7 +103,7 @@ def test_a_vector_is_single_environments(arguments):
     vector.close()
 
 
-@pytest.mark.parametrize("option", _FEATURES)
+@pytest.mark.parametrize("option", FEATURE_OPTIONS)
 def test_an_option_of_a_feature_that_is_off_is_refused(option):
-    with pytest.raises(ValueError, match=f"{option} must be left out of a reset without {_FEATURES[option]}"):
+    with pytest.raises(ValueError, match=f"{option} must be left out of a reset without {FEATURE_OPTIONS[option]}"):
         WindTurbineEnv(**PLAIN).reset(seed=0, options={option: "none"})

@@ -123,7 +123,7 @@ def test_spells_count_in_a_run_from_the_least_length_on():
             clock.advance(still, 1.0, None)
         clock.advance(runs, 1.0, None)
         assert clock.total == total
-    clock.start()
+    clock.begin(None)
     assert (clock.time, clock.total) == (0.0, 0.0)
 
 

@@ -12,6 +12,7 @@ from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
 from wt_gym.control.design import rotor_inertia
 from wt_gym.deployment.export.openfast_flight import Scene, export_openfast, fly
 from wt_gym.envs import episode_start, record_store, rewards
+from wt_gym.envs.power import available_power
 from wt_gym.envs.power_reference import AHEAD
 from wt_gym.envs.terms import Transition
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -41,7 +42,7 @@ def paid(powers, demanded, speeds=None):
     ]
     demanded = np.broadcast_to(demanded, len(powers))
     term = rewards.PowerTracking(1.0)
-    rewards.reset([term], TURBINE, samples[0])
+    rewards.reset([term], TURBINE, samples[0], demanded_power=4e6)
     steps = zip(itertools.pairwise(samples), demanded[1:].tolist(), strict=True)
     return DT * sum(
         term(Transition(TURBINE, before, after, DT, demanded_power=asked)) for (before, after), asked in steps
@@ -208,7 +209,7 @@ def test_no_yawing_makes_the_available_power_less():
     askew = {"inflow": SteadyInflow(10.0, 90.0), "yaw": math.radians(40.0)}
     run = play(env, ConstantAgent(env.layout), seed=0, options=askew, duration=1.0).data
     np.testing.assert_allclose(run["yaw"].values, math.radians(40.0), atol=1e-3)
-    np.testing.assert_allclose(run["available_power"].values, rewards.available_power(TURBINE, 10.0), rtol=1e-6)
+    np.testing.assert_allclose(run["available_power"].values, available_power(TURBINE, 10.0), rtol=1e-6)
 
 
 def test_a_power_that_changes_is_refused_in_openfast(tmp_path):

@@ -20,6 +20,7 @@ from wt_gym.control.design import reference_flap_moment, rotor_inertia
 from wt_gym.envs import rewards
 from wt_gym.envs.channels import blade_static_moment
 from wt_gym.envs.fatigue import Load, RainflowCounter
+from wt_gym.envs.power import available_power
 from wt_gym.envs.terms import HighPass, Transition
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine
@@ -80,8 +81,8 @@ def test_power_above_rated_wind(power, value):
 def test_power_below_rated_is_relative_to_the_wind():
     # 8 m/s: 0.5 rho A Cp eta V^3 with the coned rotor (2.5 deg), Cp 0.482 and eta 0.944.
     available = 0.5 * 1.225 * math.pi * (63 * math.cos(math.radians(2.5))) ** 2 * 0.482 * 0.944 * 8**3
-    assert rewards.available_power(TURBINE, 8.0) == pytest.approx(available, rel=1e-6)
-    assert rewards.available_power(TURBINE, 12.0) == 5e6
+    assert available_power(TURBINE, 8.0) == pytest.approx(available, rel=1e-6)
+    assert available_power(TURBINE, 12.0) == 5e6
     wind = {"wind_x": 8.0, "generator_power": available}
     assert rate(rewards.Power(), before=wind, **wind) == pytest.approx(1.0)
     idle = {"wind_x": 8.0, "generator_power": 0.0}
@@ -92,7 +93,7 @@ def test_available_power_is_that_of_the_rotor_not_of_the_hub():
     sheared = SteadyInflow(8.0, hub_height=90.0, shear_exponent=0.2)
     term, low = rewards.Power(), {"wind_x": 3.0, "wind_y": 0.0, "generator_power": 1e6, "rotor_speed": 1.0}
     values = course(term, [low] * 3, sheared)
-    expected = 1.0 + (1e6 - rewards.available_power(TURBINE, sheared.rotor_effective_speed(0.0, 126.0))) / 5e6
+    expected = 1.0 + (1e6 - available_power(TURBINE, sheared.rotor_effective_speed(0.0, 126.0))) / 5e6
     assert values == pytest.approx(expected, abs=2e-3)
 
 
@@ -109,7 +110,7 @@ def test_the_disc_of_the_wind_stands_across_it(angle, speed):
 
     low = {"wind_x": speed * math.cos(angle), "wind_y": speed * math.sin(angle), "generator_power": 1e6}
     mean = speed * (1.0 + 1e-4 * across * 63.0**2 / 4.0)
-    expected = 1.0 + (1e6 - rewards.available_power(TURBINE, mean)) / 5e6
+    expected = 1.0 + (1e6 - available_power(TURBINE, mean)) / 5e6
     assert course(rewards.Power(), [low | {"rotor_speed": 1.0}] * 20, Hollow()) == pytest.approx(expected, rel=1e-9)
 
 
@@ -126,7 +127,7 @@ def test_wind_is_filtered_and_its_size_counts():
     gust = course(term, [low, *[low | {"wind_x": 9.0}] * 60])
     memory = math.exp(-DT / 5.0)
     filtered = [9.0 - memory**k for k in range(1, 61)]
-    assert gust == pytest.approx([1.0 + (1e6 - rewards.available_power(TURBINE, v)) / 5e6 for v in filtered])
+    assert gust == pytest.approx([1.0 + (1e6 - available_power(TURBINE, v)) / 5e6 for v in filtered])
 
 
 def kinetic_energy(speed):
@@ -140,7 +141,7 @@ def test_kinetic_energy_telescopes_over_an_episode():
     values = course(
         rewards.Power(), [{"rotor_speed": speed, "generator_power": 2e6, "wind_x": 10.0} for speed in speeds]
     )
-    constant = 1.0 + (2e6 - rewards.available_power(TURBINE, 10.0)) / 5e6
+    constant = 1.0 + (2e6 - available_power(TURBINE, 10.0)) / 5e6
     credit = (kinetic_energy(speeds[-1]) - kinetic_energy(speeds[0])) / 5e6
     assert DT * (values - constant).sum() == pytest.approx(credit, rel=1e-9)
 
@@ -407,17 +408,17 @@ ALL_TERMS = dict.fromkeys(rewards.DEFAULT_WEIGHTS, 0.5)
 
 def test_reset_forgets_everything():
     terms = rewards.compose(ALL_TERMS)
-    rewards.reset(terms, TURBINE, signals())
+    rewards.reset(terms, TURBINE, signals(), demanded_power=4e6)
     first = noisy_course(terms, seed=0)
     noisy_course(terms, seed=1)
-    rewards.reset(terms, TURBINE, signals())
+    rewards.reset(terms, TURBINE, signals(), demanded_power=4e6)
     assert noisy_course(terms, seed=0) == first
     assert noisy_course(rewards.compose(ALL_TERMS), seed=0) == first  # as if started by the first transition
 
 
 def test_a_deep_copy_is_a_snapshot():
     terms = rewards.compose(ALL_TERMS)
-    rewards.reset(terms, TURBINE, signals())
+    rewards.reset(terms, TURBINE, signals(), demanded_power=4e6)
     noisy_course(terms, seed=0)
     snapshot = copy.deepcopy(terms)
     onwards = noisy_course(terms, seed=1)

@@ -17,6 +17,7 @@ from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs import episode_start, record_store
 from wt_gym.envs.episode_start import RunningStart
 from wt_gym.envs.record_store import (
+    CATALOG,
     StartFile,
     digest_of_turbine,
     dimensions,
@@ -24,7 +25,6 @@ from wt_gym.envs.record_store import (
     record_canary,
     recorded_speeds,
 )
-from wt_gym.envs.recording import CATALOG
 from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, StartRecorder
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import parities

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from wt_gym.base.canary import canary_differences
-from wt_gym.envs.record_store import FOLDER, StartFile
-from wt_gym.envs.recording import CATALOG
+from wt_gym.envs.record_store import CATALOG, FOLDER, StartFile
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbine_records import RECORDS
 

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 from wt_gym.base.errors import ActionError, InflowError
 from wt_gym.control.controllers.names import make_controller
-from wt_gym.envs import reward_store
+from wt_gym.envs import twin as reward_store
 from wt_gym.envs.instruments import DRIFTING
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.variation import CHOICES, HELD_BACK, PRESETS, RANGES, STRUCTURAL, TRAIN, Plants, Variation

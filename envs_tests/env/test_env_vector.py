@@ -171,7 +171,7 @@ def test_a_turbine_whose_step_fails_has_to_begin_anew(threads, monkeypatch):
         raise ControllerError("no demand")
 
     with monkeypatch.context() as patch:
-        patch.setattr(env.envs[1], "step", fail)
+        patch.setattr(env.envs[1], "advance", fail)
         with pytest.raises(ControllerError, match="no demand"):
             env.step(np.zeros((2, 3)))
     with pytest.raises(ResetNeeded, match=r"turbines \[1\] are over"):
@@ -189,7 +189,7 @@ def test_after_an_interrupt_all_turbines_have_to_begin_anew(monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(env.envs[1], "step", interrupt)
+        patch.setattr(env.envs[1], "advance", interrupt)
         with pytest.raises(KeyboardInterrupt):
             env.step(np.zeros((3, 3)))
     with pytest.raises(ResetNeeded, match=r"turbines \[0, 1, 2\] are over"):

@@ -404,6 +404,13 @@ def test_shaft_about_its_own_axis_is_updated_on_demand():
     assert turned == pytest.approx(0.5 * 0.05 / inertia * 16.0, rel=0.01)
 
 
+def test_frame_updates_as_printed():
+    """16 modes at 1.6 rad/s and finite elements at 0.2 rad/s keep the momentum; the latter diverge at 1.6 rad/s."""
+    assert example.follow(example.SPEED, 16, "printed")[0] < 1e-4
+    assert example.follow(example.SLOW, None, "printed")[0] < 1e-3
+    assert example.follow(example.SPEED, None, "printed")[0] == np.inf
+
+
 def test_published_follower_load_example():
     """At u/L ≈ 0.15 three and five modes fall short, ten do not; the reference is converged in its step."""
     tip = {n: example.tip_after_loading(example.LOAD, "consistent", n_modes=n)[0] for n in (None, 3, 5, 10)}

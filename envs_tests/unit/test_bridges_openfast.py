@@ -51,6 +51,7 @@ from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import mirrored, unloaded_clearance
 from wt_gym.turbines.windio_writer import require_same
 from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind.files import BtsContent
 from wt_gym.wind.inflow import TurningInflow
 
 

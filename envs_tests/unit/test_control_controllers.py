@@ -899,13 +899,8 @@ def test_parameters_stand_behind_the_name_too(turbine):
     assert one.additions[1].dead_band == other.additions[1].dead_band == 0.05
     with pytest.raises(ValueError, match="level of controller 'ipc' is given twice"):
         make_controller("ipc:level=0.2", turbine, level=0.1)
-    for text, message in (
-        ("level", "a parameter of a controller must be key=value, got 'level'"),
-        ("level='a'", "the value of 'level' .* must be a number, True, False or None"),
-        ("level=0.1,level=0.2", "every parameter must be given once, got level twice"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            make_controller(f"ipc:{text}", turbine)
+    with pytest.raises(ValueError, match="every parameter must be given once, got level twice"):
+        make_controller("ipc:level=0.1,level=0.2", turbine)
 
 
 @pytest.mark.parametrize("name", TUNED)
@@ -925,12 +920,8 @@ def test_a_tuned_controller_has_the_parameters_of_its_record(name, turbine):
     assert best.items() <= controller_parameters(name).items()
     assert _defaults(name, TuningTask(name).space) == pytest.approx(best)  # with which a search of it begins
     wider = make_controller(f"{name}+yaw:level=0.2", turbine)  # what is given wins
-    assert wider.additions[0].harmonics[0].parameters == (
-        make_controller(task["controller"], turbine, **best | {"constrained_ipc__level": 0.2})
-        .additions[0]
-        .harmonics[0]
-        .parameters
-    )
+    wanted = make_controller(task["controller"], turbine, **best | {"constrained_ipc__level": 0.2})
+    assert wider.additions[0].harmonics[0].parameters == wanted.additions[0].harmonics[0].parameters
 
 
 def test_on_another_turbine_tuned_times_go_with_its_turn(turbine):

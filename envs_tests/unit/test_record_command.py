@@ -10,7 +10,7 @@ import pytest
 from wt_gym.commands import record
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.controller import memory_of
-from wt_gym.envs import recording
+from wt_gym.envs import record_store as recording
 from wt_gym.envs.record_store import StartFile, digest_of_turbine, recorded_speeds
 from wt_gym.envs.running_record import PLAN, Instants, RowLayout
 from wt_gym.turbines import load_turbine
@@ -76,7 +76,7 @@ def test_turbines_of_one_name_get_a_file_each(tmp_path, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     monkeypatch.setattr(recording, "make_record", make_record)
     for present in (turbine, other):
-        for module in ("wt_gym.turbines", "wt_gym.envs.recording"):
+        for module in ("wt_gym.turbines", "wt_gym.envs.record_store"):
             monkeypatch.setattr(f"{module}.load_turbine", lambda _, one=present: one)
         record.main(["model.yaml"])
     paths, pieces, fidelities = zip(*made, strict=True)

@@ -180,8 +180,7 @@ def test_wrong_arguments_are_refused(change):
 
 
 @pytest.mark.parametrize(
-    "samples",
-    [np.zeros((4, 2, 2)), np.zeros((4, 1, 2, 3)), np.zeros((4, 2, 2, 2)), np.full((4, 2, 2, 3), np.nan)],
+    "samples", [np.zeros((4, 2, 2)), np.zeros((4, 1, 2, 3)), np.zeros((4, 2, 2, 2)), np.full((4, 2, 2, 3), np.nan)]
 )
 def test_wrong_samples_are_refused(samples):
     with pytest.raises(InflowError):

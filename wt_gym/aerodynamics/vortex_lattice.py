@@ -515,17 +515,7 @@ class VortexLattice:
         if not store_wind(wind, w.rows, a.wind):
             raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
 
-    def turn_of_rows(
-        self, state: AeroState
-    ) -> tuple[
-        Array,
-        Integers,
-        Integers,
-        Integers,
-        int,
-        Integers,
-        Array,
-    ]:
+    def turn_of_rows(self, state: AeroState) -> tuple[Array, Integers, Integers, Integers, int, Integers, Array]:
         """Arguments of `wake_kernels.rows_for_wind`: the same arrays in every step."""
         a, w = state.arrays, self.work
         return a.wake, a.shed, a.n_rows, a.n_steps, self.options.wind_stride, w.rows, w.row_points

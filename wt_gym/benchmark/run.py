@@ -252,7 +252,7 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None) -> 
     ----------
     turbine : Turbine
     fidelity : str or Fidelity or None
-        None: that of the blades (`wt_gym.simulation.tip_twist.choose_fidelity`).
+        None: that of the blades (`wt_gym.simulation.fidelity.choose_fidelity`).
 
     Returns
     -------

@@ -22,7 +22,7 @@ from wt_gym.commands.program import FIDELITIES_HELP, IN_CLONE, OneLineParser, st
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from wt_gym.envs.recording import RecordedTurbine
+    from wt_gym.envs.record_store import RecordedTurbine
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -47,8 +47,7 @@ def main(words: list[str] | None = None) -> None:
     arguments = parse_arguments(words)
     os.environ["OMP_NUM_THREADS"] = "1"  # of the processes
     from wt_gym.base.canary import package_digest
-    from wt_gym.envs.record_store import FOLDER
-    from wt_gym.envs.recording import make_record
+    from wt_gym.envs.record_store import FOLDER, make_record
     from wt_gym.runs.progress import clock
 
     with user_errors(), stoppable("the runs that are done stay: the same command continues"):
@@ -65,7 +64,7 @@ def main(words: list[str] | None = None) -> None:
 
 def _of_package(names: list[str]) -> dict[str, RecordedTurbine]:
     """Records of the package by name, all or some."""
-    from wt_gym.envs.recording import CATALOG
+    from wt_gym.envs.record_store import CATALOG
 
     records = {recorded.name: recorded for recorded in CATALOG}
     unknown = sorted(set(names) - set(records))
@@ -76,8 +75,7 @@ def _of_package(names: list[str]) -> dict[str, RecordedTurbine]:
 
 def _of_user(arguments: argparse.Namespace) -> dict[str, RecordedTurbine]:
     """Records of the user's turbines, by names of files: turbines of one name have a file each."""
-    from wt_gym.envs.record_store import digest_of_turbine
-    from wt_gym.envs.recording import RecordedTurbine
+    from wt_gym.envs.record_store import RecordedTurbine, digest_of_turbine
     from wt_gym.turbines import load_turbine
 
     records = {}

@@ -55,7 +55,7 @@ MARGIN = math.radians(5.0)
 
 @dataclass(frozen=True)
 class Demand:
-    """What the actuators are asked for."""
+    """Demand on the actuators."""
 
     pitch: NDArray[np.float64]  #: blade pitch [rad], shape (n_blades,)
     yaw_rate: float  #: rate of the nacelle about the vertical, counter-clockwise from above [rad/s]
@@ -64,7 +64,7 @@ class Demand:
 
 @dataclass(frozen=True)
 class AgentSetpoint:
-    """What the actions of an agent ask for, in the coordinates of its action; offsets in mode "residual"."""
+    """Setpoint of an agent, in the coordinates of its action; offsets in mode "residual"."""
 
     pitch: NDArray[np.float64]  #: of all blades, of each, mean, tilt and yaw, or tilt and yaw [rad], shape (n_pitch,)
     yaw_rate: float  #: [rad/s]
@@ -201,7 +201,7 @@ class ActionMap:
 
     @property
     def needs_controller(self) -> bool:
-        """Whether the action is added to a base controller."""
+        """True where the action is added to a base controller."""
         torque = self.takes_torque and "torque" not in self.components
         return self.mode == "residual" or "pitch" not in self.components or torque
 
@@ -222,12 +222,12 @@ class ActionMap:
 
     @property
     def turns_with_rotor(self) -> bool:
-        """Whether the demand changes with the azimuth within a control step."""
+        """True where the demand changes with the azimuth within a control step."""
         return self.pitch in _TURNING and "pitch" in self.components
 
     @property
     def n_mean(self) -> int:
-        """Of how many pitch coordinates, the first ones, the mean is that of the blades: none of tilt and yaw."""
+        """Number of pitch coordinates, the first ones, whose mean is that of the blades: none of tilt and yaw."""
         return {"fixed-frame": 1, "cyclic": 0}.get(self.pitch, self.n_pitch)
 
     def _chosen(self, components: Sequence[str] | None, turbine: Turbine) -> tuple[str, ...]:

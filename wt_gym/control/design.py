@@ -229,7 +229,7 @@ _TRIM = np.linspace(1.02, 2.2, 13)
 
 @dataclass(frozen=True)
 class DesignPoint:
-    """What a controller must know of a rotor beyond its dimensions."""
+    """Numbers of a rotor that a controller needs beyond its dimensions."""
 
     peak_power_coefficient: float  #: largest power coefficient, reached at ``tip_speed_ratio`` and ``fine_pitch`` [-]
     tip_speed_ratio: float  #: optimal tip-speed ratio [-]

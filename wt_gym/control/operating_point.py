@@ -83,7 +83,7 @@ class TorqueCurve:
 
     @cached_property
     def transition_speed(self) -> float:
-        """Where region 2 meets region 2 1/2 [rad/s] (VS_TrGnSp): K w^2 = slope (w - w_sync); w_sync for K = 0."""
+        """Speed where region 2 meets region 2 1/2 [rad/s] (VS_TrGnSp): K w^2 = slope (w - w_sync); w_sync for K = 0."""
         slope, gain = self.slope_25, self.region_2_gain
         if gain == 0.0:
             return self.slip_synchronous_speed

@@ -210,7 +210,7 @@ def _gust_answers(
 
 @dataclass(frozen=True)
 class LoopReport:
-    """What `check_speed_loop` has found."""
+    """Result of `check_speed_loop`."""
 
     modes: tuple[LoopMode, ...]  #: the least damped mode in each wind
     least_damped: LoopMode | None  #: of all modes that move the rotor more than the tower, and all that grow

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 
 from wt_gym.base.options import check_whole_steps
 from wt_gym.control import ActionMap
@@ -17,7 +18,7 @@ from wt_gym.control.controllers.names import ALIASES, BASELINE, make_controller
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.envs import rewards
 from wt_gym.envs.channels import DEFAULT_GROUPS, RESIDUAL_GROUPS
-from wt_gym.envs.dial import DialTerm
+from wt_gym.envs.dial import DialCourse, DialTerm
 from wt_gym.envs.episode_start import EpisodeStarts, RunningStart
 from wt_gym.envs.faults import FaultTerm, check_faults
 from wt_gym.envs.layout import EnvLayout
@@ -40,11 +41,12 @@ from wt_gym.turbines.variants import with_electrical, with_generator
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from gymnasium.envs.registration import EnvSpec
+
     from wt_gym.control import AgentSetpoint, Demand
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.options import EnvOptions
     from wt_gym.envs.terms import RewardTerm
-    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
@@ -61,6 +63,8 @@ class Parts:
         Features of the environment that are on.
     sensors : str
         "agent" or "all": who reads late, noisy and shifted sensors.
+    made_of : callable
+        Makes an environment of arguments.
     to_reward : callable
         From the reward and its terms to what a step returns.
     """
@@ -85,6 +89,15 @@ class Parts:
     reward_names: tuple[str, ...]
     reward_space: spaces.Box
     render_mode: str | None
+    outer_steps: int | None
+    make_simulator: SimulatorMaker
+    made_of: Callable[..., Parts]
+    spec: EnvSpec | None
+    _running: bool
+
+    def __repr__(self) -> str:
+        made_of = f"{self.turbine.name}, {self.wind.label}, {fidelity_of(self.fidelity).name} fidelity"
+        return f"<{type(self).__name__}: {made_of}, {self.layout.sizes}>"
 
     @property
     def simulator(self) -> TurbineSimulator:
@@ -156,8 +169,37 @@ class Parts:
         """Unit of what every component of an action stands for."""
         return np.array(self.layout.action.units)
 
+    @property
+    def dial(self) -> dict[str, float] | None:
+        """Factors on the weights of the reward that hold for the next step, by name; None without a dial."""
+        term = cast("DialTerm | None", self.terms.get("dial"))
+        return None if term is None or term.course is None else cast("dict[str, float]", term.info()["dial"])
 
-def build(env: WindTurbineEnv, options: EnvOptions) -> None:
+    def set_dial(self, **factors: float) -> None:
+        """Turn the dial: from the next observation on to the end of the episode these factors hold.
+
+        Parameters
+        ----------
+        **factors : float
+            On the weights of ``fatigue``, ``power`` and ``travel``, 1 where left out; their ratios count.
+
+        Raises
+        ------
+        ValueError
+            If the environment has no dial, or a factor has no meaning.
+        gymnasium.error.ResetNeeded
+            If no episode is running.
+        """
+        term = cast("DialTerm | None", self.terms.get("dial"))
+        if term is None:
+            raise ValueError("the environment must have dial_weights to turn its dial, got None")
+        turned = DialCourse.of(factors).factors[0]
+        if not self._running:
+            raise ResetNeeded("the episode is over, or none was started: call reset() before set_dial()")
+        term.turn(turned, 0.5 * self.control_dt)
+
+
+def build(env: Parts, options: EnvOptions) -> None:
     """Make all parts of an environment.
 
     Raises
@@ -167,8 +209,8 @@ def build(env: WindTurbineEnv, options: EnvOptions) -> None:
     """
     env.options, env.control_dt, env.render_mode = options, options.control_dt, options.render_mode
     env.turbine = turbine = _turbine(options)
-    check_variation(options)
-    check_faults(options, turbine)
+    check_variation(options.variation, options.wind, options.turbine, options.simulator)
+    check_faults(options.faults, options.simulator, turbine)
     env.wind = WindSampler(turbine, options.wind)
     limits = options.limits
     standstill = standstill_limit(limits.standstill, turbine, env.wind.parks)
@@ -196,8 +238,9 @@ def build(env: WindTurbineEnv, options: EnvOptions) -> None:
     env.layout = EnvLayout(
         turbine, env.observer.layout, action, env.control_dt, delay, lidar.lidar, env.observer.washed
     )  # fmt: skip
-    env.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
-    env.observation_space = spaces.Box(env.observer.layout.low, env.observer.layout.high, dtype=np.float32)
+    spaces_of = cast(Any, env)  # declared by the environment, in whose other base they have a wider type
+    spaces_of.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
+    spaces_of.observation_space = spaces.Box(env.observer.layout.low, env.observer.layout.high, dtype=np.float32)
     env.to_reward = _scalar
     if options.rewards.vector:
         env.reward_names = (*(term.name for term in env.reward_terms), "termination")
@@ -251,7 +294,7 @@ def _residual_pitch(options: EnvOptions, turbine: Turbine, action: ActionMap) ->
     return residual if has_pitch and (residual.fades or residual.washes) else None
 
 
-def _simulator_maker(env: WindTurbineEnv) -> SimulatorMaker:
+def _simulator_maker(env: Parts) -> SimulatorMaker:
     options = env.options
     if options.simulator == OWN:
         return env.make_simulator
@@ -261,7 +304,7 @@ def _simulator_maker(env: WindTurbineEnv) -> SimulatorMaker:
     )  # fmt: skip
 
 
-def _terms(env: WindTurbineEnv, lidar: LidarTerm, step: float) -> dict[str, Term]:
+def _terms(env: Parts, lidar: LidarTerm, step: float) -> dict[str, Term]:
     """Terms of the features that are on; the order is that in which they adjust the reward."""
     options, operation, terms = env.options, env.operation, cast("dict[str, Term]", {"lidar": lidar})
     env.idle = IdleClock(env.turbine, operation)
@@ -290,7 +333,7 @@ def _terms(env: WindTurbineEnv, lidar: LidarTerm, step: float) -> dict[str, Term
     return terms
 
 
-def _build_observer(env: WindTurbineEnv) -> int:
+def _build_observer(env: Parts) -> int:
     """Make the observer; return the control steps by which the agent's readings are late beside the instruments."""
     observed, varies = env.options.observations, env.options.variation.varies
     everyone, action = env.sensors == "all", env.operation.action
@@ -304,7 +347,7 @@ def _build_observer(env: WindTurbineEnv) -> int:
     return late
 
 
-def _running_start(env: WindTurbineEnv) -> RunningStart | None:
+def _running_start(env: Parts) -> RunningStart | None:
     """Starts of the running turbine, None where episodes start steadily."""
     if env.options.start == "steady" or env.wind.parks:
         return None
@@ -313,14 +356,12 @@ def _running_start(env: WindTurbineEnv) -> RunningStart | None:
     return RunningStart(env.turbine, env.fidelity, env.limits.overspeed, level)
 
 
-def _twin(env: WindTurbineEnv) -> WindTurbineEnv:
+def _twin(env: Parts) -> Parts:
     """The turbine under the base controller alone, simulated as this one: it gets the winds that are drawn here."""
     options, turbine, limits = env.options, env.turbine, env.limits
     observed = options.observations
     read = {"sensors": "all", "sensor_noise": observed.noise, "sensor_delay": observed.delay}
-    from wt_gym.envs.turbine_env import WindTurbineEnv  # which is built here
-
-    twin = WindTurbineEnv(
+    twin = env.made_of(
         turbine=turbine, inflow="steady", wind_speed=(turbine.cut_in, turbine.cut_out), fidelity=env.fidelity,
         control_dt=env.control_dt, episode_length=None, action_mode="residual", action_components=("pitch",),
         controller=copy.deepcopy(options.controller.base), reward=env.reward_terms, termination_penalty=limits.penalty,

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.turbines import Turbine
 
-__all__ = ["MakeEnv", "canary_of", "control_step", "environment_canary"]
+__all__ = ["canary_of", "control_step", "environment_canary"]
 
 MakeEnv: TypeAlias = "Callable[..., Any]"
 """Makes a `wt_gym.envs.turbine_env.WindTurbineEnv` of its arguments: that class, which stands above this module."""

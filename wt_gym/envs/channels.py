@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller
     from wt_gym.control.controllers.additions import ResidualPitch
     from wt_gym.control.controllers.tsr_tracking import WindEstimator
-    from wt_gym.envs.operation import Operation
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
@@ -41,7 +40,7 @@ OBSERVATION_GROUPS = (
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
-"""What is observed by default on top of a controller, in coordinates that do not turn with the rotor."""
+"""Groups that are observed by default on top of a controller, in coordinates that do not turn with the rotor."""
 _LOADS = ("root_", "tip_", "tower_", "nacelle_acceleration_")
 """Beginnings of the names of what a washout is for: loads, deflections and accelerations of blades and tower."""
 _CYCLIC = ("root_flap_", "root_out_of_plane_", "tip_")
@@ -93,7 +92,7 @@ class Situation:
 
     Attributes
     ----------
-    operation : Operation
+    operation : wt_gym.envs.operation.Operation
         Has demands, set points, base controller, lidar and power reference.
     signals : Signals
         Readings of the agent.
@@ -107,9 +106,8 @@ class Situation:
     action: np.ndarray
     offsets: np.ndarray | None = None
 
-    def __init__(self, operation: Operation, sensors: Sensors):
-        self.operation: Any = operation
-        self.sensors = sensors
+    def __init__(self, operation: Any, sensors: Sensors):
+        self.operation, self.sensors = operation, sensors
 
 
 @dataclass(frozen=True)
@@ -356,7 +354,7 @@ class Observable:
         return groups, [self._washed(self._as_it_turns(observed)) for observed in chosen.values()]
 
     def _washed(self, observed: Observed) -> Observed:
-        """Of a load behind the washout the channel, whose mean is zero."""
+        """Channel of a load behind the washout, with a mean of zero."""
         channel = observed.channel
         cyclic = channel.name.startswith(_CYCLIC) and channel.name.endswith(("_tilt", "_yaw"))
         if self._washout is None or cyclic or not channel.name.startswith(_LOADS):
@@ -378,7 +376,7 @@ class Observable:
         return found | {f"pitch_{b + 1}": pitch for b in range(self._turbine.n_blades)}
 
     def _as_it_turns(self, observed: Observed) -> Observed:
-        """Of an odd channel the offset and range that a turbine of this rotation has."""
+        """Odd channel with the offset and range of a turbine of this rotation."""
         channel = observed.channel
         if channel.parity == EVEN or self._turbine.rotation == "clockwise":
             return observed
@@ -615,7 +613,7 @@ class Observable:
         ]  # fmt: skip
 
     def _measurable(self) -> list[Observed]:
-        """What a controller with the Bladed interface reads or remembers: all of it leaves with an exported agent.
+        """Quantities that a controller with the Bladed interface reads or remembers: all leave with an exported agent.
 
         On top of a controller, in coordinates that do not turn with the rotor, moments have them too, unless the
         actions are those of each blade.
@@ -632,7 +630,7 @@ class Observable:
         ]  # fmt: skip
 
     def _disturbances(self) -> list[Observed]:
-        """What the linear optimal pitch of the base controller makes of what it reads."""
+        """Results of the linear optimal pitch of the base controller from its readings."""
         if self._linear is None:
             return []
         step = self._linear.design.interval
@@ -654,7 +652,7 @@ class Observable:
         return [self._computed(EVEN, _disturbances, *row, index=k) for k, row in enumerate(rows)]
 
     def _model_fit(self) -> list[Observed]:
-        """How the model of the linear optimal pitch fits, where readings are late, drives slow or gauges dead."""
+        """Fit of the model of the linear optimal pitch, where readings are late, drives slow or gauges dead."""
         if self._linear is None:
             return []
         n, first = len(OUTPUTS), len(OUTPUTS) * len(self._linear.bins) + len(FIXED_FRAME) + 2

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.channels import Situation
     from wt_gym.envs.operation import Operation
     from wt_gym.envs.terms import Beginning, Request
-    from wt_gym.envs.turbine_env import WindTurbineEnv
 
 __all__ = [
     "DIALED", "DIAL_NAMES", "DRAWN", "LEAST_FACTOR", "MOST_FACTOR", "DialCourse", "DialOptions", "DialTerm",
@@ -116,7 +115,7 @@ class DialOptions(Options):
 _WEIGHTS = options_of(DialOptions)[0]
 
 
-def dial_of(env: WindTurbineEnv) -> DialTerm | None:
+def dial_of(env: Any) -> DialTerm | None:
     """Dial of an environment, None without one."""
     return cast("DialTerm | None", env.terms.get("dial"))
 
@@ -255,10 +254,9 @@ class DialTerm(Term):
         """Factors of the present instant."""
         return cast("DialCourse", self.course).at(self._operation.signals["time"])
 
-    def turn(self, factors: Mapping[str, float], lead: float) -> None:
+    def turn(self, factors: tuple[float, ...], lead: float) -> None:
         """Hold other factors from a lead after the present instant on [s]."""
-        turned = DialCourse.of(factors).factors[0]
-        self.course = cast("DialCourse", self.course).changed(self._operation.signals["time"] + lead, turned)
+        self.course = cast("DialCourse", self.course).changed(self._operation.signals["time"] + lead, factors)
 
     def adjust(self, _: float, terms: dict[str, float], __: int, time: float) -> tuple[float, dict[str, float]]:
         """Multiply the terms of a step by the factors of its beginning."""

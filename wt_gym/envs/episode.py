@@ -45,12 +45,12 @@ class EpisodeStep(NamedTuple):
 
     @property
     def done(self) -> bool:
-        """Whether it was the last one."""
+        """Return True for the last step."""
         return self.terminated or self.truncated
 
     @property
     def failed(self) -> bool:
-        """Whether the simulation failed: the signals of the environment are then those of the step before."""
+        """Return True if the simulation failed: the signals of the environment are then those of the step before."""
         return "failure" in self.info
 
 

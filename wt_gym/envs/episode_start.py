@@ -41,18 +41,18 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
-__all__ = ["DRAW_ORDER", "EpisodeStarts", "RunningStart"]
+__all__ = ["DRAW_ORDER", "FEATURE_OPTIONS", "EpisodeStarts", "RunningStart"]
 
 DRAW_ORDER = ("variation", "wind", "start", "power_reference", "fault", "dial")
 """Order of the draws of an episode: another one would give every seed another episode."""
-_FEATURES = {"power_reference": "power_reference", "fault": "fault_kinds", "dial": "dial_weights"}
+FEATURE_OPTIONS = {"power_reference": "power_reference", "fault": "fault_kinds", "dial": "dial_weights"}
 """Options of a reset that belong to a feature, by the argument of the environment that turns it on."""
 _WIND = ("wind_speed", "wind_seed", "time_offset")
 _POINT = ("rotor_speed", "pitch", "generator_torque")
 _NUMBERS = (*_POINT, "azimuth", "yaw")
 RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
-    "faults", "start_number", *_FEATURES,
+    "faults", "start_number", *FEATURE_OPTIONS,
 )  # fmt: skip
 _FIRST_START = 40_000_000
 """Seed of the random numbers of a numbered beginning, beside its number."""
@@ -92,7 +92,7 @@ class EpisodeStarts:
         draws: dict[str, Any] = {name: term.draw for name, term in terms.items() if hasattr(term, "draw")}
         draws |= {"wind": self._draw_wind, "start": self._draw_start}
         self._draws = [draws[name] for name in DRAW_ORDER if name in draws]
-        self._off = {option: argument for option, argument in _FEATURES.items() if option not in draws}
+        self._off = {option: argument for option, argument in FEATURE_OPTIONS.items() if option not in draws}
 
     def draw(
         self,

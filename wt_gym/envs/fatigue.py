@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = [
-    "AVERAGED", "BladeFatigue", "Damage", "Load", "RainflowCounter", "TowerForeAftFatigue", "TowerSideSideFatigue",
+    "BladeFatigue", "Damage", "Load", "RainflowCounter", "TowerForeAftFatigue", "TowerSideSideFatigue",
 ]  # fmt: skip
 
 
@@ -89,10 +89,6 @@ class RainflowCounter:
     def _damage(self, span: float) -> float:
         """Damage of one full cycle [-]."""
         return float((span / self.scale) ** self.exponent)
-
-
-AVERAGED = ("root_flap_moment", "tower_base_fore_aft_moment", "tower_base_side_side_moment")
-"""Loads whose high-pass filters begin an episode with the running mean of the turbine that runs before it."""
 
 
 class BladeFatigue:

@@ -47,7 +47,6 @@ from wt_gym.simulation.drivetrain.faults import PitchMisalignment, SensorBias, S
 from wt_gym.turbines.blade import BladeIce
 
 if TYPE_CHECKING:
-    from wt_gym.envs.options import EnvOptions
     from wt_gym.envs.terms import Request
     from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.turbines import Turbine
@@ -60,9 +59,9 @@ FAULT_KINDS = (
     NO_FAULT, "stuck_blade", "slow_drive", "misaligned_blade", "iced_blade", "biased_rotor_speed", "dead_rotor_speed",
     "biased_generator_speed", "biased_moment", "dead_moment", "biased_pitch", "dead_pitch", "biased_vane", "dead_vane",
 )  # fmt: skip
-"""What may break."""
+"""Kinds of faults of the turbine."""
 GRID_KINDS = ("voltage_dip",)
-"""What may happen to the grid; "all" does not stand for it."""
+"""Kinds of faults of the grid; "all" does not stand for it."""
 SIZES = ("train", "held_back")
 """Ranges that the sizes of faults are drawn from."""
 
@@ -127,7 +126,7 @@ _CHANNELS = {
     "pitch": ("pitch_{}", "pitch_command_{}", "pitch_rate_{}"),
     "vane": ("yaw_error",),
 }
-"""What the sensors of the kinds read."""
+"""Signals that the sensors of the kinds read."""
 
 
 @dataclass(frozen=True)
@@ -274,15 +273,15 @@ class FaultTerm(Term):
         return (SensorBias(time, channels[:2], 1.0, size),)
 
 
-def check_faults(options: EnvOptions, turbine: Turbine) -> None:
+def check_faults(options: FaultOptions, simulator: Any, turbine: Turbine) -> None:
     """Refuse kinds that simulator or turbine cannot have.
 
     Raises
     ------
     ValueError
     """
-    kinds = options.faults.kinds or ()
-    if ICED in kinds and options.simulator != OWN:
+    kinds = options.kinds or ()
+    if ICED in kinds and simulator != OWN:
         raise ValueError(f"fault_kinds must be without {ICED} where another simulator has the blades")
     if set(GRID_KINDS) & set(kinds) and not turbine.drivetrain.takes_torque:
         raise ValueError(f"fault_kinds must be without {', '.join(GRID_KINDS)} where the generator is a damper")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["DRIFTING", "InstrumentTable", "Instruments", "PitchGain"]
 
 TIME_CONSTANT = 10.0
-"""Of the mean about which deviations are multiplied [s]."""
+"""Time constant of the mean about which deviations are multiplied [s]."""
 
 
 class PitchGain:
@@ -78,7 +78,7 @@ DRIFTING = (
 )  # fmt: skip
 """Sensors that have an offset; the blades share theirs."""
 _PLACES = {channel.name: k for k, channel in enumerate(channel_table(1)) if not channel.name.endswith("_1")}
-"""Of the signals of no blade, the same for every number of blades."""
+"""Places of the signals of no blade, the same for every number of blades."""
 
 
 class InstrumentTable:
@@ -139,7 +139,7 @@ class InstrumentTable:
 
 
 class Instruments:
-    """What reads the signals of an episode.
+    """Instruments that read the signals of an episode.
 
     Parameters
     ----------
@@ -206,6 +206,6 @@ class Instruments:
         return self.readings
 
     def seen(self, look: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the lidar gives for what it has looked at, in the order of its readings [m/s]."""
+        """Readings of the lidar for a look, in the order of its readings [m/s]."""
         out: NDArray[np.float64] = look + self._of_lidar
         return out

@@ -128,7 +128,7 @@ class EnvLayout:
     delay : int
         Control steps by which observations are late.
     lidar : Lidar or None
-        What the channels ``lidar_1`` …, with its beams apart ``lidar_1_1`` …, are read by.
+        Reads the channels ``lidar_1`` …, with its beams apart ``lidar_1_1`` ….
     washed : tuple of str
         Channels behind the high-pass filter of the observation.
     """

@@ -29,9 +29,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.additions import ResidualPitch, YawByDeadBand
     from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.envs.instruments import Instruments, PitchGain
-    from wt_gym.envs.power_reference import PowerReference
     from wt_gym.envs.terms import Beginning, Plant
-    from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
@@ -120,7 +118,7 @@ def _openfast(
     return OpenFASTSimulator(turbine, inflow, fidelity, **lasting | options)
 
 
-def _no_instruments(_: DrawnVariation) -> None:
+def _no_instruments(_: object) -> None:
     """Exact readings."""
 
 
@@ -192,13 +190,13 @@ class Operation(Stateful):
         self.step, self.count = step, count
         self._supervised = supervisor_of(controller) is not None
         self._lidar_is_read = controller is not None and lidar_of(controller) is not None
-        self.make_instruments: Callable[[DrawnVariation], Instruments | None] = _no_instruments
+        self.make_instruments: Callable[[Any], Instruments | None] = _no_instruments
         self.everyone = False
         self._simulators: dict[tuple[int, BladeIce | None], TurbineSimulator] = {}
         self.simulator: TurbineSimulator | None = None
         self.instruments: Instruments | None = None
         self.pitch_gain: PitchGain | None = None
-        self.reference: PowerReference | None = None
+        self.reference: Any = None
         self._taken: Signals | None = None
         self.signals = cast("Signals", None)  # before the first start, for which everything that needs them asks
         self.faults: tuple[DriveFault | SensorBias, ...] = ()

@@ -166,7 +166,7 @@ class ElectricalOptions(Options):
 
 
 STARTS = ("running", "steady")
-"""What state an episode in turbulence begins with."""
+"""States with which an episode in turbulence starts."""
 RENDER_MODES = ("rgb_array",)
 GROUPS: dict[str, type[Options]] = {
     group.title: group
@@ -394,7 +394,7 @@ def registered_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str,
 
 
 def _same(registered: Mapping[str, Any], name: str, value: Any) -> bool:
-    """Whether a value is that of the id, also after a way through JSON."""
+    """Return True if a value is that of the id, also after a way through JSON."""
     if name not in registered:
         return False
     try:

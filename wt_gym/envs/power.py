@@ -21,7 +21,7 @@ __all__ = ["DiscWind", "Power", "available_power", "efficiency"]
 _RINGS = np.sqrt([0.25, 0.75])
 _AZIMUTHS = 2.0 * np.pi * np.arange(6) / 6
 DISC_TIME = 5.0
-"""Of the filter of the wind over the rotor disc [s]."""
+"""Time constant of the filter of the wind over the rotor disc [s]."""
 
 
 def available_power(turbine: Turbine, wind_speed: float) -> float:

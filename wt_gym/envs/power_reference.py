@@ -55,9 +55,9 @@ DRAWN = 3600.0
 LEAST_WIND = 1.0
 """Mean wind for whose power is asked in a weaker one [m/s]."""
 RAMP_RATE = 0.01
-"""Of ramps, over rated power [1/s]."""
+"""Rate of ramps, over rated power [1/s]."""
 REGULATION_STEP = 2.0
-"""Between values of a regulation signal [s]."""
+"""Time between values of a regulation signal [s]."""
 FAST, SLOW = 2.0 * math.pi / 60.0, 2.0 * math.pi / 900.0
 """Corner frequencies of a regulation signal [rad/s]: of its low-pass and its high-pass filter."""
 _DEVIATION = 0.5
@@ -280,7 +280,7 @@ class PowerReferenceTerm(Term):
         return mean / self._turbine.drivetrain.rated_power
 
     def _full(self, wind_speed: float) -> float:
-        """What a mean wind [m/s] allows, never nothing: a demand of 0 W is none in the Bladed interface [W]."""
+        """Power that a mean wind [m/s] allows, never nothing: a demand of 0 W is none in the Bladed interface [W]."""
         return available_power(self._turbine, max(wind_speed, LEAST_WIND))
 
     def draw(self, request: Request) -> None:

@@ -310,7 +310,7 @@ def total(terms: Iterable[RewardTerm], transition: Transition) -> tuple[float, d
 
 @option_record
 class RewardOptions(Options):
-    """What a step earns."""
+    """The reward of a step."""
 
     title = "rewards"
 

@@ -25,7 +25,6 @@ from wt_gym.control.controllers import WithDemandedPower, checked_demand, readin
 from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of, remember
 from wt_gym.control.operating_point import starting_point
 from wt_gym.control.sensors import to_blades, to_fixed_frame
-from wt_gym.envs.fatigue import AVERAGED
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, parities
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -102,7 +101,7 @@ def kind_of(controller: Controller) -> str:
 
 @dataclass(frozen=True)
 class Start:
-    """What an episode begins with.
+    """State of the turbine at the start of an episode.
 
     Attributes
     ----------
@@ -172,7 +171,7 @@ class Start:
     def averaged(self, signals: Signals) -> Signals:
         """Signals with the running means in place of the present values of the loads.
 
-        What a load is above its mean is that of the record; in another wind both may be higher.
+        The difference of a load from its mean is that of the record; in another wind both may be higher.
         """
         if not self.deviations:
             return signals
@@ -203,6 +202,8 @@ class RecordingPlan:
 
 PLAN = RecordingPlan()
 """Plan of the records of the package."""
+AVERAGED = ("root_flap_moment", "tower_base_fore_aft_moment", "tower_base_side_side_moment")
+"""Loads whose high-pass filters begin an episode with the running mean of the turbine that runs before it."""
 WINDOWS = (0.0, 1.0, 3.0, 6.0, 12.0)
 """Times before the start between which the wind is averaged [s]; the first window is the instant itself."""
 FOLLOWS = ("rotor_speed", "pitch", "generator_torque", "aero_thrust", "tower_top_fore_aft")

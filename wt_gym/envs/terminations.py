@@ -98,7 +98,7 @@ class LimitOptions(Options):
 
 @dataclass
 class Limits:
-    """What terminates an episode.
+    """Limits that terminate an episode.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Limits:
     overspeed, standstill : float
         Highest and lowest rotor speed over rated.
     penalty : float
-        That is taken off the reward then.
+        Subtracted from the reward on termination.
     """
 
     rated: float
@@ -199,7 +199,7 @@ class EpisodeLength:
         Parameters
         ----------
         spec : EnvSpec or None
-            What the environment was made of. A `gymnasium.wrappers.TimeLimit` does not tell what it encloses; that of
+            Definition of the environment. A `gymnasium.wrappers.TimeLimit` does not tell what it encloses; that of
             the id is known.
         outer_steps : int or None
             Control steps after which something outside ends an episode, where that is told.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import gymnasium as gym
 import numpy as np
@@ -17,16 +17,13 @@ from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.options import RENDER_MODES, EnvOptions, named_arguments, plain_spec, signature
 from wt_gym.envs.terminations import registered_limit, tip_clearance
 from wt_gym.envs.terms import EnvSnapshot, Stateful, Transition, hooks
-from wt_gym.simulation.fidelity import fidelity as fidelity_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from typing import Self
 
     from gymnasium import spaces
     from gymnasium.envs.registration import EnvSpec
 
-    from wt_gym.envs.dial import DialTerm
     from wt_gym.envs.terms import Beginning
     from wt_gym.simulation import Signals
     from wt_gym.simulation.contract import SimulatorMaker
@@ -47,6 +44,11 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
 
     def __init__(self, *positional: Any, **arguments: Any):
         self._make(EnvOptions.from_dict(named_arguments(positional, arguments)))
+
+    @staticmethod
+    def made_of(**arguments: Any) -> WindTurbineEnv:
+        """Make an environment of arguments, whatever class is derived from this one."""
+        return WindTurbineEnv(**arguments)
 
     @classmethod
     def of(cls, options: EnvOptions) -> Self:
@@ -70,10 +72,6 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
 
     # ---- attributes ----
 
-    def __repr__(self) -> str:
-        made_of = f"{self.turbine.name}, {self.wind.label}, {fidelity_of(self.fidelity).name} fidelity"
-        return f"<{type(self).__name__}: {made_of}, {self.layout.sizes}>"
-
     def __str__(self) -> str:
         return describe(self, self.spec)
 
@@ -89,36 +87,6 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
         self._spec = plain_spec(spec)
-        if spec is not None and self.options.rewards.vector:
-            spec.disable_env_checker = True  # Gymnasium's checker knows no vectors
-
-    @property
-    def dial(self) -> dict[str, float] | None:
-        """Factors on the weights of the reward that hold for the next step, by name; None without a dial."""
-        term = cast("DialTerm | None", self.terms.get("dial"))
-        return None if term is None or term.course is None else cast("dict[str, float]", term.info()["dial"])
-
-    def set_dial(self, **factors: float) -> None:
-        """Turn the dial: from the next observation on to the end of the episode these factors hold.
-
-        Parameters
-        ----------
-        **factors : float
-            On the weights of ``fatigue``, ``power`` and ``travel``, 1 where left out; their ratios count.
-
-        Raises
-        ------
-        ValueError
-            If the environment has no dial, or a factor has no meaning.
-        gymnasium.error.ResetNeeded
-            If no episode is running.
-        """
-        term = cast("DialTerm | None", self.terms.get("dial"))
-        if term is None:
-            raise ValueError("the environment must have dial_weights to turn its dial, got None")
-        if not self._running:
-            raise ResetNeeded("the episode is over, or none was started: call reset() before set_dial()")
-        term.turn(factors, 0.5 * self.control_dt)
 
     # ---- an episode ----
 

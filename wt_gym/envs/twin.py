@@ -1,24 +1,30 @@
-"""The controller alone in the wind of an episode: what it earns is taken off a relative reward.
+"""The controller alone in the wind of an episode: its rewards are taken off a relative reward.
 
-It always does the same from the same beginning, so what it earned is kept, for this process and for others, and a
-turbine under the controller alone is simulated only where nothing is known: beside the first episode from a beginning,
-and beyond the end of the longest one.
+It always does the same from the same beginning, so its rewards are stored, in memory and on disk for other processes,
+and a turbine under the controller alone is simulated only where nothing is stored: beside the first episode from a
+beginning, and beyond the end of the longest one.
 """
 
 from __future__ import annotations
 
 import hashlib
+import logging
 import pickle
+import threading
+import zipfile
+from array import array
+from collections import OrderedDict
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.base.canary import software
+from wt_gym.base.files import whole_file
+from wt_gym.base.user_cache import user_cache
 from wt_gym.control.controllers import parts_of
 from wt_gym.envs.canary import canary_of
 from wt_gym.envs.operation import make_simulator
-from wt_gym.envs.reward_store import Course, kept_course, new_course, store_course
 from wt_gym.envs.terms import EnvSnapshot, Term
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -32,13 +38,147 @@ from wt_gym.wind import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
     from wt_gym.envs.running_record import Start
     from wt_gym.envs.terms import Beginning, RewardTerm
-    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.wind import Inflow, TurbulenceBox
 
-__all__ = ["Twin"]
+__all__ = ["MOST_FILES", "MOST_NUMBERS", "Course", "Twin", "kept_course", "store_course"]
+
+_log = logging.getLogger(__name__)
+MOST_NUMBERS = 8_000_000
+"""Rewards in memory, 64 MB; the course that was asked for longest ago goes first."""
+MOST_FILES = 4096
+"""Files on disk, of some 30 kB for a minute by steps of 0.1 s; the oldest go first."""
+_BETWEEN = 64
+"""Files written between two looks at how many there are."""
+_courses: OrderedDict[str, Course] = OrderedDict()
+_lock, _one_writes = threading.Lock(), threading.Lock()
+_written = 0
+
+
+class Course:
+    """Reward terms of each step from the beginning of an episode on; they are appended and never change.
+
+    Parameters
+    ----------
+    key : str or None
+        Name under which it is kept; None: it is not.
+    names : tuple of str
+        Of the terms.
+
+    Attributes
+    ----------
+    ended : bool
+        The episode was terminated with the last step.
+    """
+
+    def __init__(self, key: str | None, names: tuple[str, ...]):
+        self.key, self.names, self.ended = key, names, False
+        self._numbers = array("d")  # step after step
+        self._kept = 0  # steps that stand on the disk
+
+    def __len__(self) -> int:
+        return len(self._numbers) // len(self.names)
+
+    def terms(self, step: int) -> dict[str, float]:
+        """Terms of a step, or of the last one."""
+        first = min(step, len(self) - 1) * len(self.names)
+        return dict(zip(self.names, self._numbers[first : first + len(self.names)], strict=True))
+
+    def append(self, step: int, terms: Mapping[str, float], ended: bool) -> None:
+        """Add the terms of a step, unless another turbine has come there first: it has earned the same."""
+        with _lock:
+            if step == len(self) and not self.ended:
+                self._numbers.extend([terms[name] for name in self.names])
+                self.ended = ended
+
+    def load(self, path: Path) -> None:
+        """Take over what stands in a file, if there is one and it is sound."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                names, rows, ended = tuple(file["names"].tolist()), file["rows"], bool(file["ended"])
+            if (
+                names != self.names
+                or rows.shape[1:] != (len(names),)
+                or rows.dtype != np.float64
+                or not np.isfinite(rows).all()
+            ):
+                raise ValueError(f"it holds {names}, an array {rows.dtype}{rows.shape}")
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            _log.warning("recorded rewards %s are unreadable (%s); they are recorded again", path, error)
+            return
+        self._numbers, self.ended, self._kept = array("d", rows.ravel().tolist()), ended, len(rows)
+
+    def save(self, path: Path) -> None:
+        """Write what has been added since it was read or written; a file that cannot be written costs another run."""
+        with _one_writes:  # turbines in several threads may have the same course
+            with _lock:
+                rows, ended = np.array(self._numbers).reshape(-1, len(self.names)), self.ended
+            if len(rows) <= self._kept:
+                return
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with whole_file(path) as partial, partial.open("wb") as file:
+                    np.savez(file, names=np.array(self.names), rows=rows, ended=ended)
+                self._kept = len(rows)
+                _tidy(path.parent)
+            except OSError as error:
+                _log.warning("recorded rewards could not be kept in %s (%s)", path.parent, error)
+
+
+def new_course(names: tuple[str, ...]) -> Course:
+    """Give an empty course that is not kept."""
+    return Course(None, names)
+
+
+def kept_course(key: str, names: tuple[str, ...]) -> Course:
+    """Course of a key: from memory, from the disk, or an empty one that is kept from now on."""
+    with _lock:
+        if key in _courses:
+            _courses.move_to_end(key)
+            return _courses[key]
+    course, path = Course(key, names), _path(key)
+    if path is not None:
+        course.load(path)
+    with _lock:
+        course = _courses.setdefault(key, course)  # another thread may have been faster
+        _courses.move_to_end(key)
+        total = sum(len(one) * len(one.names) for one in _courses.values())
+        while total > MOST_NUMBERS and len(_courses) > 1:
+            _, oldest = _courses.popitem(last=False)
+            total -= len(oldest) * len(oldest.names)
+    return course
+
+
+def store_course(course: Course) -> None:
+    """Keep a course on the disk, as far as it has been recorded."""
+    path = None if course.key is None else _path(course.key)
+    if path is not None:
+        course.save(path)
+
+
+def _path(key: str) -> Path | None:
+    """File of a key, None if there is no place for it."""
+    cache = user_cache()
+    return None if cache is None else cache / "twins" / key[:2] / f"{key}.npz"
+
+
+def _tidy(folder: Path) -> None:
+    """Remove the oldest files, once in a while."""
+    global _written
+    _written += 1
+    if _written % _BETWEEN:
+        return
+    files = [(file.stat().st_mtime, file) for file in folder.parent.glob("*/*.npz")]
+    for _, file in sorted(files, key=lambda one: one[0])[:-MOST_FILES]:
+        file.unlink(missing_ok=True)
+
 
 _OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")
 """Whose objects are told from others by what they remember, and whose sources are known."""
@@ -71,10 +211,10 @@ class Twin(Term):
 
     Parameters
     ----------
-    env : WindTurbineEnv
+    env : wt_gym.envs.turbine_env.WindTurbineEnv
         The turbine under the controller alone: it gets the winds that are drawn elsewhere, and has none itself.
     wind_key : tuple
-        What decides on turbulence made here beside its speed, seed and time.
+        Properties of turbulence made here beside its speed, seed and time.
 
     Attributes
     ----------
@@ -84,7 +224,7 @@ class Twin(Term):
 
     course: Course
 
-    def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
+    def __init__(self, env: Any, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
         self._identity = _identity(env)
         self._beginning: Beginning | None = None
@@ -144,7 +284,7 @@ class Twin(Term):
         return fingerprint(self._identity, limits, wind, _start(beginning.start), others)[:40]
 
     def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:
-        """What tells a wind from others."""
+        """Properties of a wind that tell it from others."""
         told = _inflow(wind.inflow, wind.wind_seed >= 0)
         return None if told is None else (self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, told)
 
@@ -170,8 +310,8 @@ class Twin(Term):
         self._simulated = None
 
 
-def _identity(env: WindTurbineEnv) -> str | None:
-    """What decides on the rewards of a turbine under its controller beside the beginning and the limits.
+def _identity(env: Any) -> str | None:
+    """Digest of all that decides on the rewards of a turbine under its controller beside start and limits.
 
     None where something is from outside of this package: it may do another thing tomorrow, or draw numbers. The canary
     counts to its last digit here: rewards must not depend on which version has filled the cache.
@@ -186,7 +326,7 @@ def _identity(env: WindTurbineEnv) -> str | None:
 
 
 def _is_own(part: object | RewardTerm) -> bool:
-    """Whether an object is made by this package alone: a function as a reward is not."""
+    """Return True if an object is made by this package alone: a function as a reward is not."""
     own = type(part).__module__.startswith(_OWN_MODULES)
     return own and not hasattr(part, "function")
 
@@ -197,7 +337,7 @@ def _digest(value: object) -> str:
 
 
 def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:
-    """What tells an inflow from others beside speed, seed and time of turbulence; None where that is not known."""
+    """Properties of an inflow beside speed, seed and time of turbulence; None where they do not tell it from others."""
     if isinstance(inflow, TurningInflow):
         inner = _inflow(inflow.inner, made_here)
         return None if inner is None else (type(inflow).__name__, inflow.times, inflow.directions, *inner)
@@ -215,11 +355,11 @@ def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:
 
 
 def _box(box: TurbulenceBox) -> tuple[object, ...]:
-    """What tells turbulence made here from others beside its seed."""
+    """Properties that tell turbulence made here from others beside its seed."""
     return box.mean_speed, box.time_step, box.scale, box.description
 
 
 def _start(start: Start) -> tuple[object, ...]:
-    """What tells a start from others; the signals before it are for observations alone."""
+    """Properties that tell a start from others; the signals before it are for observations alone."""
     told = [getattr(start, f.name) for f in fields(start) if f.name not in ("deviations", "trail")]
     return (*told, *sorted(start.deviations.items(), key=lambda item: item[0]))

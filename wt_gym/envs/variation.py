@@ -39,9 +39,8 @@ if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Lidar
     from wt_gym.envs.observations import ObservationOptions
     from wt_gym.envs.operation import Operation
-    from wt_gym.envs.options import EnvOptions
     from wt_gym.envs.terms import Request
-    from wt_gym.envs.wind_sampler import EpisodeWind
+    from wt_gym.envs.wind_sampler import EpisodeWind, WindOptions
     from wt_gym.turbines import Turbine
     from wt_gym.turbines.blade import BeamStations
     from wt_gym.turbines.model import PitchSystem, Support, Tower
@@ -54,7 +53,7 @@ __all__ = [
 NO_SENSOR = ""
 """Among the sensors that may be dead: none is."""
 STRUCTURAL = ("tower_frequency", "tower_damping", "blade_stiffness", "air_density", "drive_lag", "pitch_rate")
-"""What makes another turbine of it: drawn from a finite set."""
+"""Quantities that make another turbine: drawn from a finite set."""
 
 
 def _range(meaning: str, low: float, high: float, unit: str = "-") -> Any:
@@ -319,7 +318,7 @@ def _levels(name: str, low: float, high: float, count: int) -> list[float]:
 
 @dataclass(frozen=True)
 class DrawnVariation:
-    """What an episode has of a variation.
+    """Variation of an episode.
 
     Attributes
     ----------
@@ -476,14 +475,13 @@ class VariationTerm(Term):
         return Instruments(self._table, level, delay, shifts, self._n_seen, drawn.noise_seed)
 
 
-def check_variation(options: EnvOptions) -> None:
+def check_variation(variation: Variation, wind: WindOptions, turbine: Any, simulator: Any) -> None:
     """Refuse a class, profile or structure to be drawn where wind or simulator have their own.
 
     Raises
     ------
     ValueError, wt_gym.base.errors.InflowError
     """
-    variation, wind = options.variation, options.wind
     names = [name for name in ("turbulence_class", "shear_exponent") if getattr(variation, name) is not None]
     if names and (not wind.made_here or wind.extreme):
         raise InflowError(
@@ -492,8 +490,8 @@ def check_variation(options: EnvOptions) -> None:
     for name in ("roughness_length", "reference_height"):
         if variation.shear_exponent is not None and getattr(wind, name) is not None:
             raise InflowError(f"vary_shear_exponent and {name} exclude each other; got both")
-    model = isinstance(options.turbine, str) and options.turbine.lower().endswith(".fst")
-    if model and options.simulator != OWN and any(name in STRUCTURAL for name in variation.varies):
+    model = isinstance(turbine, str) and turbine.lower().endswith(".fst")
+    if model and simulator != OWN and any(name in STRUCTURAL for name in variation.varies):
         raise ValueError(
             f"variation: {', '.join(STRUCTURAL)} must be left out where OpenFAST simulates a model of its own"
         )

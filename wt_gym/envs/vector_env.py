@@ -31,7 +31,7 @@ __all__ = ["WindTurbineVectorEnv"]
 
 
 class Outcome(NamedTuple):
-    """What a step made of one turbine."""
+    """Result of a step of one turbine."""
 
     observation: np.ndarray
     reward: float | np.ndarray
@@ -53,7 +53,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
     max_episode_steps : int, optional
         Control steps after which an episode is truncated; `gymnasium.make_vec` passes that of the id.
     autoreset_mode : AutoresetMode or str
-        What happens when an episode has ended; by value or by name, as ``"SAME_STEP"``. ``"NextStep"``: the next step
+        Reset after the end of an episode; by value or by name, as ``"SAME_STEP"``. ``"NextStep"``: the next step
         resets, whatever its action, with reward 0. ``"SameStep"``: the same step resets; the last observation and info
         stand in ``infos["final_obs"]`` and ``infos["final_info"]``. ``"Disabled"``: nothing;
         ``reset(options={"reset_mask": ...})`` starts those chosen.
@@ -128,7 +128,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What `gymnasium.make_vec` made it of, groups of options as mappings."""
+        """Definition of `gymnasium.make_vec`, groups of options as mappings."""
         return self.__dict__.get("_spec")
 
     @spec.setter

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from wt_gym.base.errors import InflowError, did_you_mean
-from wt_gym.base.options import Options, not_empty, option, option_record, real_number, real_numbers, shown
+from wt_gym.base.options import Options, as_pair, not_empty, option, option_record, real_number, shown
 from wt_gym.wind import (
     Inflow,
     PathInflow,
@@ -63,7 +63,7 @@ KINDS = ("steady", "turbulent", "path", "gusts", *EXTREME)
 TRANSIENTS = ("EOG", "EDC", "ECD", "EWS")
 """Deterministic transients of IEC 61400-1, which the inflow "gusts" draws by default."""
 GUSTS = (*TRANSIENTS, "ETM")
-"""What the inflow "gusts" can draw: extreme turbulence beside the transients."""
+"""Draws of the inflow "gusts": extreme turbulence beside the transients."""
 TURBULENCE_MODELS = ("NTM", "ETM")
 TURBULENCE = ("kaimal", "mann")
 """Whose turbulence: `wt_gym.wind.kaimal` or `wt_gym.wind.mann`."""
@@ -85,7 +85,7 @@ _MADE = "the inflows 'steady', 'turbulent', 'path' and 'gusts'"
 
 
 def is_wind_file(value: Any) -> bool:
-    """Whether an argument is a file of wind: a path by its suffix, or a mapping that names one."""
+    """Return True if an argument is a file of wind: a path by its suffix, or a mapping that names one."""
     return is_wind_path(value) or (isinstance(value, Mapping) and "file" in value)
 
 
@@ -313,9 +313,9 @@ class WindFile:
     duration : float
         Length of the record [s].
     periodic : bool
-        Whether its end leads smoothly to its beginning.
+        Its end leads smoothly to its beginning.
     is_series : bool
-        Whether it is the course of an event, which an episode meets from its beginning.
+        It is the course of an event, which an episode meets from its beginning.
     """
 
     key: str
@@ -385,7 +385,7 @@ class WindFile:
 
 
 def _state(key: str) -> tuple[tuple[int, int] | None, ...]:
-    """What tells of a change of the files, None where there is none."""
+    """Times and sizes of the files, which tell of a change, None where there is none."""
     return tuple(_state_of(path) for path in files_of(json.loads(key)))
 
 
@@ -427,7 +427,7 @@ PATH_BOX = 12.0, 1200.0
 """Speed at which the turbulence of a path is synthesized [m/s], with harmonics up to 2 Hz, and for how long [s]: 14.4
 km of air with waves down to 6 m."""
 _LONGEST_PATH = 3600.0
-"""Of an episode without an end [s]; the mean speed then stays."""
+"""Length of the path of an episode without an end [s]; the mean speed then stays."""
 _PATH_SEED = 50_000_000
 """Beside a chosen seed of the turbulence, of the path that goes with it."""
 _SLOWEST_NTM = 2.0
@@ -468,7 +468,9 @@ class WindSampler:
     Attributes
     ----------
     parks : bool
-        Whether the wind is one in which turbines are parked.
+        The wind is one in which turbines are parked.
+    turbulent : bool
+        Some of the winds are turbulence made here.
     speeds : (float, float)
         Range of the mean speeds at hub height [m/s].
     seeds : tuple of int or None
@@ -486,18 +488,14 @@ class WindSampler:
         self._kind: str | Callable[..., Inflow] | tuple[Inflow | WindFile, ...]
         kind: Any = options.inflow
         self._kind = kind if options.made_here or callable(kind) else self._own_inflows(kind)
-        directions = real_numbers(options.direction)
-        self._directions = directions[0], directions[-1]
-        self._wander = None if options.wander is None else real_numbers(options.wander)
+        self._directions, self._wander, self._swing = as_pair(options.direction), options.wander, options.swing
         self._profile = _profile(options)
         self._to_hub = self._share_at_hub(options.reference_height)
         self._class = self._box_class = options.turbulence_class or turbine.turbulence_class
-        self._pool = tuple(options.seeds)
+        self._pool = options.seeds
         self._gusts = tuple(form for name in GUSTS if name in options.gusts for form in _FORMS[name])
-        self._turbulent = options.turbulent
+        self.turbulent = options.turbulent
         self._whose = options.turbulence
-        swing = real_numbers(options.swing)
-        self._swing = swing[0], swing[1]
         self._model = "ETM" if isinstance(kind, str) and kind == "gusts" else options.turbulence_model
         self.parks = options.extreme
         self.speeds: tuple[float, float]
@@ -508,8 +506,9 @@ class WindSampler:
             self._profile = {"shear_exponent": EXTREME_SHEAR_EXPONENT}
         elif isinstance(self._kind, str):
             self._steady(0.0)  # refuses a profile without meaning now, not at the first reset
-            self.speeds = self._range(options.speed)
-            if self._turbulent:
+            low, high = as_pair(cast("float | tuple[float, float]", options.speed))
+            self.speeds = self._checked_speed(low), self._checked_speed(high)
+            if self.turbulent:
                 self._sigma(self.speeds[0])  # refuses an unknown class now, not at the first reset
         elif callable(self._kind):
             self.speeds = (turbine.cut_in, turbine.cut_out)
@@ -517,7 +516,7 @@ class WindSampler:
             means = [inflow.mean_speed for inflow in self._kind]
             self.speeds = (min(means), max(means))
         self.seeds: tuple[int, ...] | None
-        self.seeds = (self._pool if self._turbulent else ()) if isinstance(self._kind, str) else None
+        self.seeds = (self._pool if self.turbulent else ()) if isinstance(self._kind, str) else None
 
     @property
     def label(self) -> str:
@@ -526,11 +525,11 @@ class WindSampler:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """What `sample` can be told instead of drawing it."""
+        """Arguments of `sample` that take the place of a draw."""
         if self._all_files:
             return ("time_offset",)
         speed = ("wind_speed",) if isinstance(self._kind, str) and not self.parks else ()
-        return (*speed, "wind_seed", "time_offset") if self._turbulent else speed
+        return (*speed, "wind_seed", "time_offset") if self.turbulent else speed
 
     @property
     def asked_speeds(self) -> tuple[float, float]:
@@ -539,19 +538,19 @@ class WindSampler:
 
     @property
     def draws_more(self) -> bool:
-        """Whether speed and turbulence seed leave something open: a gust, a direction, which inflow, a time in it."""
+        """Return True if speed and turbulence seed leave open a gust, a direction, which inflow, or a time in it."""
         if isinstance(self._kind, tuple):
             return self._turns or len(self._kind) > 1 or self._all_files
         return self._turns or self._kind in ("gusts", "path") or callable(self._kind)
 
     @property
     def _turns(self) -> bool:
-        """Whether a direction is drawn."""
+        """A direction is drawn."""
         return self._wander is not None or self._directions[0] != self._directions[1]
 
     @property
     def _all_files(self) -> bool:
-        """Whether every wind is read from a file."""
+        """Every wind is read from a file."""
         return isinstance(self._kind, tuple) and all(isinstance(own, WindFile) for own in self._kind)
 
     def windows(self, length: float) -> tuple[tuple[WindFile, float], ...]:
@@ -611,7 +610,7 @@ class WindSampler:
         if self._kind == "gusts" and (gust := self._gust(speed, rng)) is not None:
             return self._turned(EpisodeWind(gust, speed, -1, 0.0), rng, heading)
         steady = self._steady(speed)
-        if not self._turbulent:
+        if not self.turbulent:
             return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng, heading)
         seed = checked_wind_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
         if self._kind == "path":
@@ -649,13 +648,8 @@ class WindSampler:
 
     @property
     def turbulence_key(self) -> tuple[Any, ...]:
-        """What decides on `turbulence` beside turbine, speed and seed."""
+        """Properties of `turbulence` beside turbine, speed and seed."""
         return self._class, self._model, self._whose, sorted(self._profile.items())
-
-    @property
-    def turbulent(self) -> bool:
-        """Whether some of its winds are turbulence made here."""
-        return self._turbulent
 
     def given(self, inflow: Any, **options: Any) -> EpisodeWind:
         """Take a wind from outside in place of one of its own.
@@ -796,13 +790,8 @@ class WindSampler:
         turbine, make = self._turbine, TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
         return make(made_at, turbine.hub_height, turbine.rotor_diameter, self._box_class, seed=seed, duration=duration)
 
-    def _range(self, wind_speed: Any) -> tuple[float, float]:
-        """Lower and upper wind speed at the hub [m/s]."""
-        ends = tuple(wind_speed) if isinstance(wind_speed, tuple | np.ndarray) else (wind_speed,)
-        return self._checked_speed(ends[0]), self._checked_speed(ends[-1])
-
     def _checked_speed(self, speed: Any) -> float:
-        moves = (self._turbulent or self._kind == "gusts") and self._kind != "path"
+        moves = (self.turbulent or self._kind == "gusts") and self._kind != "path"
         low = SLOWEST_TURBULENCE if moves else 0.0
         given = real_number(speed)
         if given is None:
@@ -818,8 +807,8 @@ class WindSampler:
 
     def _refuse_useless(self, wind_speed: Any, wind_seed: Any, time_offset: Any) -> None:
         """Refuse options that the kind of wind would ignore."""
-        without_offset = not (self._turbulent or self._all_files)
-        if (wind_seed is not None and not self._turbulent) or (time_offset is not None and without_offset):
+        without_offset = not (self.turbulent or self._all_files)
+        if (wind_seed is not None and not self.turbulent) or (time_offset is not None and without_offset):
             raise InflowError(
                 "wind_seed and time_offset belong to turbulent wind, time_offset to files of wind too; this "
                 "environment's wind has none"
@@ -831,7 +820,7 @@ class WindSampler:
 
 
 def _profile(options: WindOptions) -> dict[str, float]:
-    """What a steady wind needs for its profile."""
+    """Arguments of the profile of a steady wind."""
     if options.roughness_length is not None:
         return {"roughness_length": options.roughness_length}
     return {"shear_exponent": NORMAL_SHEAR if options.shear_exponent is None else options.shear_exponent}

@@ -184,7 +184,7 @@ class SafetyFilter(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         return observation, reward, terminated, truncated, info | told
 
     def _near(self) -> bool:
-        """Whether the turbine is on its way to a limit."""
+        """Return True if the turbine is on its way to a limit."""
         return any(self._way(name, limit) >= self._watch for name, limit in self._limits.items())
 
     def _way(self, name: str, limit: float) -> float:
@@ -200,7 +200,7 @@ class SafetyFilter(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         return math.hypot(*axes) / limit
 
     def _holds(self, action: Any) -> bool:
-        """Whether the limits hold in the step and under the base controller after it; the environment stays."""
+        """Return True if the limits hold in the step and under the base controller after it; the environment stays."""
         plain = self._plain
         here = plain.snapshot()
         try:

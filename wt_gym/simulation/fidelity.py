@@ -34,13 +34,7 @@ from wt_gym.base.errors import SimulationError, did_you_mean
 from wt_gym.base.types import Array
 from wt_gym.base.warn_once import warn_once
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
-from wt_gym.multibody.integrators.schemes import (
-    DEFAULT,
-    INTEGRATORS,
-    STARTERS,
-    IntegratorEntry,
-    SchemeSettings,
-)
+from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, STARTERS, IntegratorEntry, SchemeSettings
 from wt_gym.multibody.integrators.stability import GROWTH, predicted_growth
 from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
 from wt_gym.structure.beam import skew
@@ -368,12 +362,7 @@ _ENGINEERING = Fidelity("engineering", ENGINEERING, max_substep=0.025, coupling_
 def _with_torsion(rung: Fidelity) -> Fidelity:
     """A rung whose blades twist, by an implicit scheme that need not resolve the frequency of the twist."""
     flap, edge, _ = rung.blade_modes
-    return replace(
-        rung,
-        name=f"{rung.name}-torsion",
-        blade_modes=(flap, edge, 1),
-        integrator="generalized_alpha",
-    )
+    return replace(rung, name=f"{rung.name}-torsion", blade_modes=(flap, edge, 1), integrator="generalized_alpha")
 
 
 FIDELITIES = {
@@ -395,12 +384,7 @@ FIDELITIES = {
     # the same with all that the paper names: wakes from trailing edges and tips, tower and nacelle as closed bodies,
     # the ground, in a flow without viscosity; the loads are Joukowski's, see the case gebhardt-2012-full
     "gebhardt-full": replace(
-        GEBHARDT,
-        name="gebhardt-full",
-        aero=GEBHARDT_AIR,
-        tower_body=(8, 8),
-        nacelle_body=(8, 8),
-        moving_bodies=True,
+        GEBHARDT, name="gebhardt-full", aero=GEBHARDT_AIR, tower_body=(8, 8), nacelle_body=(8, 8), moving_bodies=True
     ),
     # the mixed coordinates of Nada & Al-Shahrani 2019, for their small turbine: modal tower, rigid nacelle and hub,
     # nodal blades whose frames are free, with Euler parameters; the stabilization is that of their rig's time scale

@@ -78,7 +78,7 @@ class Support(ArrayRecord):
     foundation: Annotated[NDArray[np.float64] | None, Table(6, 6)] = None
     """Stiffness (6, 6) that the ground has against the displacement and rotation of the base (axes of a tower: x
     downwind, y left, z up) [N/m, N, N m]; None: the base is clamped. See
-    `wt_gym.structure.foundation.pile_head_stiffness`."""
+    `wt_gym.structure.beam.pile_head_stiffness`."""
     top_mass: Annotated[float, Range(0.0, 1e9)] = 0.0
     """Transition piece at the base of the tower [kg]."""
     water_density: Annotated[float, Range(0.0, 2000.0)] = SEA_WATER

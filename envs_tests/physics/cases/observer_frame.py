@@ -704,7 +704,12 @@ def follow(speed, n_modes, prediction):
     return worst, np.array(history)
 
 
-@case("observer-frame-printed-update", "Frame updates (9)–(12) as printed: where they work", f"{PAPER}, eqs. (9)–(12)")
+@case(
+    "observer-frame-printed-update",
+    "Frame updates (9)–(12) as printed: where they work",
+    f"{PAPER}, eqs. (9)–(12)",
+    quick=False,
+)
 def printed_updates() -> CaseResult:
     """The frame takes φ̈ of the last instant with it: harmless for few modes, and for finite elements turning slowly."""
     cases = ((SLOW, 16, "16 modes"), (SPEED, 16, "16 modes"), (SLOW, None, "finite elements"))

@@ -111,7 +111,7 @@ class AboveRated:
 
     def __init__(self, parameters: FadeParameters, fine_pitch: float, rated_speed: float):
         self.parameters, self.fine_pitch, self.rated_speed = parameters, fine_pitch, rated_speed
-        self._pitch = LowPass(parameters.time_constant)
+        self._pitch, self._fresh = LowPass(parameters.time_constant), True
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, fade: FadeParameters | bool | float = True) -> AboveRated | None:
@@ -136,14 +136,18 @@ class AboveRated:
         fine = least_pitch(turbine, turbine.rated_wind_speed)
         return cls(parameters, fine, turbine.drivetrain.rated_rotor_speed)
 
-    def start(self, pitch: float) -> None:
-        """Start in steady state at a collective pitch [rad]."""
-        self._pitch.reset(pitch)
+    def start(self, pitch: float | None = None) -> None:
+        """Start in steady state at a collective pitch [rad], by default that of the first update."""
+        self._fresh = pitch is None
+        if pitch is not None:
+            self._pitch.reset(pitch)
 
     def update(self, pitch: Sequence[float], rotor_speed: float, dt: float) -> float:
         """Factor after a step of ``dt`` [s] with these pitch demands [rad] at a rotor speed [rad/s]."""
-        p = self.parameters
-        filtered = self._pitch.update(sum(pitch) / len(pitch), dt)
+        p, mean = self.parameters, sum(pitch) / len(pitch)
+        if self._fresh:
+            self.start(mean)
+        filtered = self._pitch.update(mean, dt)
         pitched, ratio = _ramp(filtered - self.fine_pitch, *p.pitch), rotor_speed / self.rated_speed
         share = pitched * _ramp(ratio, *p.speed)
         return share if p.fine_speed is None else share + (1.0 - pitched) * _ramp(ratio, *p.fine_speed)
@@ -365,7 +369,7 @@ class IndividualPitch:
             raise ValueError(f"individual pitch in the fixed frame needs at least 3 blades, got {n_blades}")
         self.fade, self.drive, self.n_blades = fade, drive, n_blades
         self.lead, self.simulator_step = lead, simulator_step
-        self.share, self._fresh = 0.0, True
+        self.share = 0.0
         self._moment_names = tuple(f"root_flap_moment_{b + 1}" for b in range(n_blades))
         self.channels = ("azimuth", "rotor_speed", *self._moment_names)
 
@@ -397,19 +401,15 @@ class IndividualPitch:
         """Forget everything: nothing is added at this instant."""
         for harmonic in self.harmonics:
             harmonic.start()
-        self._fresh = True
+        if self.fade is not None:
+            self.fade.start()
 
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
         """Add the pitch of all harmonics."""
         speed, azimuth = signals["rotor_speed"], signals["azimuth"]
         moments = [signals[name] for name in self._moment_names]
         before = list(map(float, demand.pitch))  # arrays of three are slow
-        self.share = 1.0
-        if self.fade is not None:
-            if self._fresh:
-                self.fade.start(float(np.mean(demand.pitch)))
-            self.share = self.fade.update(before, speed, dt)
-        self._fresh = False
+        self.share = 1.0 if self.fade is None else self.fade.update(before, speed, dt)
         lead = speed * (pitch_delay(self.drive, dt, self.simulator_step) if self.lead is None else self.lead)
         added = zip(*(h.step(moments, azimuth, dt, lead, self.share) for h in self.harmonics), strict=True)
         wanted = [angle + sum(own) for angle, own in zip(before, added, strict=True)]
@@ -463,7 +463,7 @@ class ForeAftDamper:
         self, gain: float, corner: float, limit: float, fade: AboveRated | None, pitch_limits: tuple[float, float]
     ) -> None:
         self.gain, self.limit, self.fade, self.pitch_limits = gain, limit, fade, tuple(pitch_limits)
-        self._velocity, self._fresh = BandLimitedIntegrator(corner), True
+        self._velocity = BandLimitedIntegrator(corner)
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, **parameters: Any) -> ForeAftDamper:
@@ -483,18 +483,14 @@ class ForeAftDamper:
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
         self._velocity.reset(signals["nacelle_acceleration_fore_aft"])
-        self._fresh = True
+        if self.fade is not None:
+            self.fade.start()
 
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
         """Add the pitch."""
         velocity = self._velocity.update(signals["nacelle_acceleration_fore_aft"], dt)
         before = list(map(float, demand.pitch))  # arrays of three are slow
-        share = 1.0
-        if self.fade is not None:
-            if self._fresh:
-                self.fade.start(float(np.mean(demand.pitch)))
-            share = self.fade.update(before, signals["rotor_speed"], dt)
-        self._fresh = False
+        share = 1.0 if self.fade is None else self.fade.update(before, signals["rotor_speed"], dt)
         added = share * min(max(self.gain * velocity, -self.limit), self.limit)
         # the damper takes no blade below fine pitch, but leaves one there that the controller has put there
         low, high = self.pitch_limits

@@ -494,7 +494,7 @@ def _put_into_tuple(entries: list[Any], kind: type, put: Callable[[Any], None], 
 
 
 def _parts(thing: Any) -> Iterator[tuple[Any, Callable[[Any], None]]]:
-    """What an object, a dictionary or a list holds, each with a function that replaces it."""
+    """Contents of an object, a dictionary or a list, each with a function that replaces it."""
     if isinstance(thing, dict):
         for key in thing:
             yield thing[key], partial(thing.__setitem__, key)

@@ -348,16 +348,16 @@ class BaselineController:
         self.state = BaselineState(state.filtered_speed, integral, np.array(pitch), state.torque)
 
     def _torque(self, filtered_speed: float, pitch: float, dt: float) -> float:
-        """Torque command [N m]: law of the region, saturation, rate limit."""
-        p, previous = self.parameters, cast(BaselineState, self.state).torque
-        pitched = pitch >= p.region_3_min_pitch
-        torque = min(p.torque.torque(filtered_speed, constant_power=pitched), p.max_torque)
-        if not p.constant_power:
-            torque = min(torque, p.rated_torque)
-        if math.isnan(previous):
-            return torque
-        step = p.max_torque_rate * dt
-        return min(max(torque, previous - step), previous + step)
+        """Torque command [N m]: the law, limited in rate."""
+        torque, previous = self._torque_law(filtered_speed, pitch), cast(BaselineState, self.state).torque
+        step = self.parameters.max_torque_rate * dt
+        return torque if math.isnan(previous) else min(max(torque, previous - step), previous + step)
+
+    def _torque_law(self, filtered_speed: float, pitch: float) -> float:
+        """Torque [N m]: law of the region, saturation."""
+        p = self.parameters
+        torque = min(p.torque.torque(filtered_speed, constant_power=pitch >= p.region_3_min_pitch), p.max_torque)
+        return torque if p.constant_power else min(torque, p.rated_torque)
 
     def _pitch(self, filtered_speed: float, previous: list[float], dt: float) -> tuple[list[float], float]:
         """Pitch commands [rad] and integral of the speed error [rad]: gain-scheduled PI with anti-windup."""

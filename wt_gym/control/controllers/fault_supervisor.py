@@ -239,7 +239,7 @@ class FaultSupervisor(Combined):
         return demand
 
     def believed(self, signals: Readings) -> Readings:
-        """What the parts would read at an instant, by what is known to fail already; nothing is remembered.
+        """Readings of the parts at an instant, by what is known to fail already; nothing is remembered.
 
         What begins to fail at this instant is found by the next step, and a failing encoder reads what the model of its
         drive had a step before.
@@ -340,7 +340,7 @@ class FaultSupervisor(Combined):
             drives[b] = drives[b] or (off and self._off_for[b] > p.pitch_time - _ROUNDING)
 
     def _deviation(self, signals: Readings) -> list[float]:
-        """Of the pitch of each blade from the model of its drive [rad]."""
+        """Deviation of the pitch of each blade from the model of its drive [rad]."""
         return [abs(signals[name] - lag.value) for name, lag in zip(self._pitches, self._lags, strict=True)]
 
     def _watch_vane(self, signals: Readings, dt: float) -> None:

@@ -183,7 +183,7 @@ class LidarFeedforward:
         return self._mean([self._read(k, place) for k, place in enumerate(places)])
 
     def _read(self, gate: int, place: float) -> float:
-        """What a gate saw when the air had traveled so far [m/s]; outside of what is kept the nearest reading."""
+        """Reading of a gate when the air had traveled so far [m/s]; outside of what is kept the nearest reading."""
         at, seen = self._at, self._seen
         k = bisect_left(at, place)
         if k in (0, len(at)):

@@ -221,7 +221,7 @@ class LinearDesign:
 
     @property
     def fading(self) -> FadeParameters:
-        """How far offsets act."""
+        """Range in which offsets fade in."""
         return offset_fade(self.fade, self.fine_speed)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> LinearDesign:
@@ -390,18 +390,16 @@ class PitchOffsets:
 
     def start(self) -> None:
         """Forget everything: there are no offsets."""
-        self.share, self._fresh = 1.0, True
+        self.share = 1.0
+        if self.fade is not None:
+            self.fade.start()
         self._asked = (0.0, 0.0, 0.0)
         self.acting = (0.0, 0.0, 0.0)
 
     def update_share(self, demand: Demand, rotor_speed: float, dt: float) -> float:
         """Share in which offsets act on a demand, before `added` is called for the same step."""
         if self.fade is not None:
-            before = list(map(float, demand.pitch))
-            if self._fresh:
-                self.fade.start(sum(before) / len(before))
-            self.share = self.fade.update(before, rotor_speed, dt)
-        self._fresh = False
+            self.share = self.fade.update(list(map(float, demand.pitch)), rotor_speed, dt)
         return self.share
 
     def added(self, wanted: Sequence[float], demand: Demand, azimuth: float, rotor_speed: float, dt: float) -> Demand:
@@ -530,7 +528,7 @@ class LinearOptimalPitch:
         self._sum += dt * np.array(self.offsets.between(base, demand, signals["azimuth"], signals["rotor_speed"], dt))
 
     def known(self, signals: Readings) -> NDArray[np.float64]:
-        """What is known of the disturbances at an instant, before the controller acts on it.
+        """Knowledge of the disturbances at an instant, before the controller acts on it.
 
         Returns
         -------

@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from wt_gym.base.options import Options, option, option_record
-from wt_gym.control.controllers.controller import demanded_power_of, part_of
+from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, DisconController
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.rotor import RotorTable, rotor_table
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "WAYS", "DerateOptions", "KineticOptions", "PowerTracking", "PowerTrackingLaw", "pitch_over_share",
-    "power_tracking_of",
+
 ]  # fmt: skip
 
 WAYS = ("speed", "torque", "pitch", "kinetic")
@@ -174,19 +174,14 @@ class PowerTrackingLaw(BaselineController):
         self._measured = float(generator_speed)
         return super().step(generator_speed, dt)
 
-    def _torque(self, filtered_speed: float, pitch: float, dt: float) -> float:
-        p, previous = self.parameters, cast("BaselineState", self.state).torque
-        power = self.share * p.torque.rated_power
+    def _torque_law(self, filtered_speed: float, pitch: float) -> float:
+        p, power = self.parameters, self.share * self.parameters.torque.rated_power
         pitched = pitch >= self.least_pitch + p.region_3_min_pitch - p.min_pitch
         torque = min(self._curve(filtered_speed, power, pitched), p.max_torque)
-        if self.way == "kinetic":
-            held = min(power / max(self._measured, 1e-3), p.max_torque)
-            from_store = self._open(self._measured / p.reference_speed)
-            torque = held if held < torque else torque + from_store * (held - torque)
-        if math.isnan(previous):
+        if self.way != "kinetic":
             return torque
-        step = p.max_torque_rate * dt
-        return min(max(torque, previous - step), previous + step)
+        held = min(power / max(self._measured, 1e-3), p.max_torque)
+        return held if held < torque else torque + self._open(self._measured / p.reference_speed) * (held - torque)
 
     def _curve(self, speed: float, power: float, pitched: bool) -> float:
         """Torque of the curve, of its own rated speed, at most that of the power [N m]."""
@@ -207,7 +202,7 @@ class PowerTrackingLaw(BaselineController):
         return torque if p.constant_power else min(torque, p.rated_torque)
 
     def _open(self, speed: float) -> float:
-        """How far the store is open at a speed over the reference speed, 0 … 1."""
+        """Opening of the store at a speed over the reference speed, 0 … 1."""
         x = min(max((speed - self.lowest_speed) / self.band, 0.0), 1.0)
         return x * x * (3.0 - 2.0 * x)
 
@@ -294,8 +289,3 @@ class PowerTracking(DisconController):
         """Demand for the next ``dt`` [s]."""
         self._ask(signals)
         return super().step(signals, dt)
-
-
-def power_tracking_of(controller: Controller | None) -> PowerTracking | None:
-    """Part of a controller that follows a demanded power, None without any."""
-    return part_of(controller, PowerTracking)

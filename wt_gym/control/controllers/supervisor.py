@@ -259,7 +259,7 @@ class Supervisor:
 
     @property
     def state(self) -> str:
-        """What the turbine does, of `STATES`."""
+        """State of the turbine, of `STATES`."""
         return STATES[self.state_index]
 
     @property

@@ -31,7 +31,7 @@ from wt_gym.experiment.trained_agent import model_card
 from wt_gym.experiment.trained_environment import trained_arguments, training_arguments
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from stable_baselines3.common.running_mean_std import RunningMeanStd
 
@@ -44,6 +44,7 @@ __all__ = [
 ]  # fmt: skip
 
 POLICY_FILE, CARD_FILE = "policy.onnx", "README.md"
+_KEPT = ("agent", "turbine", "control_step_s", "reading_delay_steps", "action_mode", "base_controller", "wt_gym")
 
 
 def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> WindTurbineEnv:
@@ -92,9 +93,6 @@ def export_onnx(choice: str, folder: str | Path) -> dict[str, Any]:
         "files": [str(folder / file) for file in (POLICY_FILE, "card.json", CARD_FILE)],
         "largest_difference": difference,
     }
-
-
-_KEPT = ("agent", "turbine", "control_step_s", "reading_delay_steps", "action_mode", "base_controller", "wt_gym")
 
 
 _UNIT = 2.0**-24
@@ -199,7 +197,7 @@ class Network:
             sums = x @ layer.weight.T + layer.bias
             own = len(squares) * _UNIT**2 * (sums**2 + x**2 @ squares + layer.bias**2)
             error = np.sqrt(error**2 @ squares + own)
-            x = _activate(sums, layer.activation)
+            x = _APPLIED[layer.activation](sums)
             error = error + (_OF_ACTIVATION if layer.activation else 0.0)
         if self.squashed:
             error = 0.5 * (self.action_high - self.action_low) * (error + _OF_ACTIVATION)
@@ -220,25 +218,19 @@ class Network:
         """
         x = self._standardized(observation)
         for layer in self.layers:
-            x = _activate(x @ layer.weight.T + layer.bias, layer.activation)
+            x = _APPLIED[layer.activation](x @ layer.weight.T + layer.bias)
         if self.squashed:
             x = self.action_low + 0.5 * (np.tanh(x) + 1.0) * (self.action_high - self.action_low)
         action: np.ndarray = np.clip(x, self.action_low, self.action_high).astype(np.float32)
         return action
 
 
-def _activate(x: np.ndarray, activation: str) -> np.ndarray:
-    y: np.ndarray
-    match activation:
-        case "tanh":
-            y = np.tanh(x)
-        case "relu":
-            y = np.maximum(x, 0.0)
-        case "elu":
-            y = np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0)))
-        case _:
-            y = x
-    return y
+_APPLIED: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "": lambda x: x,
+    "tanh": np.tanh,
+    "relu": lambda x: np.maximum(x, 0.0),
+    "elu": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0))),
+}
 
 
 def network_of(agent: TrainedAgent, layout: EnvLayout) -> Network:

@@ -52,7 +52,7 @@ def checked_start(system: MultibodySystem, y: ArrayLike, inputs: Inputs, work: W
     ------
     MultibodyError
         For a state without meaning, or one that is farther from the constraint equations than
-        :data:`wt_gym.multibody.arrays.CONSISTENT`.
+        :data:`wt_gym.multibody.system.CONSISTENT`.
     """
     state = check_state(system, y).copy()
     if system.constraints:

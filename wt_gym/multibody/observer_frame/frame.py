@@ -135,13 +135,7 @@ from wt_gym.base.types import Array
 from wt_gym.multibody.integrators.schemes import NEWMARK
 from wt_gym.multibody.observer_frame import observer_frame_constraint_kernels as constraint
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
-from wt_gym.multibody.observer_frame.observer_frame_body import (
-    Model,
-    ObserverFrameError,
-    State,
-    Substructure,
-    Work,
-)
+from wt_gym.multibody.observer_frame.observer_frame_body import Model, ObserverFrameError, State, Substructure, Work
 from wt_gym.multibody.observer_frame.observer_frame_kernels import renew
 
 LOAD_AXES = {"fixed": constraint.FIXED, "undeformed": constraint.UNDEFORMED, "deformed": constraint.DEFORMED}
