@@ -71,16 +71,24 @@ _HEADS = [metric_label(shown) for shown in _EXTREMES.values()]
 
 def load_case_tables(results: LoadCaseResults) -> list[str]:
     """Lines of Markdown: design loads by case and agent, and loads over a life."""
-    rows = []
-    for case in results.cases:
-        if not CASES[case].fatigue:
-            rows.append(Row(case))
-            for agent in (agent for other, agent in results.rows() if other == case):
-                cells = [_cell(results, case, agent, key) for key in _EXTREMES]
-                rows.append(Row(agent, [_survival(results, case, agent), *cells]))
     heads = [f"{name} [{shown.unit}]" for name, shown in zip(_SHORT, _EXTREMES.values(), strict=True)]
-    lines = markdown(["case", "agent", "came through", *heads], rows)
+    lines = markdown(["case", "agent", "came through", *heads], _case_rows(results, html=False))
     return lines + _lifetime_lines(results) + _idle_lines(results)
+
+
+def _case_rows(results: LoadCaseResults, html: bool) -> list[Row]:
+    """Extremes of all cases and agents, a block a case."""
+    labels, rows = agent_labels(results.agents) if html else {}, []
+    for case in (case for case in results.cases if not CASES[case].fatigue):
+        kind = CASES[case]
+        rows.append(Row(f"DLC {case} {escape(kind.title)} <small>\u03b3 {kind.factor:g}</small>" if html else case))
+        for agent in (agent for other, agent in results.rows() if other == case):
+            passed, planned = results.survived(case, agent)
+            came = _survival(results, case, agent)
+            came = badge("better" if passed == planned else "lost", came) if html else came
+            cells = [(_html_cell if html else _cell)(results, case, agent, key) for key in _EXTREMES]
+            rows.append(Row(labels.get(agent, agent), [came, *cells]))
+    return rows
 
 
 def _idle_lines(results: LoadCaseResults) -> list[str]:
@@ -152,7 +160,11 @@ def write_load_case_report(results: LoadCaseResults, path: str | Path, title: st
         facts=_facts(results),
         sections=[
             Section("verdict", "Who comes through, and with which loads?", _verdict(results), link="Verdict"),
-            Section("table", "Extreme loads by case", _table(results), _TABLE_CAPTION, "By case"),
+            Section(
+                "table", "Extreme loads by case",
+                table(["Agent", "Came through", *_HEADS], _case_rows(results, html=True), texts=(1,)),
+                _TABLE_CAPTION, "By case",
+            ),
             Section(
                 "loads", "Design loads side by side", figure_element("loads-figure", _loads(results)), link="Loads"
             ),
@@ -162,7 +174,7 @@ def write_load_case_report(results: LoadCaseResults, path: str | Path, title: st
             Section("runs", "Runs", _links(path.parent)),
             Section("method", "How to read the numbers", _method(results), link="Method"),
         ],
-    )
+    )  # fmt: skip
 
 
 _TABLE_CAPTION = (
@@ -261,24 +273,6 @@ def _governing_cell(results: LoadCaseResults, agent: str, base: str, key: str) -
     if agent == base or other is None or not (whole and other[2]):
         return text
     return text + difference_tag(_EXTREMES[key], value, other[0])
-
-
-def _table(results: LoadCaseResults) -> str:
-    """Extremes of all cases and agents, a block a case."""
-    labels, rows, before = agent_labels(results.agents), [], ""
-    for case, agent in results.rows():
-        kind = CASES[case]
-        if kind.fatigue:
-            continue
-        if case != before:
-            rows.append(Row(f"DLC {case} {escape(kind.title)} <small>\u03b3 {kind.factor:g}</small>"))
-            before = case
-        passed, planned = results.survived(case, agent)
-        came = badge("better" if passed == planned else "lost", _survival(results, case, agent))
-        cells = [_html_cell(results, case, agent, key) for key in _EXTREMES]
-        rows.append(Row(labels.get(agent, agent), [came, *cells]))
-    head = ["Agent", "Came through", *_HEADS]
-    return table(head, rows, texts=(1,))
 
 
 def _html_cell(results: LoadCaseResults, case: str, agent: str, key: str) -> str:
