@@ -252,7 +252,7 @@ def _baseline_rows(content: Mapping[str, Any]) -> list[Row]:
 
 
 def _by_speed(content: Mapping[str, Any]) -> dict[float | None, dict[str, dict[str, Any]]]:
-    """What is known of each metric, by wind speed; None: in all winds."""
+    """Rows of the content by wind speed (None: all winds) and metric."""
     out: dict[float | None, dict[str, dict[str, Any]]] = {}
     for row in content["metrics"]:
         out.setdefault(row["wind_speed"], {})[row["metric"]] = row

@@ -38,7 +38,7 @@ TOWER_DIRECTIONS = 12
 
 @dataclass(frozen=True)
 class Metric:
-    """What a figure of merit is called and how it is shown.
+    """Name and form of a figure of merit.
 
     Attributes
     ----------
@@ -194,7 +194,7 @@ def _worst_direction(channel: Callable[[str], NDArray[np.float64]], duration: fl
 
 
 def _tracking(channel: Callable[[str], NDArray[np.float64]], turbine: Turbine, step: float) -> dict[str, float]:
-    """How well a demanded power was followed; the available one is smoothed, as a rotor smooths it.
+    """Metrics of a demanded power; the available one is smoothed, as a rotor smooths it.
 
     Without a time in which the wind allows what is demanded, the error in such times is that of all.
     """

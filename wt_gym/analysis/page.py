@@ -94,7 +94,7 @@ CHANGES_LEGEND = {
     "equal": "shown equal: the whole interval is within \u00b11 %",
     "open": "no difference seen, none excluded",
 }
-"""What the marks of changes mean, by their class."""
+"""Meaning of the marks of changes, by their class."""
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ DARK_COLORS = {
     WIND_COLOR: "#93a1ad",
     **dict(zip(_COLORS, ("#45A5E0", "#F2813A", "#2CC295", "#DD97BD", "#8ACCF2", "#F0B437"), strict=True)),
 }  # fmt: skip
-"""What becomes of the colors of figures in a dark scheme; report.css has the same for the page."""
+"""Colors of figures in a dark scheme; report.css has the same for the page."""
 
 
 def agent_styles(agents: Sequence[str]) -> dict[str, dict[str, str]]:

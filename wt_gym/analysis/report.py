@@ -144,7 +144,7 @@ def write_report(
 
 
 def _facts(evaluation: Evaluation) -> dict[str, str | None]:
-    """What stands below the result."""
+    """Facts below the result."""
     settings, speeds, winds = evaluation.settings, evaluation.speeds, evaluation.winds
     counts = {sum(wind.speed == speed for wind in winds) for speed in speeds}
     each = f" ({counts.pop()} each)" if len(counts) == 1 and len(speeds) > 1 else ""
@@ -178,7 +178,7 @@ def _facts(evaluation: Evaluation) -> dict[str, str | None]:
 
 
 def _question(evaluation: Evaluation) -> str:
-    """What the page answers first."""
+    """Question that the page answers first."""
     others = evaluation.others
     if not others:
         return headline(evaluation)
@@ -300,7 +300,7 @@ def _table(evaluation: Evaluation, speed: float | None) -> str:
 
 
 def _survival(evaluation: Evaluation, agent: str, speed: float | None) -> str:
-    """How many runs lasted as long as planned."""
+    """Number of runs that lasted as long as planned."""
     runs = evaluation.runs_of(agent, speed)
     return f"{sum(run.complete for run in runs)} of {len(runs)}"
 
@@ -423,7 +423,7 @@ def _shown_winds(evaluation: Evaluation) -> list[Wind]:
 
 
 def _method(evaluation: Evaluation) -> str:
-    """How the numbers came about."""
+    """Origin and meaning of the numbers."""
     skip = evaluation.settings.get("skip", 0.0)
     items = [
         f"Metrics leave out the first {skip:g} s of every run, in which the wake forms.",
@@ -559,7 +559,7 @@ def replay_section(evaluation: Evaluation) -> Section:
 
 
 def opening_agent(evaluation: Evaluation, agents: Sequence[str]) -> str:
-    """Of agents with a replay the one it opens on: the trained one with the lowest flap DEL, else the last."""
+    """Agent that the replay opens on: of those with one the trained one with the lowest flap DEL, else the last."""
     trained = [agent for agent in agents if agent in evaluation.training]
     loads = {}
     for agent in trained:
@@ -570,7 +570,7 @@ def opening_agent(evaluation: Evaluation, agents: Sequence[str]) -> str:
 
 
 def shown_agents(evaluation: Evaluation, agents: Sequence[str], opened: str) -> set[str]:
-    """Of agents with a replay those it offers: the one it opens on, the baseline, and the first others."""
+    """Agents that the replay offers: the one that it opens on, the baseline, and the first others."""
     first = [agent for agent in (opened, evaluation.baseline) if agent in agents]
     return set(list(dict.fromkeys([*first, *agents]))[:_MOST_AGENTS])
 

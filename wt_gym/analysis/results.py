@@ -96,7 +96,7 @@ class ReplayRecorder:
         self._frames.append((time, _thinned(geometry)))
 
     def to_replay(self) -> Replay | None:
-        """What is kept, None if nothing is."""
+        """Replay of the instants in memory; None where there are none."""
         if not self._frames:
             return None
         times, shapes = zip(*self._frames, strict=True)
@@ -221,7 +221,7 @@ class Run:
 
     @property
     def complete(self) -> bool:
-        """Whether the run lasted as long as planned."""
+        """Return True if the run lasted as long as planned."""
         return self.ending == "time"
 
     def to_json(self) -> dict[str, Any]:

@@ -66,7 +66,7 @@ def smooth_curves(nodes: NDArray[np.float64], pieces: int = _PIECES) -> NDArray[
 def filament_weights(
     circulation: NDArray[np.float64], nodes: NDArray[np.float64], hub: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """How strongly each segment of a wake is drawn, 0 to 1: by its strength, tips before roots, fading with age.
+    """Weight of each segment of a wake in the drawing, 0 to 1: by strength, tips before roots, fading with age.
 
     Parameters
     ----------

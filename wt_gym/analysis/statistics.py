@@ -117,7 +117,7 @@ LIFETIME_EXPONENTS = {
 SHAPES = (0.5, 10.0)
 """Least and largest Weibull exponent of a wind climate [-]; measured ones lie between 1 and 4."""
 LEAST_SHARE = 1e-3
-"""Of the time that the wind has to be one of operation."""
+"""Least share of the time in which the wind must be one of operation."""
 
 
 @dataclass(frozen=True)
@@ -317,11 +317,11 @@ class Estimate:
 
     @property
     def has_interval(self) -> bool:
-        """Whether there were winds enough for one."""
+        """Return True if there were winds enough for one."""
         return not math.isnan(self.low)
 
     def kind(self, key: str | Metric) -> str:
-        """What a change of a metric means: ``"better"``, ``"worse"``, ``"equal"``, ``"open"`` or ``"none"``.
+        """Meaning of a change of a metric: ``"better"``, ``"worse"``, ``"equal"``, ``"open"`` or ``"none"``.
 
         ``"better"`` and ``"worse"`` are changes of at least 1 % (or half the last digit shown) whose interval, if there
         is one, excludes zero. ``"equal"`` is shown to be smaller: the whole interval is, or nothing changed at all.

@@ -1,4 +1,4 @@
-"""What an evaluation says, in words: every sentence follows from the numbers."""
+"""An evaluation in words: every sentence follows from the numbers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ JUDGED = {
     "tower_side_side_del": "tower side-side",
     "pitch_travel": "pitch travel",
 }
-"""What decides whether an agent is better, and how it is called in a sentence."""
+"""Metrics that decide whether an agent is better, and their names in a sentence."""
 _FATIGUE = {
     "blade_flap_del": "flapwise blade fatigue",
     "tower_fore_aft_del": "fore-aft tower fatigue",
@@ -117,7 +117,7 @@ def _rank(evaluation: Evaluation, agent: str) -> float:
 
 
 def _changes(evaluation: Evaluation, agent: str, result: Verdict) -> str:
-    """What an agent lowers and raises beyond chance, in words, and what becomes of power and pitch travel."""
+    """Loads that an agent lowers and raises beyond chance, in words, with power and pitch travel."""
     # every metric of JUDGED can be compared where there is a verdict
     change = {key: cast("Estimate", paired_change(evaluation, agent, key)) for key in JUDGED}
 
@@ -156,7 +156,7 @@ def _and(words: list[str]) -> str:
 
 
 def unseen(evaluation: Evaluation) -> bool:
-    """Whether no agent was trained on a turbulence seed of the evaluation; a wind without a seed may have been met."""
+    """Return True if no agent was trained on a seed of the evaluation; a wind without a seed may have been met."""
     seeds = {wind.seed for wind in evaluation.winds}
     trained = [training.get("wind_seeds") for training in evaluation.training.values()]
     return (
@@ -168,7 +168,7 @@ def unseen(evaluation: Evaluation) -> bool:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether an agent is better than the baseline.
+    """Judgment of an agent against the baseline.
 
     Attributes
     ----------
@@ -237,7 +237,7 @@ def _common_ends(evaluation: Evaluation) -> list[Wind]:
 
 
 def _common_survival(evaluation: Evaluation) -> str:
-    """What became of all agents alike."""
+    """Sentence on ends that all agents have in common."""
     if len(evaluation.agents) < 2:
         return ""
     every = "both" if len(evaluation.agents) == 2 else f"all {_WORDS.get(n := len(evaluation.agents), n)}"
@@ -295,7 +295,7 @@ def _training_sentence(evaluation: Evaluation, agent: str) -> str:
 
 
 def _survival(evaluation: Evaluation, agent: str) -> str:
-    """Say whether the agent kept the turbine running, where that was not said of all."""
+    """Sentence on the ends of an agent's runs, where that was not said of all."""
     runs, common = evaluation.runs_of(agent), _common_ends(evaluation)
     stopped = [run for run in runs if not run.complete and run.wind not in common]
     if not stopped:
@@ -351,7 +351,7 @@ def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
 
 
 def _reach_paragraph(evaluation: Evaluation) -> str:
-    """How far the result carries."""
+    """Limits of the result."""
     duration = max(run.planned_duration for run in evaluation.runs)
     sentences = [f"Each run lasts {duration:.0f} s at most."]
     fewest = min([wind.speed for wind in evaluation.winds].count(speed) for speed in evaluation.speeds)

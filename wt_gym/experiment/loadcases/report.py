@@ -123,7 +123,7 @@ def _cell(results: LoadCaseResults, case: str, agent: str, key: str) -> str:
 
 
 def _survival(results: LoadCaseResults, case: str, agent: str) -> str:
-    """How many runs came through, and what became of the others."""
+    """Number of runs that came through, and the ends of the others."""
     passed, planned = results.survived(case, agent)
     failures = [f"{len(runs)} {_ENDINGS[end]}" for end, runs in results.failures(case, agent).items()]
     return f"{passed} of {planned}" + (f" ({', '.join(failures)})" if failures else "")
@@ -208,7 +208,7 @@ def _result(results: LoadCaseResults) -> str:
 
 
 def _facts(results: LoadCaseResults) -> dict[str, str | None]:
-    """What stands below the result."""
+    """Facts below the result."""
     settings, climate = results.settings, results.climate
     n_runs = len({id(run.result) for runs in results.runs.values() for run in runs})
     return {
@@ -321,7 +321,7 @@ def _lifetime_section(results: LoadCaseResults) -> Section:
 
 
 def _failed(results: LoadCaseResults) -> str:
-    """Which runs did not go as planned."""
+    """List of runs that did not go as planned."""
     items = []
     for case, agent in results.rows():
         for end, runs in results.failures(case, agent).items():
@@ -382,7 +382,7 @@ def _courses(results: LoadCaseResults, runs: dict[str, CaseRun]) -> go.Figure:
 
 
 def _method(results: LoadCaseResults) -> str:
-    """How the numbers came about."""
+    """Origin and meaning of the numbers."""
     items = [
         "Cases and partial safety factors \u03b3 of IEC 61400-1, edition 3 with amendment 1, tables 2 and 3.",
         "Characteristic values: the mean over the seeds, or over the azimuths of the rotor at the start, of what is"
