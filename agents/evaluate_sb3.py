@@ -10,8 +10,8 @@ the same wind, which removes most of the variance of the wind; the mean change h
 import argparse
 
 from wt_gym.analysis.metrics import METRICS
-from wt_gym.analysis.paired import paired_change
 from wt_gym.analysis.results import Wind
+from wt_gym.analysis.statistics import paired_change
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 

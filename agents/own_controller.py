@@ -14,8 +14,8 @@ import argparse
 import numpy as np
 
 from wt_gym.analysis.metrics import METRICS
-from wt_gym.analysis.paired import paired_change
 from wt_gym.analysis.results import Wind
+from wt_gym.analysis.statistics import paired_change
 from wt_gym.control import Demand
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 

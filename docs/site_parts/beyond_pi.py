@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from dial_front import covered
-from task_scores import STORM_CONTROLLER
+from task_scores import STORM_CONTROLLER, half_width
 
 from wt_gym.experiment.benchmark_tasks import load_task
-from wt_gym.experiment.comparison import half_width
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 _SUPERVISED = "discon+supervisor:averaging=60"

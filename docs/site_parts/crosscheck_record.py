@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from wt_gym.analysis.crosscheck_page import tables
+from wt_gym.analysis.crosscheck import tables
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
+from wt_gym.analysis.statistics import WindClimate
 from wt_gym.analysis.summary import summarize
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.commands import main

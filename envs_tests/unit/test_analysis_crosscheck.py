@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.analysis.crosscheck import SERIES, Crosscheck
-from wt_gym.analysis.crosscheck_page import changes_figure, page, tables, write_page
-from wt_gym.analysis.crosscheck_report import write_crosscheck_report
+from wt_gym.analysis.crosscheck import SERIES, Crosscheck, changes_figure, tables, write_crosscheck
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.results import Evaluation, Run, Wind
 
@@ -79,13 +77,12 @@ def test_other_agents_or_winds_are_refused():
 
 
 def test_the_page(check, tmp_path):
-    text = tables(json.loads(json.dumps(check.to_json(), default=str)))
+    text = tables(json.loads(json.dumps(check.content, default=str)))
     assert "| 12 | ipc | −20.0 % / −15.0 % |" in text
     assert "| 12 | a\\|b | −30.0 % / −25.0 % |" in text
     assert "| 16 | level | −16.7 % |" in text
-    path = write_page(check, tmp_path, "wt-gym crosscheck discon ipc")
+    path, _ = write_crosscheck(check, tmp_path, "wt-gym crosscheck discon ipc")
     written = path.read_text(encoding="utf-8")
-    assert written == page(check, "wt-gym crosscheck discon ipc")
     assert "wt-gym crosscheck discon ipc\n" in written
     assert "![changes in wt_gym and openfast](figures/changes.svg)" in written
     assert (tmp_path / "figures" / "changes.svg").stat().st_size > 5000
@@ -100,7 +97,7 @@ def test_the_page(check, tmp_path):
 
 
 def test_changes_of_both_are_the_coordinates_of_a_point(check):
-    flap = changes_figure(check.to_json()).axes[0]
+    flap = changes_figure(check.content).axes[0]
     points = {(round(float(line.get_xdata()[0]), 6), round(float(line.get_ydata()[0]), 6))
               for line in flap.lines if len(line.get_xdata()) == 1}  # fmt: skip
     assert {(-20.0, -15.0), (-30.0, -25.0)} <= points
@@ -109,18 +106,20 @@ def test_changes_of_both_are_the_coordinates_of_a_point(check):
     np.testing.assert_array_equal(diagonal.get_xdata(), diagonal.get_ydata())
 
 
-def test_runs_that_ended_early_are_named():
+def test_runs_that_ended_early_are_named(tmp_path):
     second = evaluation(FLAP)
     run = second.runs[1]
     second.runs[1] = Run(run.agent, run.wind, run.data, {}, 0.0, {}, 120.0, 33.0, "failure", "OpenFAST: it broke")
-    text = page(Crosscheck(("wt_gym", "openfast"), (evaluation(FLAP), second)))
+    path, _ = write_crosscheck(Crosscheck(("wt_gym", "openfast"), (evaluation(FLAP), second)), tmp_path)
+    text = path.read_text(encoding="utf-8")
     assert "openfast: ipc at 12 m/s, seed 1001 ended after 33 s (failure) OpenFAST: it broke" in text
 
 
 def test_the_report_answers_first_and_links_to_both_evaluations(check, tmp_path):
     for name, each in zip(check.names, check.evaluations, strict=True):
         each.save(tmp_path / name)
-    page = write_crosscheck_report(check, tmp_path, "wt-gym crosscheck discon <ipc>").read_text(encoding="utf-8")
+    _, report = write_crosscheck(check, tmp_path, "wt-gym crosscheck discon <ipc>")
+    page = report.read_text(encoding="utf-8")
     header, body = page.split("</header>")[0], page.split("</header>")[1]
     # each agent at two speeds; the last loses 10 % in one simulator and 1 % in the other
     assert "wt_gym and openfast agree on what gets better and worse in 6 of 6 changes of fatigue loads" in header

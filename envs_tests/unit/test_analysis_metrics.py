@@ -12,9 +12,9 @@ from wt_gym.analysis.metrics import (
     TRACKING_METRICS,
     damage_equivalent_load,
     measured_metrics,
+    power_spectral_density,
     run_metrics,
 )
-from wt_gym.analysis.spectra import power_spectral_density
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.turbines import load_turbine
 
@@ -146,11 +146,10 @@ NO_SENSE = {"rotor_speed_mean", "saturated_share", "demanded_energy"}
 MORE_IS_BETTER = {"mean_power", "corrected_power", "energy", "tip_clearance_min"}
 
 
-@pytest.mark.parametrize("name", METRICS)
-def test_every_metric_is_shown_in_its_unit_and_has_its_sense(name):
-    metric = METRICS[name]
-    assert metric.factor == pytest.approx(SHOWN[metric.unit], rel=1e-12)
-    assert metric.better == (1 if name in MORE_IS_BETTER else 0 if name in NO_SENSE else -1)
+def test_every_metric_is_shown_in_its_unit_and_has_its_sense():
+    for name, metric in METRICS.items():
+        assert metric.factor == pytest.approx(SHOWN[metric.unit], rel=1e-12)
+        assert metric.better == (1 if name in MORE_IS_BETTER else 0 if name in NO_SENSE else -1), name
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 0.5 * np.pi, 4.0])
@@ -182,20 +181,12 @@ def test_power_out_of_the_rotor_is_no_power(run, turbine):
         assert metrics["corrected_power"] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_kinetic_energy_counts_from_the_state_before_the_first_step(run, turbine):
-    speed = np.full(1000, 1.2)
-    speed[:100] = 1.0  # until t = 10.0 s, the start of the first step that is measured
-    run["rotor_speed"][:] = speed
+@pytest.mark.parametrize(("n_slow", "skip", "time"), [(100, 10.0, 90.0), (1, 0.0, 99.9)])
+def test_kinetic_energy_counts_from_the_state_before_the_first_step(run, turbine, n_slow, skip, time):
+    """Slow until the start of the first step that is measured, or in the first sample where nothing is before."""
+    run["rotor_speed"][:] = np.where(np.arange(1000) < n_slow, 1.0, 1.2)
     gained = 0.5 * rotor_inertia(turbine) * (1.2**2 - 1.0**2)
-    assert run_metrics(run, turbine, skip=10.0)["corrected_power"] == pytest.approx(2e6 + gained / 90.0, rel=1e-12)
-
-
-def test_kinetic_energy_counts_from_the_first_sample_where_nothing_is_before(run, turbine):
-    speed = np.full(1000, 1.2)
-    speed[0] = 1.0
-    run["rotor_speed"][:] = speed
-    gained = 0.5 * rotor_inertia(turbine) * (1.2**2 - 1.0**2)
-    assert run_metrics(run, turbine)["corrected_power"] == pytest.approx(2e6 + gained / 99.9, rel=1e-12)
+    assert run_metrics(run, turbine, skip)["corrected_power"] == pytest.approx(2e6 + gained / time, rel=1e-12)
 
 
 def test_skipped_start_does_not_count(run, turbine):

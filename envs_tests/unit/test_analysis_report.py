@@ -9,14 +9,18 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.analysis.comparison_plots import pareto_figure, verdict_figure
-from wt_gym.analysis.learning_plots import learning_figure, median_and_range, running_mean, trainings
-from wt_gym.analysis.lifetime import WindClimate
+from wt_gym.analysis.figures import (
+    learning_figure,
+    median_and_range,
+    pareto_figure,
+    running_mean,
+    trainings,
+    verdict_figure,
+)
 from wt_gym.analysis.metrics import METRICS
-from wt_gym.analysis.replay import Replay, ReplayRecorder, trailing_strength
-from wt_gym.analysis.replay_section import encode
-from wt_gym.analysis.report import _GROUPS, write_report
-from wt_gym.analysis.results import Evaluation, Run, Wind
+from wt_gym.analysis.report import _GROUPS, encode, write_report
+from wt_gym.analysis.results import Evaluation, Replay, ReplayRecorder, Run, Wind, trailing_strength
+from wt_gym.analysis.statistics import WindClimate
 
 SPEEDS = (12.0, 16.0)
 WINDS = tuple(Wind(speed, seed) for speed in SPEEDS for seed in (1001, 1002, 1003))

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from wt_gym.analysis.report_page import Section, write_page
+from wt_gym.analysis.page import Section, write_page
 from wt_gym.analysis.results import Wind
 from wt_gym.experiment.comparison import COLUMNS, ControllerRuns, write_comparison
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from dial_front import PARTS, cost_parts, hypervolume, nadir
 
-from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
+from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.envs.dial import DIAL_NAMES
 
 

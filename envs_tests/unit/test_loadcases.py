@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.analysis.lifetime import WindClimate, wind_weights
+from wt_gym.analysis.statistics import WindClimate, wind_weights
 from wt_gym.commands import run as run_command
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment import environments, execute, loadcase_runs

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, absolute, read_record
 from envs_tests.physics.validation import Figure as CaseFigure
-from wt_gym.analysis.replay import kept_filaments
-from wt_gym.analysis.replay_section import opening_agent, shown_agents
+from wt_gym.analysis.report import opening_agent, shown_agents
+from wt_gym.analysis.results import kept_filaments
 from wt_gym.analysis.scene import Camera, Scene, filament_weights, line_look, smooth_curves
 from wt_gym.base.picture_style import COLORS, LINE_STYLES, MARKERS, baseline, label_points
 from wt_gym.simulation.campbell import FAMILIES, CampbellDiagram, campbell_figure, mode_family, mode_label, spread
@@ -285,7 +285,7 @@ def test_names_of_points_do_not_cover_each_other():
 def test_replay_opens_on_the_trained_agent_with_the_lowest_load(monkeypatch):
     changes = {"good": -0.4, "better": -0.5, "by hand": -0.9}
     monkeypatch.setattr(
-        "wt_gym.analysis.replay_section.paired_change",
+        "wt_gym.analysis.report.paired_change",
         lambda evaluation, agent, key, speed: SimpleNamespace(value=changes[agent]),
     )
     evaluation = SimpleNamespace(training={"good": {}, "better": {}}, speeds=[15.0], baseline="base")

@@ -24,8 +24,8 @@ import numpy as np
 from ceiling_ladder import Rung, Seen, climb, known_wind, rungs_of, see
 from ceiling_oracle import OracleOptions, Played, best_of, learn_offsets
 
-from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.results import Wind
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_text_whole
 from wt_gym.commands.benchmark import KEPT, chosen

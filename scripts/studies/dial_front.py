@@ -8,7 +8,7 @@ Writes docs/data/dial_front.json. All policies are trained by the file of agents
 for single settings have constant weights. "run" takes the policy with the dial from --dial, by default that of "train".
 
 A setting of the dial gives a point (fatigue, power, travel): the parts of the lifetime cost
-(`wt_gym.analysis.lifetime_cost`) less those of the base controller in the same winds. The hypervolume of several points
+(`wt_gym.analysis.metrics`) less those of the base controller in the same winds. The hypervolume of several points
 is the volume that they dominate up to a reference point (Zitzler and Thiele, IEEE Trans. Evol. Comp. 3, 1999).
 """
 
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
+from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.files import write_text_whole
 from wt_gym.commands import parse

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from task_scores import STEADY, signed
 
-from wt_gym.analysis.change import relative_change
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.files import write_text_whole
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate, winds_for

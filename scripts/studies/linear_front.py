@@ -16,8 +16,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.results import Wind
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
 from wt_gym.control.controllers.linear_optimal import save_design
 from wt_gym.experiment.benchmark_tasks import load_task

@@ -20,8 +20,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from wt_gym.analysis.change import relative_change
-from wt_gym.analysis.statistics import bootstrap_interval
+from wt_gym.analysis.statistics import bootstrap_interval, relative_change
 from wt_gym.base.files import whole_file
 from wt_gym.base.picture_style import COLORS, INK, LINE_STYLES, MARKERS, SVG, baseline, label_points, plain
 from wt_gym.commands import benchmark as command

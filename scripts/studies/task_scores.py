@@ -23,19 +23,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 import wt_gym
 from envs_tests.physics.validation import source_commit
-from wt_gym.analysis.change import relative_change
-from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
-from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.results import Wind
+from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, WindClimate, lifetime_load, relative_change, wind_weights
 from wt_gym.base.files import shipped_folder, write_text_whole
 from wt_gym.commands.program import stoppable, user_errors
 from wt_gym.envs.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
-from wt_gym.experiment.comparison import half_width
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
@@ -407,6 +405,11 @@ def _cell(study: Study, column: Column, own: Mapping[Any, Any], base: Mapping[An
         return f"{signed(100.0 * changes.mean(), 1)} ± {100.0 * half_width(changes):.1f} %"
     digits = 2 if column.how in ("total", "climate") else 1
     return f"{signed(100.0 * relative_change(mine.sum(), theirs.sum()), digits)} %"
+
+
+def half_width(values: np.ndarray) -> float:
+    """Half width of the 95 % interval of a mean, by Student's t; of two values at least."""
+    return float(stdtrit(values.size - 1, 0.975) * values.std(ddof=1) / np.sqrt(values.size))
 
 
 def _weights(study: Study, speeds: list[float]) -> np.ndarray:

@@ -1,6 +1,5 @@
-"""What runs are worth: load metrics, spectra, results on disk, figures and the HTML report of an evaluation.
+"""Analysis of runs: load metrics, changes against a baseline, results on disk, figures and pages.
 
-Numbers: `metrics`, `spectra`, `lifetime`, `statistics`, `paired`; on disk: `results`, `replay`; for the page:
-`summary`, `plots`, `comparison_plots`, `learning_plots`, `replay_section`, `report`. Plotting libraries are imported by
-the modules that draw only.
+Numbers: `metrics`, `statistics`; on disk: `results`; pages: `page` (their parts), `figures`, `summary` (words),
+`report` (evaluations), `crosscheck` (two simulators); pictures: `scene`. Plotly is imported where it draws only.
 """

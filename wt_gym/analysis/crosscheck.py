@@ -1,51 +1,85 @@
-"""The same agents in the same winds in two simulators: do their effects agree?"""
+"""The same agents in the same winds in two simulators: whether their effects agree, as tables, figures and a page."""
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
+from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import numpy as np
 from scipy.stats import spearmanr
 
-from wt_gym.analysis.change import relative_change
-from wt_gym.analysis.metrics import METRICS
-from wt_gym.analysis.paired import paired_change
-from wt_gym.analysis.spectra import power_spectral_density
+from wt_gym.analysis.metrics import METRICS, power_spectral_density
+from wt_gym.analysis.page import (
+    MUTED,
+    NONE,
+    Row,
+    Section,
+    agent_labels,
+    agent_styles,
+    change_tag,
+    details,
+    figure_element,
+    format_estimate,
+    format_value,
+    html_list,
+    legend,
+    markdown,
+    settings_element,
+    style,
+    table,
+    titles_at_left,
+    today,
+    write_page,
+)
+from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE
+from wt_gym.analysis.statistics import Estimate, paired_change, relative_change
 
 if TYPE_CHECKING:
-    import xarray as xr
+    from collections.abc import Callable, Mapping
 
-    from wt_gym.analysis.paired import Estimate
+    import plotly.graph_objects as go
+    import xarray as xr
+    from matplotlib.figure import Figure
+
     from wt_gym.analysis.results import Evaluation, Wind
 
-__all__ = ["COMPARED", "SERIES", "Crosscheck"]
-
-COMPARED = (
-    "blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_side_del", "pitch_travel", "mean_power",
-)  # fmt: skip
+_COLUMNS = {
+    "blade_flap_del": "flap DEL",
+    "blade_edge_del": "edge DEL",
+    "tower_fore_aft_del": "tower fore-aft DEL",
+    "tower_side_side_del": "tower side-side DEL",
+    "pitch_travel": "pitch travel",
+    "mean_power": "power",
+}
+COMPARED = tuple(_COLUMNS)
 """Metrics whose changes are compared."""
-
 SERIES = ("wind_x", "rotor_speed", "pitch_1", "root_flap_moment_1", "tower_base_fore_aft_moment", "generator_power")
 """Signals that are laid over each other."""
-
+_SPECTRA = ("root_flap_moment_1", "tower_base_fore_aft_moment", "tower_base_side_side_moment", "pitch_1")
+_LOADS = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
+_PLOTTED = (*_LOADS, "pitch_travel")
 _LEAST_FOR_RANKS = 3
 _SHARED = 0.5
 """Part of a time step by which the instants of two samples that are taken as one may differ."""
+_SHOWN = 60.0
+"""Length of the signals that are drawn [s]."""
+_FASTEST = 3.0
+"""Up to which spectra are drawn [Hz]."""
+_CHANGES_FILE = "figures/changes.svg"
+# Okabe and Ito's colors, told apart by color-blind readers too; beside them markers by wind speed
+_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+_MARKERS = "os^Dv<>"
 
 
 def _finite(value: float) -> float | None:
     """A number as JSON has it, which has no NaN."""
     return value if math.isfinite(value) else None
-
-
-def _plain(change: Estimate | None) -> dict[str, Any] | None:
-    """A change as JSON has it."""
-    if change is None:
-        return None
-    return {key: _finite(value) if isinstance(value, float) else value for key, value in asdict(change).items()}
 
 
 @dataclass(frozen=True)
@@ -83,7 +117,7 @@ class Crosscheck:
     @property
     def agents(self) -> list[str]:
         """All but the baseline."""
-        return [name for name in self.evaluations[0].agents if name != self.baseline]
+        return self.evaluations[0].others
 
     @property
     def speeds(self) -> list[float]:
@@ -91,14 +125,7 @@ class Crosscheck:
         return self.evaluations[0].speeds
 
     def changes(self, agent: str, key: str, speed: float | None = None) -> tuple[Estimate | None, Estimate | None]:
-        """Change of a metric against the baseline, in both simulators.
-
-        Parameters
-        ----------
-        agent, key : str
-        speed : float, optional
-            Mean wind speed [m/s]; by default all.
-        """
+        """Change of a metric against the baseline in both simulators, at a mean wind speed [m/s] or in all winds."""
         first, second = (paired_change(each, agent, key, speed) for each in self.evaluations)
         return first, second
 
@@ -152,19 +179,17 @@ class Crosscheck:
         count = len(self.evaluations[0].winds)
         return frequency, sums[0] / count, sums[1] / count
 
-    def to_json(self) -> dict[str, Any]:
-        """All numbers of the page: changes with their intervals, levels and correlations."""
-        return self._content
-
     @cached_property
-    def _content(self) -> dict[str, Any]:
+    def content(self) -> dict[str, Any]:
+        """All numbers of the page, as JSON values: changes with their intervals, levels and correlations."""
         rows = []
         for speed in (*self.speeds, None):
             for key in COMPARED:
                 row: dict[str, Any] = {"wind_speed": speed, "metric": key, "level": _finite(self.level(key, speed))}
                 row["rank_correlation"] = _finite(self.rank_correlation(key, speed))
                 row["changes"] = {
-                    agent: [_plain(change) for change in self.changes(agent, key, speed)] for agent in self.agents
+                    agent: [None if change is None else change.to_json() for change in self.changes(agent, key, speed)]
+                    for agent in self.agents
                 }
                 rows.append(row)
         samples = {
@@ -186,3 +211,403 @@ class Crosscheck:
             "sample_correlation": samples,
             "idle": [list(each.idle_sentences.values()) for each in self.evaluations],
         }
+
+
+# ---- tables, as text and on the page ----
+
+
+def _change_rows(
+    content: Mapping[str, Any], cell: Callable[[str, list[Estimate | None]], str], labels: Mapping[str, str]
+) -> list[Row]:
+    """Changes of every agent in both simulators, in a cell each."""
+    rows: list[Row] = []
+    for speed, found in _by_speed(content).items():
+        rows.append(_heading(speed, labels))
+        for agent in _agents(content)[1:]:
+            pairs = {key: [_estimate(change) for change in found[key]["changes"][agent]] for key in COMPARED}
+            rows.append(Row(labels.get(agent, agent), [cell(key, pair) for key, pair in pairs.items()]))
+    return rows
+
+
+def _agreement_rows(content: Mapping[str, Any], labels: Mapping[str, str]) -> list[Row]:
+    """Level of the baseline and rank correlation of the agents, by wind speed."""
+    rows = []
+    for speed, found in _by_speed(content).items():
+        ranks = [_number(found[key]["rank_correlation"]) for key in COMPARED]
+        levels = [_percent(found[key]["level"]) for key in COMPARED]
+        rows += [_heading(speed, labels), Row("level", levels), Row("rank correlation", ranks)]
+    return rows
+
+
+def _correlation_rows(content: Mapping[str, Any], labels: Mapping[str, str]) -> list[Row]:
+    samples = content["sample_correlation"]
+    return [Row(labels.get(a, a), [_number(samples[a][name]) for name in SERIES]) for a in _agents(content)]
+
+
+def _baseline_rows(content: Mapping[str, Any]) -> list[Row]:
+    return [
+        Row(name, [format_value(key, metrics[key]) if key in metrics else "" for key in COMPARED])
+        for name, metrics in zip(content["simulators"], content["baseline_metrics"], strict=True)
+    ]
+
+
+def _by_speed(content: Mapping[str, Any]) -> dict[float | None, dict[str, dict[str, Any]]]:
+    """Rows of the content by wind speed (None: all winds) and metric."""
+    out: dict[float | None, dict[str, dict[str, Any]]] = {}
+    for row in content["metrics"]:
+        out.setdefault(row["wind_speed"], {})[row["metric"]] = row
+    return out
+
+
+def _agents(content: Mapping[str, Any]) -> list[str]:
+    """Agents, the baseline first."""
+    return list(content["sample_correlation"])
+
+
+def _heading(speed: float | None, labels: Mapping[str, str]) -> Row:
+    """Wind speed above its rows; on a page, which has labels of the agents, with its unit."""
+    text = "all" if speed is None else f"{speed:g}"
+    return Row(text if not labels else "All winds" if speed is None else f"{text} m/s")
+
+
+def _estimate(record: Mapping[str, Any] | None) -> Estimate | None:
+    return None if record is None else Estimate.from_json(record)
+
+
+def _pair(key: str, changes: list[Estimate | None]) -> str:
+    """Changes of both simulators in one cell; their intervals are in ``crosscheck.json``."""
+    return " / ".join(NONE if c is None else format_estimate(key, c).partition(" [")[0] for c in changes)
+
+
+def _percent(value: float | None) -> str:
+    return NONE if value is None else f"{100.0 * value:+.1f} %".replace("-", "\u2212")
+
+
+def _number(value: float | None) -> str:
+    return NONE if value is None else f"{value:.2f}".replace("-", "\u2212")
+
+
+def tables(content: Mapping[str, Any]) -> str:
+    """Markdown of the changes side by side, the order of the agents, levels and correlations.
+
+    Parameters
+    ----------
+    content : mapping
+        As `Crosscheck.content`, and ``crosscheck.json`` has it.
+    """
+    (first, second), baseline = content["simulators"], content["baseline"]
+    lines = [
+        f"Changes against {baseline} in the same simulator: {first} / {second}.",
+        "",
+        *markdown(["wind [m/s]", "agent", *_COLUMNS.values()], _change_rows(content, _pair, {})),
+        "",
+        f"{baseline} in {first} over that in {second}, and Spearman's rank correlation of all agents' changes "
+        "between both.",
+        "",
+        *markdown(["wind [m/s]", "", *_COLUMNS.values()], _agreement_rows(content, {})),
+        "",
+        "Correlation sample by sample, mean over the winds.",
+        "",
+        *markdown(["agent", *SERIES], _correlation_rows(content, {})),
+    ]
+    for simulator, sentences in zip(content["simulators"], content.get("idle", ()), strict=False):
+        lines += ["", *(f"In {simulator} {sentence}" for sentence in sentences)] if sentences else []
+    labels = [f"{name} [{METRICS[key].unit}]" for key, name in _COLUMNS.items()]
+    lines += ["", f"{baseline}, mean over all winds.", "", *markdown(["simulator", *labels], _baseline_rows(content))]
+    return "\n".join(lines)
+
+
+# ---- pages ----
+
+
+def write_crosscheck(check: Crosscheck, folder: str | Path, command: str | None = None) -> tuple[Path, Path]:
+    """Write ``crosscheck.json``, figures, and the pages ``crosscheck.md`` and ``report.html``.
+
+    Parameters
+    ----------
+    check : Crosscheck
+    folder : str or Path
+        The page links to the evaluations of both simulators where they are in it.
+    command : str, optional
+        That repeats it.
+
+    Returns
+    -------
+    page, report : Path
+        ``crosscheck.md`` and ``report.html``.
+    """
+    folder = Path(folder)
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    content = check.content
+    changes_figure(content).savefig(folder / _CHANGES_FILE)
+    for agent, (signals, spectra) in _figure_files(content).items():
+        _signals_figure(check, agent).savefig(folder / signals, dpi=110)
+        _spectra_figure(check, agent).savefig(folder / spectra, dpi=110)
+    (folder / "crosscheck.json").write_text(json.dumps(content, indent=1, default=str), encoding="utf-8")
+    page = folder / "crosscheck.md"
+    page.write_text(_text(check, content, command), encoding="utf-8")
+    return page, _write_report(check, content, folder, command)
+
+
+def _figure_files(content: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Figures of signals and spectra of each agent, as seen from the folder of the page."""
+    agents = _agents(content)
+    return {agent: [f"figures/{what}_{k}.png" for what in ("signals", "spectra")] for k, agent in enumerate(agents)}
+
+
+def _duration(check: Crosscheck) -> str:
+    settings = check.evaluations[0].settings
+    return f"{settings['duration']:g} s a run, without the first {settings['skip']:g} s"
+
+
+def _early_ends(check: Crosscheck) -> list[str]:
+    return [
+        f"{name}: {run.agent} at {run.wind.name} ended after {run.duration:g} s ({run.ending}) {run.failure or ''}"
+        for name, each in zip(check.names, check.evaluations, strict=True)
+        for run in each.runs
+        if not run.complete
+    ]
+
+
+def _text(check: Crosscheck, content: Mapping[str, Any], command: str | None) -> str:
+    """Markdown of the whole page."""
+    evaluation = check.evaluations[0]
+    ends = _early_ends(check)
+    lines = [
+        f"# {evaluation.turbine}: {check.names[0]} and {check.names[1]}",
+        "",
+        f"{evaluation.settings['env_id']}, {_duration(check)}. Winds: {'; '.join(content['winds'])}.",
+        "",
+        *([f"```\n{command}\n```", ""] if command else []),
+        f"![changes in {check.names[0]} and {check.names[1]}]({_CHANGES_FILE})",
+        "",
+        tables(content),
+        *(["", *ends] if ends else []),
+    ]
+    for agent, (signals, spectra) in _figure_files(content).items():
+        lines += ["", f"## {agent}", "", f"![signals]({signals})", "", f"![spectra]({spectra})"]
+    return "\n".join(lines) + "\n"
+
+
+def _write_report(check: Crosscheck, content: Mapping[str, Any], folder: Path, command: str | None) -> Path:
+    evaluation = check.evaluations[0]
+    labels = agent_labels(evaluation.agents)
+    heads = [name[0].upper() + name[1:] for name in _COLUMNS.values()]
+    more = [
+        f"changes against <b>{escape(check.baseline)}</b> in the same simulator; above {escape(check.names[0])}, below"
+        f" {escape(check.names[1])}"
+    ]
+
+    def cell(key: str, changes: list[Estimate | None]) -> str:
+        return "".join(
+            change_tag(key, change, "main", name, NONE) for name, change in zip(check.names, changes, strict=True)
+        )
+
+    units = [f"{head} <small>[{METRICS[key].unit}]</small>" for key, head in zip(COMPARED, heads, strict=True)]
+    changes = table(["Agent", *heads], _change_rows(content, cell, labels))
+    agreement = table(["", *heads], _agreement_rows(content, labels))
+    baseline = table(
+        [escape(check.baseline), *units], [Row(escape(row.header), row.cells) for row in _baseline_rows(content)]
+    )
+    signals = table(["Agent", *(name.replace("_", " ") for name in SERIES)], _correlation_rows(content, labels))
+    images = "".join(
+        details(agent, "".join(f"<img loading='lazy' alt='' src='{quote(file)}'>" for file in files))
+        for agent, files in _figure_files(content).items()
+    )
+    settings = "".join(settings_element(each.settings) for each in check.evaluations)
+    figure = figure_element("changes", _interactive_changes(check, content))
+    return write_page(
+        folder / "report.html",
+        title=f"{evaluation.turbine}: {check.names[0]} and {check.names[1]}",
+        result=_result(check),
+        facts={
+            "Turbine": evaluation.turbine,
+            "Winds": "; ".join(content["winds"]),
+            "Duration": _duration(check),
+            "Environment": str(evaluation.settings["env_id"]),
+            "Date": today(),
+        },
+        sections=[
+            Section(
+                "verdict", "Do both simulators see the same changes?", legend(more=more) + changes + figure,
+                link="Changes",
+            ),
+            Section("agreement", "Agreement by load", agreement + baseline, _AGREEMENT_CAPTION, "Agreement"),
+            Section("signals", "Signals sample by sample", signals, _CORRELATION_CAPTION, "Signals"),
+            Section("pictures", "Signals and spectra", images, "Both simulators on top of each other.", "Pictures"),
+            Section("ends", "What ended early", html_list(_early_ends(check)), link="Ends"),
+            Section("runs", "Runs", _runs(check, folder)),
+            Section("method", "Settings", (f"<pre>{escape(command)}</pre>" if command else "") + settings),
+        ],
+    )  # fmt: skip
+
+
+_AGREEMENT_CAPTION = (
+    "Level: the reference in the first simulator over that in the second. Rank correlation: Spearman's, of the changes"
+    " of all agents; one puts them into the same order."
+)
+_CORRELATION_CAPTION = "Correlation of a signal in both simulators, mean over the winds."
+
+
+def _result(check: Crosscheck) -> str:
+    """In how many comparisons of loads both simulators say the same."""
+    same, told = 0, 0
+    for agent in check.agents:
+        for speed in check.speeds:
+            for key in _LOADS:
+                kinds = [change.kind(key) for change in check.changes(agent, key, speed) if change is not None]
+                if len(kinds) == 2 and any(kind in ("better", "worse") for kind in kinds):
+                    told += 1
+                    same += kinds[0] == kinds[1]
+    if not told:
+        return f"Neither {check.names[0]} nor {check.names[1]} sees a change of a fatigue load."
+    return (
+        f"{check.names[0]} and {check.names[1]} agree on what gets better and worse in {same} of {told} changes of"
+        f" fatigue loads against {check.baseline}."
+    )
+
+
+def _runs(check: Crosscheck, folder: Path) -> str:
+    """Links to both evaluations and the signals of their runs, where these are in the folder."""
+    parts = []
+    for name, evaluation in zip(check.names, check.evaluations, strict=True):
+        kept = folder / name / TABLE_FILE
+        if not kept.exists():
+            continue
+        files = [row["file"] for row in json.loads(kept.read_text(encoding="utf-8"))["runs"]]
+        links = {
+            (run.agent, run.wind): f"<a href='{quote(f'{name}/{file}')}'>signals</a>"
+            for run, file in zip(evaluation.runs, files, strict=True)
+        }
+        rows = [Row(escape(wind.label), [links[a, wind] for a in evaluation.agents]) for wind in evaluation.winds]
+        whole = " and ".join(f"<a href='{quote(f'{name}/{file}')}'>{file}</a>" for file in (METRICS_FILE, TABLE_FILE))
+        parts.append(f"<h3>{escape(name)}</h3><p>{whole}</p>" + table(["Wind", *map(escape, evaluation.agents)], rows))
+    return "".join(parts)
+
+
+# ---- figures ----
+
+
+def _points(content: Mapping[str, Any], key: str) -> tuple[dict[str, list[tuple[float, float, float]]], list[float]]:
+    """Wind speeds and the changes of each agent in both simulators, of pitch travel the ratios; and their range."""
+    unchanged, scale = (1.0, 1.0) if key == "pitch_travel" else (0.0, 100.0)
+    points: dict[str, list[tuple[float, float, float]]] = {agent: [] for agent in _agents(content)[1:]}
+    for speed, found in _by_speed(content).items():
+        for agent, (first, second) in found[key]["changes"].items():
+            if speed is not None and all(change is not None and change["relative"] for change in (first, second)):
+                x, y = (unchanged + scale * change["value"] for change in (first, second))
+                points[agent].append((speed, x, y))
+    values = [unchanged, *(value for shown in points.values() for _, *xy in shown for value in xy)]
+    return points, [min(values), max(values)]
+
+
+def _interactive_changes(check: Crosscheck, content: Mapping[str, Any]) -> go.Figure:
+    """Changes in the second simulator over those in the first, a point for each agent and wind speed (plotly)."""
+    from plotly.subplots import make_subplots
+
+    titles = [f"{_COLUMNS[key]} [{'times' if key == 'pitch_travel' else '%'}]" for key in _PLOTTED]
+    figure = make_subplots(rows=len(_PLOTTED), cols=1, subplot_titles=titles, vertical_spacing=0.08)
+    styles = agent_styles(check.evaluations[0].agents)
+    for row, key in enumerate(_PLOTTED, start=1):
+        points, ends = _points(content, key)
+        for agent, shown in points.items():
+            look = styles[agent]
+            figure.add_scatter(
+                x=[x for _, x, _ in shown], y=[y for _, _, y in shown], mode="markers", name=agent, legendgroup=agent,
+                showlegend=row == 1, customdata=[f"{speed:g} m/s" for speed, *_ in shown], row=row, col=1,
+                marker={"color": look["color"], "symbol": look["symbol"], "size": 10},
+                hovertemplate=f"{agent}, %{{customdata}}: %{{x:.1f}}, %{{y:.1f}}<extra></extra>",
+            )  # fmt: skip
+        figure.add_scatter(
+            x=ends, y=ends, mode="lines", line={"color": MUTED, "width": 1, "dash": "dot"}, hoverinfo="skip",
+            showlegend=False, row=row, col=1,
+        )  # fmt: skip
+        figure.update_yaxes(title_text=check.names[1], row=row, col=1)
+        figure.update_xaxes(title_text=check.names[0], row=row, col=1)
+    titles_at_left(figure)
+    return style(figure, 280 * len(_PLOTTED) + 80)
+
+
+def changes_figure(content: Mapping[str, Any]) -> Figure:
+    """Changes in the second simulator over those in the first, a point for each agent and wind speed (matplotlib).
+
+    Parameters
+    ----------
+    content : mapping
+        As of `tables`.
+    """
+    from matplotlib.figure import Figure
+
+    speeds = [speed for speed in _by_speed(content) if speed is not None]
+    looks = {
+        agent: {"color": _COLORS[k % len(_COLORS)], "fillstyle": "full" if k < len(_COLORS) else "none"}
+        for k, agent in enumerate(_agents(content)[1:])
+    }
+    marks = {speed: _MARKERS[m % len(_MARKERS)] for m, speed in enumerate(speeds)}
+    figure = Figure(figsize=(11.0, 6.6), layout="constrained")
+    axes = figure.subplots(2, 2).ravel()
+    for ax, key in zip(axes, _PLOTTED, strict=True):
+        points, ends = _points(content, key)
+        for agent, shown in points.items():
+            for speed, x, y in shown:
+                ax.plot(x, y, marks[speed], markersize=5, **looks[agent])
+        ax.plot(ends, ends, color="0.6", linewidth=0.8, zorder=0)
+        unit = "times" if key == "pitch_travel" else "change, %"
+        ax.set_title(f"{_COLUMNS[key]} against {content['baseline']} [{unit}]", fontsize=9)
+        ax.grid(alpha=0.3)
+    figure.supxlabel(content["simulators"][0], fontsize=9)
+    figure.supylabel(content["simulators"][1], fontsize=9)
+    handles = [axes[0].plot([], [], "o", label=agent, **look)[0] for agent, look in looks.items()]
+    handles += [
+        axes[0].plot([], [], mark, color="0.4", fillstyle="none", label=f"{speed:g} m/s")[0]
+        for speed, mark in marks.items()
+    ]
+    figure.legend(handles=handles, loc="outside right upper", fontsize=8)
+    return figure
+
+
+def _signals_figure(check: Crosscheck, agent: str) -> Figure:
+    """Signals of both simulators in the wind in the middle of the list, on top of each other."""
+    from matplotlib.figure import Figure
+
+    winds = check.evaluations[0].winds
+    wind = winds[len(winds) // 2]
+    pair = check.common(agent, wind)
+    figure = Figure(figsize=(10.0, 1.5 * len(SERIES)), layout="constrained")
+    axes = figure.subplots(len(SERIES), 1, sharex=True)
+    for ax, name in zip(axes, SERIES, strict=True):
+        for data, label in zip(pair, check.names, strict=True):
+            shown = data.sel(time=slice(None, float(data.time[0]) + _SHOWN))
+            factor, unit = _scale(data[name].attrs["units"])
+            ax.plot(shown.time, factor * shown[name], label=label, linewidth=1.0)
+        ax.set_ylabel(f"{name}\n[{unit}]", fontsize=7)
+        ax.grid(alpha=0.3)
+    axes[0].legend(loc="upper right", fontsize=8)
+    axes[0].set_title(f"{agent}, {wind.label}", fontsize=9)
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _spectra_figure(check: Crosscheck, agent: str) -> Figure:
+    """Spectra of both simulators, means over all winds."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 6.0), layout="constrained")
+    for ax, name in zip(figure.subplots(2, 2).ravel(), _SPECTRA, strict=True):
+        frequency, *densities = check.spectra(agent, name)
+        shown = frequency <= _FASTEST
+        for density, label in zip(densities, check.names, strict=True):
+            ax.loglog(frequency[shown], density[shown], label=label, linewidth=1.0)
+        ax.set_title(name, fontsize=9)
+        ax.grid(alpha=0.3, which="both")
+    figure.axes[0].legend(fontsize=8)
+    figure.supxlabel("frequency [Hz]")
+    figure.supylabel("power spectral density")
+    return figure
+
+
+def _scale(unit: str) -> tuple[float, str]:
+    """Factor and unit in which a signal is drawn."""
+    return {
+        "N m": (1e-6, "MN m"), "W": (1e-6, "MW"), "rad/s": (30.0 / math.pi, "rpm"), "rad": (180.0 / math.pi, "deg"),
+    }.get(unit, (1.0, unit))  # fmt: skip

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import rainflow
+from scipy import signal as scipy_signal
 
 from wt_gym.control.operating_point import rotor_inertia
 
@@ -22,30 +23,22 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "BLADE_EXPONENT", "IDLE_ATTRIBUTE", "LIMIT_METRICS", "METRICS", "TOWER_EXPONENT", "TRACKING_METRICS", "Metric",
-    "damage_equivalent_load", "idle_sentence", "idle_time", "measured_metrics", "run_metrics",
-]  # fmt: skip
 
 BLADE_EXPONENT = 10.0
 """Woehler exponent of the composite blade root."""
-
 TOWER_EXPONENT = 4.0
 """Woehler exponent of the welded steel tower base."""
-
 _ROTOR_TIME = 5.0
 """Time constant with which the available power is smoothed [s]."""
-
 IDLE_ATTRIBUTE = "idle_time_s"
 """Attribute of recorded signals: `wt_gym.envs.terminations.IdleClock.total` [s]."""
-
 TOWER_DIRECTIONS = 12
 """Directions over half a turn in which the bending of the tower base is looked at."""
 
 
 @dataclass(frozen=True)
 class Metric:
-    """What a figure of merit is called and how it is shown.
+    """Name and form of a figure of merit.
 
     Attributes
     ----------
@@ -59,6 +52,9 @@ class Metric:
         Decimals to show.
     over_winds : {"mean", "max", "min", "sum"}
         What several winds come to: extremes stay extremes, events are counted.
+    share : bool
+        Whether a change may be a share of a reference. Not of counts, and margins with a sign: a clearance from 0.1 to
+        0.3 m is 0.2 m more, not 200 %.
     """
 
     label: str
@@ -67,6 +63,7 @@ class Metric:
     better: int
     digits: int
     over_winds: str = "mean"
+    share: bool = True
 
 
 METRICS: dict[str, Metric] = {
@@ -77,12 +74,12 @@ METRICS: dict[str, Metric] = {
     "rotor_speed_mean": Metric("Rotor speed, mean", "rpm", 30 / np.pi, 0, 2),
     "rotor_speed_std": Metric("Rotor speed, standard deviation", "rpm", 30 / np.pi, -1, 3),
     "rotor_speed_max": Metric("Rotor speed, maximum", "rpm", 30 / np.pi, -1, 2, "max"),
-    "overspeed_count": Metric("Overspeed events (> 110 % rated)", "-", 1.0, -1, 1, "sum"),
+    "overspeed_count": Metric("Overspeed events (> 110 % rated)", "-", 1.0, -1, 1, "sum", share=False),
     "blade_flap_del": Metric("Blade root flapwise DEL (m = 10)", "MN m", 1e-6, -1, 2),
     "blade_edge_del": Metric("Blade root edgewise DEL (m = 10)", "MN m", 1e-6, -1, 2),
     "blade_flap_max": Metric("Blade root flapwise moment, largest", "MN m", 1e-6, -1, 2, "max"),
     "tip_deflection_max": Metric("Tip deflection downwind, largest", "m", 1.0, -1, 2, "max"),
-    "tip_clearance_min": Metric("Tip clearance to the tower, smallest", "m", 1.0, +1, 2, "min"),
+    "tip_clearance_min": Metric("Tip clearance to the tower, smallest", "m", 1.0, +1, 2, "min", share=False),
     "tower_fore_aft_del": Metric("Tower base fore-aft DEL (m = 4)", "MN m", 1e-6, -1, 2),
     "tower_side_side_del": Metric("Tower base side-side DEL (m = 4)", "MN m", 1e-6, -1, 2),
     "tower_del": Metric("Tower base DEL, worst direction (m = 4)", "MN m", 1e-6, -1, 2),
@@ -107,14 +104,13 @@ LIMIT_METRICS = ("limits_violated",)
 """Metrics that only runs with limits of costs have."""
 
 
-def measured_metrics(tables: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
-    """Keys of `METRICS` without those of the tracked power and of limits where no run has them.
+def metric_of(key: str | Metric) -> Metric:
+    """The metric of a key of `METRICS`, or the metric itself."""
+    return METRICS[key] if isinstance(key, str) else key
 
-    Parameters
-    ----------
-    tables : iterable of mapping
-        Metrics of runs.
-    """
+
+def measured_metrics(tables: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
+    """Keys of `METRICS` without those of the tracked power and of limits where no table of a run has them."""
     found = list(tables)
     groups = (TRACKING_METRICS, LIMIT_METRICS)
     absent = {key for keys in groups if not any(keys[0] in table for table in found) for key in keys}
@@ -129,12 +125,7 @@ def idle_time(run: xr.Dataset) -> float:
 def idle_sentence(agent: str, spells: Iterable[tuple[str, float]]) -> str | None:
     """Sentence on runs in which a turbine made no power, None where there are none.
 
-    Parameters
-    ----------
-    agent : str
-        Name of the agent or controller.
-    spells : iterable of (str, float)
-        Name of the wind, and `idle_time` of the run [s].
+    ``spells`` are the names of the winds and the `idle_time` of the runs [s].
     """
     cases = [f"{time:.0f} s in {wind}" for wind, time in spells if time > 0.0]
     if not cases:
@@ -203,7 +194,7 @@ def _worst_direction(channel: Callable[[str], NDArray[np.float64]], duration: fl
 
 
 def _tracking(channel: Callable[[str], NDArray[np.float64]], turbine: Turbine, step: float) -> dict[str, float]:
-    """How well a demanded power was followed; the available one is smoothed, as a rotor smooths it.
+    """Metrics of a demanded power; the available one is smoothed, as a rotor smooths it.
 
     Without a time in which the wind allows what is demanded, the error in such times is that of all.
     """
@@ -312,3 +303,61 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         "torque_rate": float(np.sqrt(np.mean(torque_rate**2))),
         **tracking,
     }
+
+
+def power_spectral_density(
+    signal: NDArray[np.float64], time_step: float, segment_duration: float = 60.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """One-sided power spectral density by Welch's method.
+
+    Segments with a Hann window overlap by half; the mean of each is removed. Welch, IEEE Trans. Audio Electroacoustics
+    15 (1967) 70.
+
+    Parameters
+    ----------
+    signal : numpy.ndarray, shape (n,)
+        Evenly sampled.
+    time_step : float
+        [s]
+    segment_duration : float
+        Length of a segment [s]: the inverse of the resolution in frequency. Cut to the length of the signal.
+
+    Returns
+    -------
+    frequency : numpy.ndarray, shape (m,)
+        Without zero [Hz].
+    density : numpy.ndarray, shape (m,)
+        Unit of the signal squared per Hz; its integral over frequency is the variance.
+
+    Raises
+    ------
+    ValueError
+        If the signal has less than eight samples or the time step is not positive.
+    """
+    signal = np.asarray(signal, dtype=np.float64)
+    if signal.ndim != 1 or signal.size < 8 or not time_step > 0:
+        raise ValueError(
+            f"a spectrum needs at least 8 samples and a positive time step, got {signal.shape}, {time_step!r} s"
+        )
+    samples = min(signal.size, max(8, round(segment_duration / time_step)))
+    frequency, density = scipy_signal.welch(signal, fs=1.0 / time_step, nperseg=samples, detrend="constant")
+    return frequency[1:], density[1:]
+
+
+LIFETIME_COST_WEIGHTS = {
+    "captured_power": -1.0,
+    "blade_flap_del": 0.2,
+    "blade_edge_del": 0.05,
+    "tower_fore_aft_del": 0.15,
+    "tower_side_side_del": 0.05,
+    "pitch_duty_cycle": 0.1,
+    "torque_rate": 0.05,
+}
+"""Change of the cost of energy by a relative change of each metric of `wt_gym.experiment.run.benchmark_metrics`.
+
+One per cent of energy is worth one per cent of the cost. A load that rises by one per cent asks for about as much more
+material where fatigue decides: the weights are about the shares of blades and tower in the cost of a turbine (some 20 %
+each: Fingersh, Hand and Laxson, NREL/TP-500-40566). What a drive does counts over its full use, not relative to the
+baseline: the full use of the pitch drive, day and night, costs a tenth of the turbine. The tasks of the benchmark are
+frozen and hold these numbers in their files.
+"""

@@ -1,5 +1,5 @@
 // Replay of rotor, tower and wake on a canvas. The page holds one element ".replay" and its data as JSON; see
-// wt_gym/analysis/replay_section.py for the format. Coordinates: x downwind, y left, z up, meters.
+// wt_gym/analysis/report.py for the format. Coordinates: x downwind, y left, z up, meters.
 (function () {
   'use strict';
   const root = document.querySelector('.replay');

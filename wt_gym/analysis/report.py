@@ -2,60 +2,75 @@
 
 from __future__ import annotations
 
-import math
+import base64
+import json
 from html import escape
+from importlib import resources
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from wt_gym.analysis.comparison_plots import pareto_figure, verdict_figure
-from wt_gym.analysis.learning_plots import learning_figure, trainings
-from wt_gym.analysis.lifetime import wind_weights
+import numpy as np
+
+from wt_gym.analysis.figures import (
+    learning_figure,
+    pareto_figure,
+    spectra_figure,
+    time_series_figure,
+    trainings,
+    verdict_figure,
+)
 from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS, measured_metrics
-from wt_gym.analysis.paired import LIFETIME_EXPONENTS, Estimate, lifetime, lifetime_change, paired_change
-from wt_gym.analysis.plots import agent_styles, spectra_figure, time_series_figure
-from wt_gym.analysis.replay_section import replay_script, replay_section
-from wt_gym.analysis.report_page import (
+from wt_gym.analysis.page import (
+    BEYOND,
     CHANGES_LEGEND,
+    NONE,
     Row,
     Section,
-    agent_label,
+    agent_labels,
     badge,
+    change_tag,
     details,
+    difference_class,
+    difference_tag,
     figure_element,
+    format_difference,
+    format_estimate,
+    format_value,
+    html_list,
     legend,
+    metric_label,
     settings_element,
     table,
+    tag,
     today,
     write_page,
 )
 from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE
-from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
-from wt_gym.analysis.summary import (
-    JUDGED,
-    difference_class,
-    format_difference,
-    format_estimate,
-    format_value,
-    headline,
-    result_sentence,
-    summarize,
-    unseen,
-    verdict,
+from wt_gym.analysis.statistics import (
+    LEAST_PER_STRATUM,
+    LIFETIME_EXPONENTS,
+    N_RESAMPLES,
+    Estimate,
+    lifetime,
+    lifetime_change,
+    paired_change,
+    wind_weights,
 )
+from wt_gym.analysis.summary import JUDGED, REASONS, headline, result_sentence, summarize, unseen, verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from wt_gym.analysis.results import Evaluation, Run, Wind
+    from numpy.typing import ArrayLike
 
-__all__ = ["write_report"]
+    from wt_gym.analysis.results import Evaluation, Replay, Run, Wind
+
 
 # Time series of so many runs at most, one wind a speed: more would make the page heavy.
 _MOST_SERIES = 16
 # Wind speeds that are listed one by one in the header.
 _MOST_SPEEDS = 6
-
 _SHORT = {
     "corrected_power": "Power",
     "blade_flap_del": "Flap DEL",
@@ -75,13 +90,6 @@ _GROUPS = {
     "Tower base": ("tower_fore_aft_del", "tower_side_side_del", "tower_del", "tower_base_max"),
     "Actuators": ("pitch_duty_cycle", "pitch_travel", "yaw_travel", "torque_rate"),
 }  # fmt: skip
-_REASONS = {
-    "time": "complete",
-    "overspeed": "overspeed",
-    "standstill": "rotor stalled",
-    "tower_strike": "tower strike",
-    "failure": "simulation failed",
-}
 
 
 def write_report(
@@ -98,7 +106,6 @@ def write_report(
     evaluation : Evaluation
     path : str or path
         HTML file; its folder is created if missing.
-    title : str, optional
     files : sequence of str, optional
         Of the runs, as seen from the folder of the page, in the order of ``evaluation.runs``; the page links to them.
     crosscheck : mapping, optional
@@ -132,52 +139,47 @@ def write_report(
             _runs(evaluation, files),
             Section("method", "How to read the numbers", _method(evaluation), link="Method"),
         ],
-        script=replay_script(),
+        script=resources.files("wt_gym.analysis").joinpath("replay.js").read_text(encoding="utf-8"),
     )
 
 
 def _facts(evaluation: Evaluation) -> dict[str, str | None]:
-    """What stands below the result."""
-    settings, kwargs = evaluation.settings, evaluation.settings.get("env_kwargs", {})
-    speeds, winds = evaluation.speeds, evaluation.winds
+    """Facts below the result."""
+    settings, speeds, winds = evaluation.settings, evaluation.speeds, evaluation.winds
     counts = {sum(wind.speed == speed for wind in winds) for speed in speeds}
-    each = f"{counts.pop()} each" if len(counts) == 1 and len(speeds) > 1 else ""
-    shown = (
-        ", ".join(f"{speed:g}" for speed in speeds)
-        if len(speeds) <= _MOST_SPEEDS
-        else f"{speeds[0]:g} to {speeds[-1]:g}"
-    )
-    kind = "turbulent" if any(wind.seed is not None for wind in winds) else None
-    held_out = "unseen in training" if evaluation.training and unseen(evaluation) else None
-    number = f"{len(winds)} wind{'s' if len(winds) > 1 else ''}{f' ({each})' if each else ''}"
+    each = f" ({counts.pop()} each)" if len(counts) == 1 and len(speeds) > 1 else ""
+    few = len(speeds) <= _MOST_SPEEDS
+    shown = ", ".join(f"{speed:g}" for speed in speeds) if few else f"{speeds[0]:g} to {speeds[-1]:g}"
     skip = f", without the first {settings['skip']:g} s" if settings.get("skip") else ""
-    iec = [f"IEC class {settings[key]}" if key == "iec_class" else f"turbulence {settings[key]}"
-           for key in ("iec_class", "turbulence_class") if settings.get(key)]  # fmt: skip
-    simulator = kwargs.get("simulator")
-    return {
-        "Turbine": evaluation.turbine,
-        "Class": ", ".join(iec) or None,
-        "Mean wind speed": f"{shown} m/s",
-        "Winds": ", ".join(part for part in (number, kind, held_out) if part),
-        "Duration": f"{max(run.planned_duration for run in evaluation.runs):g} s each{skip}",
-        "Simulation": ", ".join(
-            part
-            for part in (
-                str(simulator.get("name", simulator) if isinstance(simulator, dict) else simulator)
-                if simulator
-                else None,
-                f"fidelity \u201c{settings['fidelity']}\u201d" if "fidelity" in settings else None,
-                f"control step {settings['control_dt']:g} s" if "control_dt" in settings else None,
-            )
-            if part
-        ),
-        "Date": today(),
+    simulator = settings.get("env_kwargs", {}).get("simulator")
+    name = simulator.get("name", simulator) if isinstance(simulator, dict) else simulator
+
+    def told(text: str, key: str) -> str:
+        return text.format(settings[key]) if settings.get(key) else ""
+
+    parts = {
+        "Turbine": [evaluation.turbine],
+        "Class": [told("IEC class {}", "iec_class"), told("turbulence {}", "turbulence_class")],
+        "Mean wind speed": [f"{shown} m/s"],
+        "Winds": [
+            f"{len(winds)} wind{'s' if len(winds) > 1 else ''}{each}",
+            "turbulent" if any(wind.seed is not None for wind in winds) else "",
+            "unseen in training" if evaluation.training and unseen(evaluation) else "",
+        ],
+        "Duration": [f"{max(run.planned_duration for run in evaluation.runs):g} s each{skip}"],
+        "Simulation": [
+            str(name) if simulator else "",
+            told("fidelity \u201c{}\u201d", "fidelity"),
+            told("control step {:g} s", "control_dt"),
+        ],
+        "Date": [today()],
     }
+    return {fact: ", ".join(part for part in words if part) for fact, words in parts.items()}
 
 
 def _question(evaluation: Evaluation) -> str:
-    """What the page answers first."""
-    others = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    """Question that the page answers first."""
+    others = evaluation.others
     if not others:
         return headline(evaluation)
     return f"Is {others[0] if len(others) == 1 else 'any of these'} better than {evaluation.baseline}?"
@@ -185,48 +187,29 @@ def _question(evaluation: Evaluation) -> str:
 
 def _verdicts(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None) -> str:
     """The answer: legend, a row an agent with the changes that decide and the tip clearance, and their picture."""
-    others = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    others = evaluation.others
     if not others:
         return f"<p>{escape(result_sentence(evaluation))}</p>"
-    styles = agent_styles(evaluation)
-    base = evaluation.baseline
-    rows = [
-        Row(
-            agent_label(base, styles[base]),
-            [
-                f"{badge('', 'Reference')}{_survived(evaluation, base)}",
-                *(_value(evaluation, base, key) for key in (*JUDGED, _CLEARANCE)),
-            ],
-        )
-    ]
-    found = {}
+    labels, base = agent_labels(evaluation.agents), evaluation.baseline
+    own = [_value(evaluation, base, key) for key in (*JUDGED, _CLEARANCE)]
+    rows = [Row(labels[base], [f"{badge('', 'Reference')}{_survived(evaluation, base)}", *own])]
+    note: list[str] = []
     for agent in others:
         result = verdict(evaluation, agent)
-        cells = [_estimate_tag(key, paired_change(evaluation, agent, key), "main") for key in JUDGED]
+        cells = [change_tag(key, paired_change(evaluation, agent, key), "main") for key in JUDGED]
         there = _elsewhere(evaluation, crosscheck, agent)
-        rows.append(
-            Row(
-                agent_label(agent, styles[agent]),
-                [f"{badge(result.kind, result.word)}{_survived(evaluation, agent)}", *cells,
-                 _extreme(evaluation, _CLEARANCE, agent)],
-                "under" if there else "",
-            )
-        )  # fmt: skip
+        word = f"{badge(result.kind, result.word)}{_survived(evaluation, agent)}"
+        cells = [word, *cells, _extreme(evaluation, _CLEARANCE, agent)]
+        rows.append(Row(labels[agent], cells, "under" if there else ""))
         if crosscheck is not None and there is not None:
-            found[agent] = there
-            rows.append(
-                Row(f"in {escape(_simulator(crosscheck))}", ["", *(there.get(key, "") for key in JUDGED), ""], "sub")
-            )
+            note = [escape(_crosscheck_note(crosscheck, evaluation.speeds[0]))]
+            cells = ["", *(there.get(key, "") for key in JUDGED), ""]
+            rows.append(Row(f"in {escape(_simulator(crosscheck))}", cells, "sub"))
     head = ["Agent", "Verdict", *_SHORT.values(), "Tip clearance, smallest"]
-    more = [f"changes against <b>{escape(base)}</b> in the same winds, with 95 % intervals"]
-    if found and crosscheck is not None:
-        more.append(escape(_crosscheck_note(crosscheck, evaluation.speeds[0])))
+    more = [f"changes against <b>{escape(base)}</b> in the same winds, with 95 % intervals", *note]
     figure = verdict_figure(evaluation)
-    return (
-        legend(more=more)
-        + table(head, rows, texts=(1,))
-        + ("" if figure is None else figure_element("changes", figure))
-    )
+    drawn = "" if figure is None else figure_element("changes", figure)
+    return legend(more=more) + table(head, rows, texts=(1,)) + drawn
 
 
 def _survived(evaluation: Evaluation, agent: str) -> str:
@@ -239,25 +222,19 @@ def _survived(evaluation: Evaluation, agent: str) -> str:
 def _value(evaluation: Evaluation, agent: str, key: str, speed: float | None = None) -> str:
     """Value of a metric with its unit."""
     values = evaluation.overall_metrics(agent, speed)
-    unit = "" if METRICS[key].unit == "-" else f" {METRICS[key].unit}"
-    return f"{format_value(key, values[key])}{unit}" if key in values else "\u2013"
+    return format_value(key, values[key], unit=True) if key in values else NONE
 
 
 def _extreme(evaluation: Evaluation, key: str, agent: str) -> str:
     """Extreme over all winds and its difference to the baseline's."""
     mine, base = (evaluation.overall_metrics(name) for name in (agent, evaluation.baseline))
     if key not in mine:
-        return "\u2013"
-    text = _value(evaluation, agent, key) + ("" if _whole(evaluation, agent) else " \u2020")
-    if key not in base or not (_whole(evaluation, agent) and _whole(evaluation, evaluation.baseline)):
+        return NONE
+    text = _value(evaluation, agent, key) + ("" if evaluation.survived(agent) else f" {BEYOND}")
+    if key not in base or not (evaluation.survived(agent) and evaluation.survived(evaluation.baseline)):
         return text
-    kind = difference_class(key, mine[key], base[key])
-    return f"<span class='diff main {kind}'>{text}<small>{format_difference(key, mine[key], base[key])}</small></span>"
-
-
-def _whole(evaluation: Evaluation, agent: str, speed: float | None = None) -> bool:
-    """Whether all runs lasted as long as planned."""
-    return all(run.complete for run in evaluation.runs_of(agent) if speed in (None, run.wind.speed))
+    kind, change = (show(key, mine[key], base[key]) for show in (difference_class, format_difference))
+    return tag(text, kind, change, "main")
 
 
 def _simulator(crosscheck: Mapping[str, Any]) -> str:
@@ -281,8 +258,8 @@ def _elsewhere(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None, age
     for key in JUDGED:
         change = changes.get("mean_power" if key == "corrected_power" else key)
         if change is not None:
-            known: dict[str, Any] = {name: math.nan if value is None else value for name, value in change.items()}
-            cells[key] = f"<span class='diff'>{format_estimate(key, Estimate(**known)).partition(' [')[0]}</span>"
+            value = format_estimate(key, Estimate.from_json(change)).partition(" [")[0]
+            cells[key] = f"<span class='diff'>{value}</span>"
     return cells or None
 
 
@@ -295,21 +272,6 @@ def _crosscheck_note(crosscheck: Mapping[str, Any], speed: float) -> str:
         f"in {_simulator(crosscheck)}: the same agent there against {crosscheck['baseline']} there, in {number}"
         f" wind{'s' if number != 1 else ''} of {measured:g} s of the same mean speed (a crosscheck)"
     )
-
-
-def _estimate_tag(key: str, change: Estimate | None, size: str = "") -> str:
-    """Change against the baseline and below it its interval, colored by what it means."""
-    if change is None:
-        return "<span class='diff none'>not compared</span>"
-    value, _, interval = format_estimate(key, change).partition(" [")
-    note = f"<small>[{interval}</small>" if interval else ""
-    return _change_tag(value, change.kind(key), note, size)
-
-
-def _change_tag(value: str, kind: str, note: str = "", size: str = "") -> str:
-    """A change with the mark of its kind; ``=`` says enough."""
-    classes = " ".join(part for part in ("diff", size, "none" if value == "=" else kind) if part)
-    return f"<span class='{classes}'>{value}{note}</span>"
 
 
 def _comparison(evaluation: Evaluation) -> Section:
@@ -325,23 +287,21 @@ def _comparison(evaluation: Evaluation) -> Section:
 
 def _table(evaluation: Evaluation, speed: float | None) -> str:
     """Metrics of all agents over all winds, or those of one speed."""
-    styles = agent_styles(evaluation)
+    labels = agent_labels(evaluation.agents)
     rows = [Row("Winds survived", [_survival(evaluation, agent, speed) for agent in evaluation.agents])]
     measured = measured_metrics(run.metrics for run in evaluation.runs)
     for group, keys in _GROUPS.items():
         shown = [key for key in keys if key in measured]
         rows += [Row(group)] if shown else []
         for key in shown:
-            metric = METRICS[key]
-            unit = "" if metric.unit == "-" else f" <small>[{metric.unit}]</small>"
             cells = [_cell(evaluation, key, agent, speed) for agent in evaluation.agents]
-            rows.append(Row(f"{escape(metric.label)}{unit}", cells))
-    return table(["Metric", *(agent_label(agent, styles[agent]) for agent in evaluation.agents)], rows)
+            rows.append(Row(metric_label(key), cells))
+    return table(["Metric", *labels.values()], rows)
 
 
 def _survival(evaluation: Evaluation, agent: str, speed: float | None) -> str:
-    """How many runs lasted as long as planned."""
-    runs = [run for run in evaluation.runs_of(agent) if speed in (None, run.wind.speed)]
+    """Number of runs that lasted as long as planned."""
+    runs = evaluation.runs_of(agent, speed)
     return f"{sum(run.complete for run in runs)} of {len(runs)}"
 
 
@@ -350,15 +310,14 @@ def _cell(evaluation: Evaluation, key: str, agent: str, speed: float | None) -> 
     baseline = evaluation.baseline
     mine, base = evaluation.overall_metrics(agent, speed), evaluation.overall_metrics(baseline, speed)
     if key not in mine:
-        return "\u2013"
-    whole = {name: _whole(evaluation, name, speed) for name in (agent, baseline)}
-    text = format_value(key, mine[key]) + ("" if whole[agent] else " \u2020")
+        return NONE
+    whole = {name: evaluation.survived(name, speed) for name in (agent, baseline)}
+    text = format_value(key, mine[key]) + ("" if whole[agent] else f" {BEYOND}")
     if agent != baseline and key in base and all(whole.values()):
         if METRICS[key].over_winds == "mean":
-            text += _estimate_tag(key, paired_change(evaluation, agent, key, speed))
+            text += change_tag(key, paired_change(evaluation, agent, key, speed))
         else:
-            kind = difference_class(key, mine[key], base[key])
-            text += _change_tag(format_difference(key, mine[key], base[key]), kind)
+            text += difference_tag(key, mine[key], base[key])
     return text
 
 
@@ -367,7 +326,7 @@ def _lifetime(evaluation: Evaluation) -> Section:
     climate = evaluation.climate
     if climate is None or len(evaluation.speeds) < 2:
         return Section("lifetime", "", "")
-    styles = agent_styles(evaluation)
+    labels = agent_labels(evaluation.agents)
     shares = ", ".join(
         f"{speed:g} m/s {100 * weight:.0f} %"
         for speed, weight in zip(evaluation.speeds, wind_weights(climate, evaluation.speeds), strict=True)
@@ -377,17 +336,17 @@ def _lifetime(evaluation: Evaluation) -> Section:
         cells = []
         for agent in evaluation.agents:
             value = lifetime(evaluation, agent, key)
-            text = "\u2013" if value is None else format_value(key, value)
+            text = NONE if value is None else format_value(key, value)
             if agent != evaluation.baseline and value is not None:
-                text += _estimate_tag(key, lifetime_change(evaluation, agent, key))
+                text += change_tag(key, lifetime_change(evaluation, agent, key))
             cells.append(text)
-        rows.append(Row(f"{METRICS[key].label} <small>[{METRICS[key].unit}]</small>", cells))
+        rows.append(Row(metric_label(key), cells))
     caption = (
         f"Damage weighted by a Weibull distribution of the mean wind speed: {climate.mean_speed:g} m/s on average, "
         f"exponent {climate.shape:g}. Every wind between {climate.cut_in:g} and {climate.cut_out:g} m/s counts for the "
         f"nearest evaluated speed: {shares} of the operating time."
     )
-    content = legend() + table(["Load", *(agent_label(agent, styles[agent]) for agent in evaluation.agents)], rows)
+    content = legend() + table(["Load", *labels.values()], rows)
     return Section("lifetime", "Fatigue over a life", content, caption, "Lifetime")
 
 
@@ -431,10 +390,10 @@ def _figures(evaluation: Evaluation) -> list[Section]:
 def _runs(evaluation: Evaluation, files: Sequence[str] | None) -> Section:
     """Every run, how it ended and where its signals are."""
     place = {(run.agent, run.wind): k for k, run in enumerate(evaluation.runs)}
-    styles = agent_styles(evaluation)
+    labels = agent_labels(evaluation.agents)
 
     def cell(run: Run) -> str:
-        text = _REASONS[run.ending] if run.complete else f"{_REASONS[run.ending]} after {run.duration:.0f} s"
+        text = "complete" if run.complete else f"{REASONS[run.ending]} after {run.duration:.0f} s"
         kind = "" if run.complete else " class='worse'"
         named = f"<span{kind}>{escape(text)}</span>"
         return named if files is None else f"<a href='{quote(files[place[run.agent, run.wind]])}'>{named}</a>"
@@ -443,7 +402,7 @@ def _runs(evaluation: Evaluation, files: Sequence[str] | None) -> Section:
         Row(escape(wind.label), [cell(evaluation.run(agent, wind)) for agent in evaluation.agents])
         for wind in evaluation.winds
     ]
-    content = table(["Wind", *(agent_label(agent, styles[agent]) for agent in evaluation.agents)], rows)
+    content = table(["Wind", *labels.values()], rows)
     if files is None:
         return Section("runs", "Runs", content, "How each run ended.")
     links = (
@@ -464,7 +423,7 @@ def _shown_winds(evaluation: Evaluation) -> list[Wind]:
 
 
 def _method(evaluation: Evaluation) -> str:
-    """How the numbers came about."""
+    """Origin and meaning of the numbers."""
     skip = evaluation.settings.get("skip", 0.0)
     items = [
         f"Metrics leave out the first {skip:g} s of every run, in which the wake forms.",
@@ -488,5 +447,152 @@ def _method(evaluation: Evaluation) -> str:
     ]
     if evaluation.training and unseen(evaluation):
         items.append("No training episode used the turbulence seeds of this evaluation.")
-    listed = "".join(f"<li>{escape(item)}</li>" for item in items)
-    return f"<ul>{listed}</ul>{settings_element(evaluation.settings)}"
+    return html_list(items) + settings_element(evaluation.settings)
+
+
+# Almost a megabyte each: more agents would make the page heavy.
+_MOST_AGENTS = 4
+_BITS = {"blades": 16, "wake": 16, "strength": 8, "tower": 16, "hub": 16}
+_STYLE = """<style>
+.replay { display: grid; grid-template-columns: minmax(0, 2.2fr) minmax(240px, 1fr); gap: 12px 20px; }
+.replay canvas { display: block; width: 100%; }
+.replay .scene { height: 520px; border-radius: 10px; cursor: grab; touch-action: pan-y;
+  background: radial-gradient(circle at 35% 35%, #16405c, #071b2a 75%); }
+.replay .charts { height: 300px; }
+.replay .bar { grid-column: 1 / -1; display: flex; flex-wrap: wrap; align-items: center; gap: 8px 14px; }
+.replay button, .replay select { font: inherit; font-size: .9rem; padding: 5px 12px; border-radius: 8px;
+  border: 1px solid var(--line); background: var(--paper); color: inherit; cursor: pointer; }
+.replay button:hover { background: var(--hover); }
+.replay [data-part=play] { min-width: 92px; background: #0b4f79; border-color: #0b4f79; color: #fff; }
+.replay [data-part=play]:hover { background: #136a8c; }
+.replay [data-part=time] { flex: 1 1 200px; min-width: 120px; accent-color: #0b4f79; }
+.replay [data-part=clock] { min-width: 66px; text-align: right; font-variant-numeric: tabular-nums; font-weight: 600; }
+.replay label { font-size: .9rem; color: var(--muted); }
+.replay dl { margin: 0 0 14px; }
+.replay dl div { display: flex; justify-content: space-between; gap: 10px; padding: 5px 0;
+  border-bottom: 1px solid var(--faint); }
+.replay dt { color: var(--muted); font-size: .9rem; }
+.replay dd { margin: 0; font-weight: 600; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.replay .blades { display: flex; gap: 14px; font-size: .84rem; color: var(--muted); }
+.replay .blades i { display: inline-block; width: 14px; height: 3px; margin-right: 5px; vertical-align: middle; }
+@media (max-width: 900px) {
+  .replay { grid-template-columns: minmax(0, 1fr); } .replay .scene { height: 400px; }
+}
+@media print {
+  .replay .bar, .replay .charts, .replay .blades { display: none; } .replay .scene { height: 380px; }
+}
+</style>"""
+_CONTROLS = """<div class="replay">
+<div class="bar"><label>Agent <select data-part="agent" aria-label="Agent"></select></label>
+<button type="button" data-part="play">&#9654; Play</button>
+<input type="range" data-part="time" min="0" max="1" step="any" value="0" aria-label="Time">
+<span data-part="clock"></span>
+<label>Speed <select data-part="speed" aria-label="Speed"><option value="0.25">¼</option><option value="0.5">½</option>
+<option value="1" selected>1</option><option value="2">2</option></select></label></div>
+<canvas class="scene" data-part="scene" role="img" aria-label="Rotor, tower and wake"></canvas>
+<div><dl data-part="numbers"></dl><p class="blades"><span><i style="background:#c98a00"></i>blade 1</span>
+<span><i style="background:#0b8f6a"></i>blade 2</span><span><i style="background:#b8487c"></i>blade 3</span></p>
+<canvas class="charts" data-part="charts" role="img" aria-label="Tip deflection and pitch over time"></canvas></div>
+<div class="bar"><button type="button" data-view="oblique">Oblique</button>
+<button type="button" data-view="side">Side</button><button type="button" data-view="front">From the wind</button>
+<button type="button" data-view="above">Above</button>
+<button type="button" data-zoom="1.25" aria-label="Closer">+</button>
+<button type="button" data-zoom="0.8" aria-label="Farther">&#8722;</button></div>
+</div>"""
+
+
+def encode(values: ArrayLike, bits: int = 16) -> dict[str, Any]:
+    """Array as integers in base64; NaN is kept.
+
+    Parameters
+    ----------
+    values : numpy.ndarray
+        Finite or NaN.
+    bits : {16, 8}
+        Of the integers.
+
+    Returns
+    -------
+    dict
+        ``bits``, ``shape``, ``offset``, ``scale`` and ``data``: value = offset + scale · integer / full, where full is
+        32767 or 127, and -full - 1 is NaN.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    full = 2 ** (bits - 1) - 1
+    low, high = (float(np.nanmin(values)), float(np.nanmax(values))) if np.isfinite(values).any() else (0.0, 0.0)
+    offset, scale = 0.5 * (low + high), 0.5 * (high - low) or 1.0
+    whole = np.where(np.isnan(values), -full - 1, np.round((values - offset) / scale * full))
+    packed = base64.b64encode(whole.astype(f"<i{bits // 8}").tobytes()).decode()
+    return {"bits": bits, "shape": list(values.shape), "offset": offset, "scale": scale, "data": packed}
+
+
+def replay_section(evaluation: Evaluation) -> Section:
+    """Section of the page with the replay, empty where no run kept its shapes."""
+    runs = [run for agent in evaluation.agents for run in evaluation.runs_of(agent) if run.replay is not None]
+    if not runs:
+        return Section("replay", "", "")
+    opened = opening_agent(evaluation, [run.agent for run in runs])
+    kept = shown_agents(evaluation, [run.agent for run in runs], opened)
+    runs = [run for run in runs if run.agent in kept]
+    replays = [run.replay for run in runs if run.replay is not None]
+    blades, longest = replays[0].blades, max(replays, key=lambda replay: replay.time.size)
+    data = {
+        "dt": float(np.diff(longest.time).mean()) if longest.time.size > 1 else 1.0,
+        "frames": longest.time.size,
+        "size": float(np.linalg.norm(blades[0, :, 0, -1] - replays[0].hub[0], axis=-1).max()),
+        "hub_height": float(replays[0].hub[0, 2]),
+        "tower_radius": [round(float(radius), 3) for radius in replays[0].tower_radius],
+        "open": [run.agent for run in runs].index(opened),
+        "agents": [_agent(run, replay) for run, replay in zip(runs, replays, strict=True)],
+    }
+    text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+    left_out = len(evaluation.agents) - len(runs)
+    caption = (
+        f"The last {replays[0].time[-1] - replays[0].time[0]:.0f} s of each run at {runs[0].wind.label}: "
+        "lifting surfaces of the blades, which bend and pitch, and trailing filaments of the free wake, brighter where "
+        "they are stronger. Drag to turn."
+    )
+    if left_out:
+        caption += f" {len(runs)} of {len(evaluation.agents)} agents can be chosen."
+    content = f"{_STYLE}{_CONTROLS}<script type='application/json' id='replay-data'>{text}</script>"
+    return Section("replay", "Replay of rotor and wake", content, caption, "Replay")
+
+
+def opening_agent(evaluation: Evaluation, agents: Sequence[str]) -> str:
+    """Agent that the replay opens on: of those with one the trained one with the lowest flap DEL, else the last."""
+    trained = [agent for agent in agents if agent in evaluation.training]
+    loads = {}
+    for agent in trained:
+        changes = [paired_change(evaluation, agent, "blade_flap_del", speed) for speed in evaluation.speeds]
+        known = [change.value for change in changes if change is not None]
+        loads[agent] = sum(known) / len(known) if known else 0.0
+    return min(trained, key=lambda agent: loads[agent]) if trained else agents[-1]
+
+
+def shown_agents(evaluation: Evaluation, agents: Sequence[str], opened: str) -> set[str]:
+    """Agents that the replay offers: the one that it opens on, the baseline, and the first others."""
+    first = [agent for agent in (opened, evaluation.baseline) if agent in agents]
+    return set(list(dict.fromkeys([*first, *agents]))[:_MOST_AGENTS])
+
+
+def _agent(run: Run, replay: Replay) -> dict[str, Any]:
+    """Shapes and signals of a run over its replay."""
+    signals = run.data
+    places = np.searchsorted(signals["time"].values, replay.time - 1e-6)
+
+    def rounded(name: str, factor: float = 1.0) -> list[float]:
+        return [round(factor * float(value), 3) for value in signals[name].values[places]]
+
+    blades = range(1, replay.blades.shape[1] + 1)
+    return {
+        "name": run.agent,
+        "time": [round(float(time), 3) for time in replay.time],
+        "shapes": {name: encode(getattr(replay, name), bits) for name, bits in _BITS.items()},
+        "signals": {
+            "wind": rounded("wind_x"),
+            "power": rounded("generator_power", 1e-6),
+            "speed": rounded("rotor_speed", 30 / np.pi),
+            "pitch": [rounded(f"pitch_{b}", 180 / np.pi) for b in blades],
+            "tip": [rounded(f"tip_out_of_plane_{b}") for b in blades],
+        },
+    }

@@ -1,26 +1,147 @@
-"""Results of an evaluation: runs of agents in winds, kept in a folder and read back."""
+"""Results of an evaluation: runs of agents in winds and the shapes of their last seconds, on disk and read back."""
 
 from __future__ import annotations
 
-import csv
 import json
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
-from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS, idle_sentence, idle_time, measured_metrics
-from wt_gym.analysis.replay import Replay
-from wt_gym.base.files import whole_file, write_netcdf_whole, write_text_whole
+from wt_gym.analysis.statistics import WindClimate
+from wt_gym.base.files import write_netcdf_whole, write_text_whole, write_whole
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from collections.abc import Mapping
+    from pathlib import Path
 
-__all__ = ["METRICS_FILE", "RUNS_FOLDER", "TABLE_FILE", "Evaluation", "Run", "Wind", "run_file", "run_files"]
+    from numpy.typing import NDArray
+
+
+# A wake is thinned to this many rows and filaments a blade, which keeps a replay of 20 s below 1 MB.
+_MOST_ROWS, _MOST_FILAMENTS = 64, 5
+
+
+def trailing_strength(circulation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Circulation of the trailing filaments between rings side by side.
+
+    Parameters
+    ----------
+    circulation : numpy.ndarray, shape (n_rows, n_blades, n_span)
+        Of the wake's rings [m^2/s].
+
+    Returns
+    -------
+    numpy.ndarray, shape (n_rows, n_blades, n_span + 1)
+        Magnitude of the difference across each filament [m^2/s].
+    """
+    padded = np.pad(np.asarray(circulation, dtype=np.float64), ((0, 0), (0, 0), (1, 1)))
+    return np.abs(np.diff(padded, axis=2))
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Shapes over time, global frame, meters.
+
+    Attributes
+    ----------
+    time : numpy.ndarray, shape (n,)
+        [s]
+    blades : numpy.ndarray, shape (n, n_blades, 2, n_span + 1, 3)
+        Leading and trailing edges.
+    wake : numpy.ndarray, shape (n, n_rows, n_blades, n_filaments, 3)
+        Nodes of trailing filaments, the newest row first; NaN where the wake is shorter.
+    strength : numpy.ndarray, shape (n, n_rows, n_blades, n_filaments)
+        Size of the filaments' circulation [m^2/s].
+    tower : numpy.ndarray, shape (n, n_tower, 3)
+        Axis, from the ground up.
+    tower_radius : numpy.ndarray, shape (n_tower,)
+    hub : numpy.ndarray, shape (n, 3)
+    """
+
+    time: NDArray[np.float64]
+    blades: NDArray[np.float64]
+    wake: NDArray[np.float64]
+    strength: NDArray[np.float64]
+    tower: NDArray[np.float64]
+    tower_radius: NDArray[np.float64]
+    hub: NDArray[np.float64]
+
+    def save(self, path: Path) -> None:
+        """Write a compressed NumPy archive, which is there when it is whole."""
+        shapes = {f.name: getattr(self, f.name) for f in fields(self)}
+        write_whole(path, lambda file: np.savez_compressed(file, **shapes))
+
+    @classmethod
+    def load(cls, path: Path) -> Replay:
+        """Read what `save` wrote."""
+        with np.load(path) as arrays:
+            return cls(**{f.name: arrays[f.name] for f in fields(cls)})
+
+
+class ReplayRecorder:
+    """Keeps the shapes of the last ``n_frames`` instants while a simulation runs."""
+
+    def __init__(self, n_frames: int):
+        self._frames: deque[tuple[float, dict[str, NDArray[np.float64]]]] = deque(maxlen=n_frames)
+
+    def append(self, time: float, geometry: Mapping[str, NDArray[np.float64]]) -> None:
+        """Keep the shapes, as given by ``Simulator.geometry()``, at a time [s]."""
+        self._frames.append((time, _thinned(geometry)))
+
+    def to_replay(self) -> Replay | None:
+        """Replay of the instants in memory; None where there are none."""
+        if not self._frames:
+            return None
+        times, shapes = zip(*self._frames, strict=True)
+        n_rows = max(len(shape["wake"]) for shape in shapes)
+        stacked = {
+            name: np.stack([_padded(shape[name], n_rows) if name in ("wake", "strength") else shape[name]
+                            for shape in shapes])
+            for name in ("blades", "wake", "strength", "tower", "hub")
+        }  # fmt: skip
+        return Replay(time=np.array(times), tower_radius=shapes[0]["tower_radius"], **stacked)
+
+
+def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """Shapes of an instant as single-precision numbers, the wake with fewer rows and filaments."""
+    wake, rings = np.asarray(geometry["wake"]), trailing_strength(geometry["wake_circulation"])
+    strength = np.zeros(wake.shape[:3])
+    strength[: len(rings)] = rings
+    if len(rings):  # one ring less than rows of nodes: the last node ends the last ring
+        strength[len(rings) :] = rings[-1]
+    rows = np.unique(np.linspace(0, len(wake) - 1, min(len(wake), _MOST_ROWS)).round().astype(int))
+    filaments = kept_filaments(wake.shape[2])
+    shapes = {
+        "blades": np.asarray(geometry["blades"])[:, [0, -1]],
+        "wake": wake[rows][:, :, filaments],
+        "strength": strength[rows][:, :, filaments],
+        "tower": geometry["tower"],
+        "tower_radius": geometry["tower_radius"],
+        "hub": geometry["hub"],
+    }
+    return {name: np.array(values, dtype=np.float32) for name, values in shapes.items()}
+
+
+def kept_filaments(n_filaments: int) -> NDArray[np.int_]:
+    """Filaments of a blade that a replay keeps, from the first to the last, closer to each other towards the tip."""
+    if n_filaments <= _MOST_FILAMENTS:
+        return np.arange(n_filaments)
+    places = (n_filaments - 1) * np.sin(np.linspace(0.0, 0.5 * np.pi, _MOST_FILAMENTS))
+    return np.unique(places.round().astype(int))
+
+
+def _padded(values: NDArray[np.float32], n_rows: int) -> NDArray[np.float32]:
+    """Array with rows of NaN behind it."""
+    missing = np.full((n_rows - len(values), *values.shape[1:]), np.nan, dtype=values.dtype)
+    return np.concatenate([values, missing])
+
 
 TABLE_FILE, METRICS_FILE, RUNS_FOLDER = "evaluation.json", "metrics.csv", "runs"
 _COMBINE: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max, "min": np.min, "sum": np.sum}
@@ -66,7 +187,6 @@ class Run:
 
     Attributes
     ----------
-    agent : str
     wind : Wind
         That it had, whatever was asked for.
     data : xarray.Dataset
@@ -101,7 +221,7 @@ class Run:
 
     @property
     def complete(self) -> bool:
-        """Whether the run lasted as long as planned."""
+        """Return True if the run lasted as long as planned."""
         return self.ending == "time"
 
     def to_json(self) -> dict[str, Any]:
@@ -112,12 +232,7 @@ class Run:
     def save(self, path: Path) -> None:
         """Write the run as one NetCDF file, which is there when it is whole.
 
-        The replay, if there is one, goes into a second file beside it, which is written first.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            Its folder exists.
+        The replay, if there is one, goes into a second file beside it, which is written first. The folder must exist.
         """
         if self.replay is not None:
             self.replay.save(_replay_file(path))
@@ -125,13 +240,7 @@ class Run:
 
     @classmethod
     def load(cls, path: Path) -> Run:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        ValueError
-            If the file holds no run.
-        """
+        """Read what `save` wrote; `ValueError` where the file holds no run."""
         data = xr.load_dataset(path, engine="h5netcdf")
         if "run" not in data.attrs:
             raise ValueError(f"{path} holds no run of an evaluation")
@@ -151,13 +260,7 @@ def run_file(mark: str, agent: str) -> str:
 
 
 def run_files(folder: str | Path) -> list[str]:
-    """Files of the runs of a folder, as seen from it, in the order of `Evaluation.runs`.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the folder holds no evaluation.
-    """
+    """Files of the runs of an evaluation's folder, as seen from it, in the order of `Evaluation.runs`."""
     table = json.loads((Path(folder) / TABLE_FILE).read_text(encoding="utf-8"))
     return [row["file"] for row in table["runs"]]
 
@@ -168,11 +271,8 @@ class Evaluation:
 
     Attributes
     ----------
-    turbine : str
-        Name of the turbine.
     settings : dict
         What the evaluation was made with (environment id and arguments, skipped start, versions), JSON values.
-    runs : list of Run
     baseline : str
         Agent that the others are compared with.
     limits : dict
@@ -202,6 +302,11 @@ class Evaluation:
         return sorted(names, key=lambda name: name != self.baseline)
 
     @property
+    def others(self) -> list[str]:
+        """Agents without the baseline."""
+        return self.agents[1:]
+
+    @property
     def winds(self) -> list[Wind]:
         """Winds in the order they were run."""
         return list(dict.fromkeys(run.wind for run in self.runs))
@@ -212,33 +317,33 @@ class Evaluation:
         return sorted({wind.speed for wind in self.winds})
 
     def run(self, agent: str, wind: Wind) -> Run:
-        """Give the run of an agent in a wind.
-
-        Raises
-        ------
-        KeyError
-            If there is none.
-        """
+        """Run of an agent in a wind; `KeyError` without."""
         for run in self.runs:
             if run.agent == agent and run.wind == wind:
                 return run
         raise KeyError(f"no run of agent {agent!r} in wind {wind.label}")
 
-    def runs_of(self, agent: str) -> list[Run]:
-        """Runs of an agent, in the order of `winds`."""
-        return [self.run(agent, wind) for wind in self.winds]
+    def runs_of(self, agent: str, speed: float | None = None) -> list[Run]:
+        """Runs of an agent, in the order of `winds`, at one mean speed [m/s] or all."""
+        return [self.run(agent, wind) for wind in self.winds if speed in (None, wind.speed)]
+
+    def survived(self, agent: str, speed: float | None = None) -> bool:
+        """Return True if all runs of an agent, at one mean speed [m/s] or all, lasted as long as planned."""
+        return all(run.complete for run in self.runs_of(agent, speed))
 
     def mean_metrics(self, agent: str) -> dict[str, float]:
         """Mean of each metric over the winds, of those metrics that every run of the agent has."""
-        tables = [run.metrics for run in self.runs_of(agent)]
-        shared = [key for key in tables[0] if all(key in table for table in tables)]
-        return {key: float(np.mean([table[key] for table in tables])) for key in shared}
+        return {key: float(np.mean(values)) for key, values in self._shared_metrics(agent).items()}
 
     def overall_metrics(self, agent: str, speed: float | None = None) -> dict[str, float]:
         """Each metric over the winds, of one mean speed or all: means, extremes of the extremes, sums of events."""
-        tables = [run.metrics for run in self.runs_of(agent) if speed in (None, run.wind.speed)]
-        shared = [key for key in tables[0] if all(key in table for table in tables)]
-        return {key: float(_COMBINE[METRICS[key].over_winds]([table[key] for table in tables])) for key in shared}
+        values = self._shared_metrics(agent, speed)
+        return {key: float(_COMBINE[METRICS[key].over_winds](values[key])) for key in values}
+
+    def _shared_metrics(self, agent: str, speed: float | None = None) -> dict[str, list[float]]:
+        """Values of those metrics that every run of an agent has."""
+        tables = [run.metrics for run in self.runs_of(agent, speed)]
+        return {key: [table[key] for table in tables] for key in tables[0] if all(key in table for table in tables)}
 
     @property
     def idle_sentences(self) -> dict[str, str]:
@@ -246,11 +351,6 @@ class Evaluation:
         spells = {a: [(run.wind.name, idle_time(run.data)) for run in self.runs_of(a)] for a in self.agents}
         sentences = {agent: idle_sentence(agent, times) for agent, times in spells.items()}
         return {agent: sentence for agent, sentence in sentences.items() if sentence is not None}
-
-    @property
-    def _measured(self) -> tuple[str, ...]:
-        """Keys of the metrics that these runs can have."""
-        return measured_metrics(run.metrics for run in self.runs)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Table with a row a run: agent, wind, ending, return, and the metrics, which are missing where not measured.
@@ -260,23 +360,13 @@ class Evaluation:
         pandas.DataFrame
             Columns ``agent``, ``wind_speed`` [m/s], ``wind_seed``, ``wind``, ``ending``, ``duration`` [s],
             ``episode_return`` and one for each of `wt_gym.analysis.metrics.METRICS`, in SI units.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed. xarray, which this package needs, brings it.
         """
-        try:
-            import pandas as pd
-        except ImportError as error:
-            raise ImportError(
-                "Evaluation.to_dataframe needs pandas: pip install pandas; Evaluation.to_json gives the same rows"
-            ) from error
+        measured = measured_metrics(run.metrics for run in self.runs)
         rows = [
             {
                 "agent": run.agent, "wind_speed": run.wind.speed, "wind_seed": run.wind.seed, "wind": run.wind.label,
                 "ending": run.ending, "duration": run.duration, "episode_return": run.episode_return,
-                **{key: run.metrics.get(key, np.nan) for key in self._measured},
+                **{key: run.metrics.get(key, np.nan) for key in measured},
             }
             for run in self.runs
         ]  # fmt: skip
@@ -297,18 +387,7 @@ class Evaluation:
         }
 
     def save(self, folder: str | Path) -> Path:
-        """Write the runs, a NetCDF file each, and the tables.
-
-        Parameters
-        ----------
-        folder : str or path
-            Created if missing.
-
-        Returns
-        -------
-        pathlib.Path
-            The JSON file.
-        """
+        """Write the runs, a NetCDF file each, and the tables into a folder; give the path of the JSON file."""
         folder = Path(folder)
         (folder / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
         files = [run_file(f"{number:03d}", run.agent) for number, run in enumerate(self.runs)]
@@ -321,26 +400,15 @@ class Evaluation:
         table = self.to_json()
         for file, row in zip(files, table["runs"], strict=True):
             row["file"] = f"{RUNS_FOLDER}/{file}"
-        with whole_file(folder / METRICS_FILE) as partial, partial.open("w", newline="", encoding="utf-8") as text:
-            rows = csv.writer(text)
-            rows.writerow(["agent", "wind_speed", "wind_seed", "wind", "ending", "duration", *self._measured])
-            for run in self.runs:
-                measured = [run.metrics.get(key, "") for key in self._measured]
-                seed = "" if run.wind.seed is None else run.wind.seed
-                rows.writerow([run.agent, run.wind.speed, seed, run.wind.label, run.ending, run.duration, *measured])
+        rows = self.to_dataframe().drop(columns="episode_return").to_csv(index=False, lineterminator="\r\n")
+        write_text_whole(folder / METRICS_FILE, rows)
         path = folder / TABLE_FILE
         write_text_whole(path, json.dumps(table, indent=1) + "\n")
         return path
 
     @classmethod
     def load(cls, folder: str | Path) -> Evaluation:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        FileNotFoundError
-            If the folder holds no evaluation.
-        """
+        """Read what `save` wrote; `FileNotFoundError` where the folder holds no evaluation."""
         folder = Path(folder)
         table = json.loads((folder / TABLE_FILE).read_text(encoding="utf-8"))
         runs = [Run.load(folder / row["file"]) for row in table["runs"]]

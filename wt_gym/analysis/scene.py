@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from scipy.interpolate import CubicSpline
 
-from wt_gym.analysis.replay import trailing_strength
+from wt_gym.analysis.results import trailing_strength
 from wt_gym.base.picture_style import BLUE
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["Camera", "Scene", "filament_weights", "line_look", "smooth_curves"]
 
 _STEEL, _SUBMERGED, _BLADE, _LAND, _SEA = "#98a4af", "#c3ccd4", "#26323d", "#e9efe6", "#cfe3f1"
 _MARK = "#5d6b78"
@@ -67,7 +66,7 @@ def smooth_curves(nodes: NDArray[np.float64], pieces: int = _PIECES) -> NDArray[
 def filament_weights(
     circulation: NDArray[np.float64], nodes: NDArray[np.float64], hub: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """How strongly each segment of a wake is drawn, 0 to 1: by its strength, tips before roots, fading with age.
+    """Weight of each segment of a wake in the drawing, 0 to 1: by strength, tips before roots, fading with age.
 
     Parameters
     ----------
@@ -102,10 +101,6 @@ def line_look(weights: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     ----------
     weights : numpy.ndarray, shape (n,)
         0 to 1.
-
-    Returns
-    -------
-    widths, opacities : numpy.ndarray, shape (n,)
     """
     return _NARROWEST + (_WIDEST - _NARROWEST) * weights, np.clip(0.12 + 0.88 * weights, 0.0, 1.0)
 
@@ -174,13 +169,7 @@ class Scene:
         self._frame(length)
 
     def draw(self, geometry: Mapping[str, NDArray[np.float64]]) -> None:
-        """Show an instant.
-
-        Parameters
-        ----------
-        geometry : mapping
-            As given by ``Simulator.geometry()``.
-        """
+        """Show an instant, as given by ``Simulator.geometry()``."""
         project, hub = self.camera.project, np.asarray(geometry["hub"], dtype=np.float64)
         blades = project(geometry["blades"])
         self._blades.set_verts([np.concatenate([blade[0], blade[-1][::-1]]) for blade in blades])

@@ -1,33 +1,24 @@
-"""What an evaluation says, in words: every sentence follows from the numbers."""
+"""An evaluation in words: every sentence follows from the numbers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
-from wt_gym.analysis.change import difference
 from wt_gym.analysis.metrics import METRICS, measured_metrics
-from wt_gym.analysis.paired import LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
-from wt_gym.analysis.statistics import LEAST_PER_STRATUM
+from wt_gym.analysis.page import NONE, Row, format_estimate, format_value, markdown
+from wt_gym.analysis.statistics import (
+    LEAST_PER_STRATUM,
+    LIFETIME_EXPONENTS,
+    lifetime,
+    lifetime_change,
+    paired_change,
+)
 
 if TYPE_CHECKING:
-    from wt_gym.analysis.paired import Estimate
     from wt_gym.analysis.results import Evaluation, Wind
+    from wt_gym.analysis.statistics import Estimate
 
-__all__ = [
-    "JUDGED",
-    "Verdict",
-    "difference_class",
-    "format_difference",
-    "format_estimate",
-    "format_value",
-    "headline",
-    "result_sentence",
-    "results_table",
-    "summarize",
-    "unseen",
-    "verdict",
-]
 
 JUDGED = {
     "corrected_power": "power",
@@ -36,11 +27,7 @@ JUDGED = {
     "tower_side_side_del": "tower side-side",
     "pitch_travel": "pitch travel",
 }
-"""What decides whether an agent is better, and how it is called in a sentence."""
-
-# Differences of extremes below this fraction are called equal.
-_NEGLIGIBLE = 0.01
-_LOADS = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
+"""Metrics that decide whether an agent is better, and their names in a sentence."""
 _FATIGUE = {
     "blade_flap_del": "flapwise blade fatigue",
     "tower_fore_aft_del": "fore-aft tower fatigue",
@@ -76,62 +63,9 @@ _SHORT_TRAINING = 300_000
 _WORDS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
 
 
-def format_value(key: str, value: float) -> str:
-    """Value of a metric in the unit shown, without the unit."""
-    metric = METRICS[key]
-    return f"{value * metric.factor:.{metric.digits}f}".replace("-", "\u2212")
-
-
-def format_difference(key: str, value: float, reference: float) -> str:
-    """Signed difference of a metric to its reference, in percent where that makes sense, else in the unit shown."""
-    amount, relative = difference(key, value, reference)
-    if amount == 0.0:
-        return "="
-    if relative:
-        return f"{_signed(100 * amount, 1)} %" if abs(amount) < 10 else f"\u00d7 {1 + amount:.0f}"
-    unit = METRICS[key].unit
-    return _signed(amount, METRICS[key].digits) + ("" if unit == "-" else f" {unit}")
-
-
-def format_estimate(key: str, estimate: Estimate) -> str:
-    """Change with its interval: ``−18.4 % [−20.1, −16.2]``, ``× 4.4 [4.1, 4.8]``, or in the unit shown.
-
-    No change in any wind is ``=``.
-    """
-    values = [estimate.value, estimate.low, estimate.high] if estimate.has_interval else [estimate.value]
-    if not any(values):
-        return "="
-    if not estimate.relative:
-        shown, unit = [_signed(value, METRICS[key].digits) for value in values], METRICS[key].unit
-    elif estimate.value >= 1.0:
-        shown, unit = [f"{1.0 + value:.1f}" for value in values], "-"
-        shown[0] = f"\u00d7 {shown[0]}"
-    else:
-        shown, unit = [_signed(100.0 * value, 1) for value in values], "%"
-    interval = f" [{', '.join(shown[1:])}]" if estimate.has_interval else ""
-    return f"{shown[0]}{'' if unit == '-' else f' {unit}'}{interval}"
-
-
-def _signed(value: float, digits: int) -> str:
-    """Number with its sign, none for what rounds to zero."""
-    text = f"{value:+.{digits}f}"
-    return (text if float(text) else text[1:]).replace("-", "\u2212")
-
-
-def difference_class(key: str, value: float, reference: float) -> str:
-    """``"better"``, ``"worse"`` or ``"equal"`` than the reference, or ``"none"`` if neither is good."""
-    better = METRICS[key].better
-    amount, relative = difference(key, value, reference)
-    if better == 0:
-        return "none"
-    if abs(amount) < (_NEGLIGIBLE if relative else 0.5 * 10.0 ** -METRICS[key].digits):
-        return "equal"
-    return "better" if amount * better > 0 else "worse"
-
-
 def headline(evaluation: Evaluation) -> str:
     """One line for the top of the page: agents and winds."""
-    others = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    others = evaluation.others
     winds = _count(len(evaluation.winds), "unseen wind" if evaluation.training and unseen(evaluation) else "wind")
     if not others:
         return f"{evaluation.baseline} in {winds}"
@@ -144,7 +78,7 @@ def result_sentence(evaluation: Evaluation) -> str:
 
     The best is better in `JUDGED` at no cost or as a trade, and among those of most the one with the lowest loads.
     """
-    others = [agent for agent in evaluation.agents if agent != evaluation.baseline]
+    others = evaluation.others
     winds = f"in {_count(len(evaluation.winds), 'wind')}"
     if not others:
         mean = evaluation.mean_metrics(evaluation.baseline)
@@ -176,14 +110,14 @@ def result_sentence(evaluation: Evaluation) -> str:
 
 def _rank(evaluation: Evaluation, agent: str) -> float:
     """Mean change of the loads less that of power; least is best."""
-    loads = [change.value for key in _LOADS if (change := paired_change(evaluation, agent, key)) and change.relative]
+    loads = [change.value for key in _FATIGUE if (change := paired_change(evaluation, agent, key)) and change.relative]
     power = paired_change(evaluation, agent, "corrected_power")
     gained = power.value if power is not None and power.relative else 0.0
     return (sum(loads) / len(loads) if loads else 0.0) - gained
 
 
 def _changes(evaluation: Evaluation, agent: str, result: Verdict) -> str:
-    """What an agent lowers and raises beyond chance, in words, and what becomes of power and pitch travel."""
+    """Loads that an agent lowers and raises beyond chance, in words, with power and pitch travel."""
     # every metric of JUDGED can be compared where there is a verdict
     change = {key: cast("Estimate", paired_change(evaluation, agent, key)) for key in JUDGED}
 
@@ -222,7 +156,7 @@ def _and(words: list[str]) -> str:
 
 
 def unseen(evaluation: Evaluation) -> bool:
-    """Whether no agent was trained on a turbulence seed of the evaluation; a wind without a seed may have been met."""
+    """Return True if no agent was trained on a seed of the evaluation; a wind without a seed may have been met."""
     seeds = {wind.seed for wind in evaluation.winds}
     trained = [training.get("wind_seeds") for training in evaluation.training.values()]
     return (
@@ -234,7 +168,7 @@ def unseen(evaluation: Evaluation) -> bool:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether an agent is better than the baseline.
+    """Judgment of an agent against the baseline.
 
     Attributes
     ----------
@@ -259,7 +193,7 @@ def verdict(evaluation: Evaluation, agent: str) -> Verdict:
     A change counts if it exceeds 1 % and, where there are winds enough for an interval, that excludes zero. More than
     5 % of lost power does not count as a trade.
     """
-    if not (_all_complete(evaluation, agent) and _all_complete(evaluation, evaluation.baseline)):
+    if not (evaluation.survived(agent) and evaluation.survived(evaluation.baseline)):
         return Verdict("lost", "Runs ended early")
     changes = {key: paired_change(evaluation, agent, key) for key in JUDGED}
     kinds = {key: change.kind(key) for key, change in changes.items() if change is not None}
@@ -275,15 +209,9 @@ def verdict(evaluation: Evaluation, agent: str) -> Verdict:
 
 
 def summarize(evaluation: Evaluation) -> list[str]:
-    """Describe what was found: what all have in common, then a paragraph an agent, a note, and how far it carries.
-
-    Returns
-    -------
-    list of str
-        Plain text.
-    """
+    """Paragraphs of plain text: what all agents have in common, one an agent, notes, and how far the result carries."""
     paragraphs = [_baseline_paragraph(evaluation)]
-    paragraphs += [_agent_paragraph(evaluation, a) for a in evaluation.agents if a != evaluation.baseline]
+    paragraphs += [_agent_paragraph(evaluation, agent) for agent in evaluation.others]
     notes = [*evaluation.notes.values(), *evaluation.idle_sentences.values()]
     return [*paragraphs, *notes, _reach_paragraph(evaluation)]
 
@@ -292,7 +220,7 @@ def _baseline_paragraph(evaluation: Evaluation) -> str:
     agent = evaluation.baseline
     sentences = [_common_survival(evaluation), _survival(evaluation, agent), _common_overspeed(evaluation)]
     mean = evaluation.mean_metrics(agent)
-    if _all_complete(evaluation, agent) and "corrected_power" in mean:
+    if evaluation.survived(agent) and "corrected_power" in mean:
         fastest = _shown("rotor_speed_max", evaluation.overall_metrics(agent))
         sentences.append(
             f"{agent} made {_shown('corrected_power', mean)} on average, with a rotor speed of up to {fastest} and a"
@@ -309,7 +237,7 @@ def _common_ends(evaluation: Evaluation) -> list[Wind]:
 
 
 def _common_survival(evaluation: Evaluation) -> str:
-    """What became of all agents alike."""
+    """Sentence on ends that all agents have in common."""
     if len(evaluation.agents) < 2:
         return ""
     every = "both" if len(evaluation.agents) == 2 else f"all {_WORDS.get(n := len(evaluation.agents), n)}"
@@ -322,7 +250,7 @@ def _common_survival(evaluation: Evaluation) -> str:
         runs = [evaluation.run(agent, wind) for agent in evaluation.agents]
         first, last = min(run.duration for run in runs), max(run.duration for run in runs)
         when = f"{first:.0f} s" if f"{first:.0f}" == f"{last:.0f}" else f"{first:.0f} to {last:.0f} s"
-        reasons.append(f"{wind.name}: {_and(list(dict.fromkeys(_REASONS[run.ending] for run in runs)))} after {when}")
+        reasons.append(f"{wind.name}: {_and(list(dict.fromkeys(REASONS[run.ending] for run in runs)))} after {when}")
     return f"{every.capitalize()} lost the turbine in {_count(len(ends), 'wind')} ({'; '.join(reasons)})."
 
 
@@ -337,7 +265,7 @@ def _common_overspeed(evaluation: Evaluation) -> str:
 
 def _agent_paragraph(evaluation: Evaluation, agent: str) -> str:
     sentences = [_training_sentence(evaluation, agent), _survival(evaluation, agent)]
-    if not (_all_complete(evaluation, agent) and _all_complete(evaluation, evaluation.baseline)):
+    if not (evaluation.survived(agent) and evaluation.survived(evaluation.baseline)):
         energy = _produced(evaluation, agent)
         if energy is not None:
             sentences.append(
@@ -367,13 +295,13 @@ def _training_sentence(evaluation: Evaluation, agent: str) -> str:
 
 
 def _survival(evaluation: Evaluation, agent: str) -> str:
-    """Say whether the agent kept the turbine running, where that was not said of all."""
+    """Sentence on the ends of an agent's runs, where that was not said of all."""
     runs, common = evaluation.runs_of(agent), _common_ends(evaluation)
     stopped = [run for run in runs if not run.complete and run.wind not in common]
     if not stopped:
         said = common or (len(evaluation.agents) > 1 and all(run.complete for run in evaluation.runs))
         return "" if said else f"{agent} kept the turbine running in {_every_wind(len(runs))}."
-    reasons = "; ".join(f"{_REASONS[run.ending]} after {run.duration:.0f} s at {run.wind.name}" for run in stopped)
+    reasons = "; ".join(f"{REASONS[run.ending]} after {run.duration:.0f} s at {run.wind.name}" for run in stopped)
     number = _WORDS.get(len(stopped), len(stopped))
     alone = " alone" if common else ""
     return f"{agent}{alone} lost the turbine in {number} of {_count(len(runs), 'wind')} ({reasons})."
@@ -383,7 +311,7 @@ def _every_wind(number: int) -> str:
     return {1: "the wind", 2: "both winds"}.get(number, f"all {_count(number, 'wind')}")
 
 
-_REASONS = {
+REASONS = {
     "overspeed": "overspeed",
     "standstill": "the rotor stalled",
     "tower_strike": "a blade hit the tower",
@@ -396,7 +324,7 @@ def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
     mine, base = evaluation.mean_metrics(agent), evaluation.mean_metrics(evaluation.baseline)
     # all winds can be compared
     change = {key: format_estimate(key, cast("Estimate", paired_change(evaluation, agent, key))) for key in JUDGED}
-    loads = ", ".join(f"{JUDGED[key]} {change[key]}" for key in _LOADS)
+    loads = ", ".join(f"{JUDGED[key]} {change[key]}" for key in _FATIGUE)
     sentences = [
         f"{agent} made {_shown('corrected_power', mine)} ({change['corrected_power']} against {evaluation.baseline}).",
         f"Damage-equivalent loads: {loads}.",
@@ -423,7 +351,7 @@ def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
 
 
 def _reach_paragraph(evaluation: Evaluation) -> str:
-    """How far the result carries."""
+    """Limits of the result."""
     duration = max(run.planned_duration for run in evaluation.runs)
     sentences = [f"Each run lasts {duration:.0f} s at most."]
     fewest = min([wind.speed for wind in evaluation.winds].count(speed) for speed in evaluation.speeds)
@@ -454,13 +382,9 @@ def _produced(evaluation: Evaluation, agent: str) -> float | None:
     return 100 * energy(agent) / reference if reference > 0 else None
 
 
-def _all_complete(evaluation: Evaluation, agent: str) -> bool:
-    return all(run.complete for run in evaluation.runs_of(agent))
-
-
 def _shown(key: str, metrics: dict[str, float]) -> str:
     """Value with its unit."""
-    return f"{format_value(key, metrics[key])} {METRICS[key].unit}"
+    return format_value(key, metrics[key], unit=True)
 
 
 def _count(number: int, noun: str) -> str:
@@ -474,28 +398,25 @@ def results_table(evaluation: Evaluation) -> list[str]:
     Greatest speed, smallest clearance and overspeeds are extremes and sums over the winds, not changes.
     """
     measured = measured_metrics(run.metrics for run in evaluation.runs)
-    table = _TABLE | {key: text for key, text in _MORE.items() if key in measured}
-    lines = ["| wind | agent | " + " | ".join(table.values()) + " |", "|---" * (len(table) + 2) + "|"]
-    speeds = evaluation.speeds
-    groups = [(f"{speed:g} m/s", speed) for speed in speeds] + ([("all", None)] if len(speeds) > 1 else [])
-    for label, speed in groups:
-        for agent in evaluation.agents:
-            cells = [_table_cell(evaluation, agent, key, speed) for key in table]
-            lines.append(f"| {label} | {agent} | " + " | ".join(cells) + " |")
-    if evaluation.climate is not None and len(speeds) > 1:
-        for agent in evaluation.agents:
-            cells = [_lifetime_cell(evaluation, agent, key) for key in table]
-            lines.append(f"| lifetime | {agent} | " + " | ".join(cells) + " |")
-    return lines
+    columns = _TABLE | {key: text for key, text in _MORE.items() if key in measured}
+    several = len(evaluation.speeds) > 1
+    rows = []
+    for speed in (*evaluation.speeds, *([None] if several else [])):
+        rows.append(Row("all" if speed is None else f"{speed:g} m/s"))
+        rows += [Row(a, [_table_cell(evaluation, a, key, speed) for key in columns]) for a in evaluation.agents]
+    if evaluation.climate is not None and several:
+        rows.append(Row("lifetime"))
+        rows += [Row(a, [_lifetime_cell(evaluation, a, key) for key in columns]) for a in evaluation.agents]
+    return markdown(["wind", "agent", *columns.values()], rows)
 
 
 def _table_cell(evaluation: Evaluation, agent: str, key: str, speed: float | None) -> str:
     """Value of the baseline or of an extreme, else a change."""
     values = evaluation.overall_metrics(agent, speed)
     if key not in values:
-        return "\u2013"
+        return NONE
     if agent == evaluation.baseline or METRICS[key].over_winds != "mean":
-        return _shown(key, values).removesuffix(" -")
+        return _shown(key, values)
     change = paired_change(evaluation, agent, key, speed)
     return "not compared" if change is None else format_estimate(key, change)
 
@@ -506,6 +427,6 @@ def _lifetime_cell(evaluation: Evaluation, agent: str, key: str) -> str:
         return ""
     if agent == evaluation.baseline:
         value = lifetime(evaluation, agent, key)
-        return "\u2013" if value is None else _shown(key, {key: value})
+        return NONE if value is None else _shown(key, {key: value})
     change = lifetime_change(evaluation, agent, key)
-    return "\u2013" if change is None else format_estimate(key, change)
+    return NONE if change is None else format_estimate(key, change)

@@ -65,9 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
     name = other["name"] if isinstance(other, dict) and "name" in other else str(other)
     if other == OWN_SIMULATOR:
         raise ValueError(f"--simulator must be another one than {OWN_SIMULATOR}, which the crosscheck runs anyway")
-    from wt_gym.analysis.crosscheck import Crosscheck
-    from wt_gym.analysis.crosscheck_page import figure_files, tables, write_page
-    from wt_gym.analysis.crosscheck_report import write_crosscheck_report
+    from wt_gym.analysis.crosscheck import Crosscheck, tables, write_crosscheck
     from wt_gym.experiment.evaluation import evaluate
 
     configs = [configuration(arguments, simulator) for simulator in (OWN_SIMULATOR, other)]
@@ -83,7 +81,6 @@ def run(arguments: argparse.Namespace) -> None:
             )  # fmt: skip
     check = Crosscheck((OWN_SIMULATOR, name), (evaluations[0], evaluations[1]))
     command = shlex.join(["wt-gym", "crosscheck", *arguments.words])
-    path = write_page(check, out, command)
-    report = write_crosscheck_report(check, out, command, figure_files(check))
-    print(tables(check.to_json()))
+    path, report = write_crosscheck(check, out, command)
+    print(tables(check.content))
     print(f"\npage: {path}\nreport: {report}")

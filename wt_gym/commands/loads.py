@@ -72,7 +72,7 @@ def table(metrics: Mapping[str, Mapping[str, float]], baseline: str | None) -> s
         Run against which changes are shown.
     """
     from wt_gym.analysis.metrics import METRICS
-    from wt_gym.analysis.summary import format_difference
+    from wt_gym.analysis.page import format_difference
 
     names = {run: Path(run).parent.name or run if run.endswith(".out") else run for run in metrics}
     width = max(map(len, names.values()))

@@ -16,9 +16,8 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import idle_time
-from wt_gym.analysis.statistics import bootstrap_interval
+from wt_gym.analysis.statistics import bootstrap_interval, relative_change
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs.layout import layout_of

@@ -9,15 +9,25 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import stdtrit
 
-from wt_gym.analysis.change import is_relative, relative_change
-from wt_gym.analysis.metrics import METRICS, idle_time
-from wt_gym.analysis.paired import Estimate
-from wt_gym.analysis.plots import agent_styles
-from wt_gym.analysis.report_page import Row, Section, agent_label, legend, settings_element, table, today, write_page
+from wt_gym.analysis.metrics import idle_time
+from wt_gym.analysis.page import (
+    Row,
+    Section,
+    agent_labels,
+    change_tag,
+    format_estimate,
+    format_value,
+    html_list,
+    legend,
+    markdown,
+    settings_element,
+    table,
+    today,
+    write_page,
+)
 from wt_gym.analysis.results import Wind
-from wt_gym.analysis.summary import format_estimate, format_value
+from wt_gym.analysis.statistics import LEAST_PER_STRATUM, Estimate, change_in_winds, is_relative
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers import Name, make_controller
@@ -46,8 +56,8 @@ if TYPE_CHECKING:
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "COLUMNS", "ComparisonConfig", "ControllerRuns", "change", "comparison_table", "half_width", "in_all_winds",
-    "inflow_of", "run_cases", "write_comparison",
+    "COLUMNS", "ComparisonConfig", "ControllerRuns", "change", "comparison_table", "in_all_winds", "inflow_of",
+    "run_cases", "write_comparison",
 ]  # fmt: skip
 
 COLUMNS = (
@@ -284,73 +294,38 @@ def in_all_winds(runs: list[ControllerRuns]) -> list[ControllerRuns]:
 def comparison_table(runs: list[ControllerRuns]) -> str:
     """Markdown by wind speed: the first controller's means over the seeds, and the changes of the others against it.
 
-    A change is the mean over the seeds of the relative change in the same wind; from three seeds on with the half width
-    of its 95 % interval (Student's t). Duty cycle, torque rate and greatest speed are means, not changes, and so is a
-    metric whose reference rounds to zero.
+    Duty cycle, torque rate and greatest speed are means, not changes, and so is a metric whose reference rounds to
+    zero.
     """
-    head = ["wind", "controller", *(name for _, name in COLUMNS)]
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    for speed in sorted({wind.speed for wind in runs[0].metrics}):
-        for run in runs:
-            cells = [_cell(key, run, runs[0], speed) for key, _ in COLUMNS]
-            lines.append(f"| {speed:g} | {run.name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    rows = [
+        Row(f"{speed:g}", [run.name, *(_cell(key, run, runs[0], speed) for key, _ in COLUMNS)])
+        for speed in sorted({wind.speed for wind in runs[0].metrics})
+        for run in runs
+    ]
+    return "\n".join(markdown(["wind", "controller", *(name for _, name in COLUMNS)], rows))
 
 
-def change(
-    run: ControllerRuns, reference: ControllerRuns, wind_speed: float | None, metric: str
-) -> tuple[float, float]:
-    """Mean relative change of a metric over the seeds of a wind speed, or over all winds, with half its 95 % interval.
+def change(run: ControllerRuns, reference: ControllerRuns, wind_speed: float | None, metric: str) -> Estimate | None:
+    """Change of a metric in the winds of a speed, or in all, by `wt_gym.analysis.statistics.change_in_winds`.
 
-    Returns
-    -------
-    mean, half_width : float
-        NaN where no run, or fewer than three, can be compared, and where no share makes sense
-        (`wt_gym.analysis.change.is_relative`).
+    None where no wind can be compared, and where no share makes sense (`wt_gym.analysis.statistics.is_relative`).
     """
-    values, references = np.array(_pairs(run, reference, wind_speed, metric)).reshape(-1, 2).T
-    if values.size == 0 or not is_relative(metric, references):
-        return float("nan"), float("nan")
-    ratios = relative_change(values, references)
-    if ratios.size < LEAST_FOR_INTERVAL:
-        return float(ratios.mean()), float("nan")
-    return float(ratios.mean()), half_width(ratios)
+    winds = [wind for wind in run.metrics if wind_speed in (None, wind.speed) and wind in reference.metrics]
+    values, baseline = ([each.metrics[wind][metric] for wind in winds] for each in (run, reference))
+    if not winds or not is_relative(metric, baseline):
+        return None
+    return change_in_winds(metric, values, baseline, [wind.speed for wind in winds])
 
 
-LEAST_FOR_INTERVAL = 3
-"""Seeds from which on a change has an interval."""
-
-
-def half_width(values: np.ndarray) -> float:
-    """Half width of the 95 % interval of a mean, by Student's t; of two values at least."""
-    return float(stdtrit(values.size - 1, 0.975) * values.std(ddof=1) / np.sqrt(values.size))
-
-
-def _pairs(
-    run: ControllerRuns, reference: ControllerRuns, wind_speed: float | None, metric: str
-) -> list[tuple[float, float]]:
-    """Values of a metric in the winds of a speed in which both ran: of the run and of the reference."""
-    cases = [c for c in run.metrics if wind_speed in (None, c.speed) and c in reference.metrics]
-    return [(run.metrics[c][metric], reference.metrics[c][metric]) for c in cases]
-
-
-def _cell(key: str, run: ControllerRuns, reference: ControllerRuns, speed: float) -> str:
-    """One number as the table shows it."""
-    pairs = _pairs(run, reference, speed, key)
-    if not pairs:
+def _cell(key: str, run: ControllerRuns, reference: ControllerRuns, speed: float, html: bool = False) -> str:
+    """Value of the reference or of a metric that is shown as such, else the change."""
+    values = [metrics[key] for wind, metrics in run.metrics.items() if wind.speed == speed]
+    if not values:
         return "failed"
-    value = float(np.mean([new for new, _ in pairs]))
-    match key:
-        case "pitch_duty_cycle":
-            return f"{value:.3f}"
-        case "torque_rate":
-            return f"{value / 1e3:.1f} kN m/s"
-        case "rotor_speed_max":
-            return f"{value * 30 / np.pi:.1f} rpm"
-    mean, half = change(run, reference, speed, key)
-    if run is reference or np.isnan(mean):
-        return f"{value / 1e6:.3f} MW" if key == "mean_power" else f"{value / 1e6:.2f} MN m"
-    return f"{100 * mean:+.1f} %" if np.isnan(half) else f"{100 * mean:+.1f} ± {100 * half:.1f} %"
+    estimate = change(run, reference, speed, key)
+    if run is reference or key in _VALUES or estimate is None:
+        return format_value(key, float(np.mean(values)), unit=True)
+    return change_tag(key, estimate, "main") if html else format_estimate(key, estimate)
 
 
 # ---- the page ----
@@ -366,13 +341,6 @@ _LOADS = {
     "blade_flap_del": "flapwise blade fatigue", "tower_fore_aft_del": "fore-aft tower fatigue",
     "tower_side_side_del": "side-side tower fatigue",
 }  # fmt: skip
-
-
-class _Compared:
-    """Names for the colors."""
-
-    def __init__(self, runs: Sequence[ControllerRuns]):
-        self.agents = [run.name for run in runs]
 
 
 def write_comparison(
@@ -395,15 +363,15 @@ def write_comparison(
     speeds = sorted({case.speed for case in cases})
     seeds = list(dict.fromkeys(case.seed for case in cases if case.seed is not None))
     marks = [
-        f"changes against <b>{escape(runs[0].name)}</b> in the same winds: mean over the seeds, with its 95 % interval"
-        f" (Student's t) from {LEAST_FOR_INTERVAL} seeds on",
+        f"changes against <b>{escape(runs[0].name)}</b> in the same winds, with a 95 % interval from"
+        f" {LEAST_PER_STRATUM} seeds on",
         "pitch, torque and speed: means",
     ]
-    failures = "".join(
-        f"<li>{escape(f'{run.name} at {case.speed:g} m/s, seed {case.seed}: {message}')}</li>"
+    failures = [
+        f"{run.name} at {case.speed:g} m/s, seed {case.seed}: {message}"
         for run in runs
         for case, message in run.failures.items()
-    )
+    ]
     return write_page(
         path,
         title=f"{turbine}: controllers compared",
@@ -419,7 +387,7 @@ def write_comparison(
         sections=[
             Section("verdict", f"What changes against {runs[0].name}?", legend(more=marks) + _blocks(runs, speeds),
                     link="Changes"),
-            Section("failed", "What failed", f"<ul>{failures}</ul>" if failures else ""),
+            Section("failed", "What failed", html_list(failures)),
             Section("method", "Settings", settings_element(settings)),
         ],
     )  # fmt: skip
@@ -430,8 +398,8 @@ def _result(runs: Sequence[ControllerRuns]) -> str:
     reference, *others = runs
     if not others:
         return f"{reference.name} alone, in {len(reference.metrics)} winds."
-    changes = {run.name: {key: change(run, reference, None, key)[0] for key in _LOADS} for run in others if run.metrics}
-    least = {name: float(np.mean(list(found.values()))) for name, found in changes.items()}
+    changes = {run.name: {key: _change(run, reference, key) for key in _LOADS} for run in others if run.metrics}
+    least = {name: float(np.mean(list(by_load.values()))) for name, by_load in changes.items()}
     known = {name: value for name, value in least.items() if not math.isnan(value)}
     if not known:
         return f"No wind in which {reference.name} and another controller ran."
@@ -439,10 +407,16 @@ def _result(runs: Sequence[ControllerRuns]) -> str:
     if known[best] >= 0.0:
         return f"No controller has less fatigue than {reference.name} in the mean of blade and tower."
     words = ", ".join(f"{name} by {_percent(changes[best][key])}" for key, name in _LOADS.items())
-    power = change(next(run for run in others if run.name == best), reference, None, "mean_power")[0]
+    power = _change(next(run for run in others if run.name == best), reference, "mean_power")
     more = "" if math.isnan(power) else f", and power by {_percent(power)}"
     winds = f"mean over {len(reference.metrics)} winds"
     return f"Least fatigue: {best} changes {words}{more} against {reference.name}, {winds}."
+
+
+def _change(run: ControllerRuns, reference: ControllerRuns, metric: str) -> float:
+    """Change over all winds; NaN where there is none."""
+    estimate = change(run, reference, None, metric)
+    return math.nan if estimate is None else estimate.value
 
 
 def _percent(value: float) -> str:
@@ -451,26 +425,10 @@ def _percent(value: float) -> str:
 
 def _blocks(runs: Sequence[ControllerRuns], speeds: Sequence[float]) -> str:
     """A block a wind speed, a row a controller."""
-    styles = agent_styles(_Compared(runs))
-    rows = []
+    labels, rows = agent_labels([run.name for run in runs]), []
     for speed in speeds:
         rows.append(Row(f"{speed:g} m/s"))
         rows += [
-            Row(agent_label(run.name, styles[run.name]), [_html_cell(key, run, runs[0], speed) for key, _ in COLUMNS])
-            for run in runs
+            Row(labels[run.name], [_cell(key, run, runs[0], speed, html=True) for key, _ in COLUMNS]) for run in runs
         ]
     return table(["Controller", *(_HEADS[key] for key, _ in COLUMNS)], rows)
-
-
-def _html_cell(key: str, run: ControllerRuns, reference: ControllerRuns, speed: float) -> str:
-    """Value of the reference or of a metric that is shown as such, else a change with its mark."""
-    values = [m[key] for c, m in run.metrics.items() if c.speed == speed]
-    if not values:
-        return "failed"
-    mean, half = change(run, reference, speed, key)
-    if run is reference or key in _VALUES or math.isnan(mean):
-        return f"{format_value(key, float(np.mean(values)))} {METRICS[key].unit}"
-    found = Estimate(mean, mean - half, mean + half, True, len(values))
-    value, _, interval = format_estimate(key, found).partition(" [")
-    kind = "none" if value == "=" else found.kind(key)
-    return f"<span class='diff main {kind}'>{value}{f'<small>[{interval}</small>' if interval else ''}</span>"

@@ -14,9 +14,9 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
+from wt_gym.analysis.statistics import WindClimate
 from wt_gym.base.canary import differing
 from wt_gym.base.files import json_values, write_text_whole
 from wt_gym.base.options import LONGEST, Options, option, option_record

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,24 +10,32 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from wt_gym.analysis.change import relative_change
-from wt_gym.analysis.metrics import METRICS, idle_sentence
-from wt_gym.analysis.paired import LIFETIME_EXPONENTS
-from wt_gym.analysis.plots import agent_styles, style, titles_at_left
-from wt_gym.analysis.report_page import (
+from wt_gym.analysis.metrics import METRICS, Metric, idle_sentence
+from wt_gym.analysis.page import (
+    BEYOND,
+    NONE,
     Row,
     Section,
-    agent_label,
+    agent_labels,
+    agent_styles,
     badge,
     details,
+    difference_tag,
     figure_element,
+    format_difference,
+    format_value,
+    html_list,
     legend,
+    markdown,
+    metric_label,
     settings_element,
+    style,
     table,
+    titles_at_left,
     today,
     write_page,
 )
-from wt_gym.analysis.summary import format_difference, format_value
+from wt_gym.analysis.statistics import LIFETIME_EXPONENTS
 from wt_gym.experiment.loadcase_runs import CLEARANCE, PARKED, RUNS_FOLDER, SPEED, TABLE_FILE
 from wt_gym.experiment.loadcases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
 
@@ -38,58 +45,27 @@ if TYPE_CHECKING:
 __all__ = ["load_case_tables", "write_load_case_report"]
 
 
-@dataclass(frozen=True)
-class _Shown:
-    """How a quantity is shown."""
-
-    label: str
-    short: str
-    unit: str
-    factor: float
-    digits: int
-
-    def text(self, value: float) -> str:
-        """Value without its unit."""
-        return f"{value * self.factor:.{self.digits}f}".replace("-", "\u2212")
-
-    def change(self, value: float, other: float, signed: bool) -> tuple[str, str]:
-        """Class and text of a change: a share of the other value, but of margins, and of zero, a difference.
-
-        More is better of a margin, and worse of a load.
-        """
-        last = 10.0**-self.digits
-        relative = not signed and abs(other) * self.factor >= last
-        amount = relative_change(value, other) if relative else (value - other) * self.factor
-        least = _NEGLIGIBLE if relative else 0.5 * last
-        kind = "equal" if abs(amount) < least else "better" if (amount > 0.0) == signed else "worse"
-        text = f"{100.0 * amount:+.1f} %" if relative else f"{amount:+.{self.digits}f} {self.unit}"
-        return kind, text.replace("-", "\u2212")
-
-
 _EXTREMES = {
-    "blade_flap_max": _Shown("Blade root flapwise moment", "flap", "MN m", 1e-6, 1),
-    "blade_edge_max": _Shown("Blade root edgewise moment", "edge", "MN m", 1e-6, 1),
-    "tower_base_max": _Shown("Tower base bending moment", "tower base", "MN m", 1e-6, 0),
-    CLEARANCE: _Shown("Tip clearance", "clearance", "m", 1.0, 1),
-    SPEED: _Shown("Rotor speed", "speed", "rpm", 30 / np.pi, 1),
+    "blade_flap_max": Metric("Blade root flapwise moment", "MN m", 1e-6, -1, 1),
+    "blade_edge_max": Metric("Blade root edgewise moment", "MN m", 1e-6, -1, 1),
+    "tower_base_max": Metric("Tower base bending moment", "MN m", 1e-6, -1, 0),
+    CLEARANCE: Metric("Tip clearance", "m", 1.0, +1, 1, share=False),
+    SPEED: Metric("Rotor speed", "rpm", 30 / np.pi, -1, 1),
 }
+_SHORT = ("flap", "edge", "tower base", "clearance", "speed")
 _TRACES = {
-    "wind_x": _Shown("Wind at the hub", "", "m/s", 1.0, 1),
+    "wind_x": Metric("Wind at the hub", "m/s", 1.0, 0, 1),
     "rotor_speed": _EXTREMES[SPEED],
-    "generator_power": _Shown("Electrical power", "", "MW", 1e-6, 2),
-    "pitch_1": _Shown("Pitch of blade 1", "", "deg", 180 / np.pi, 1),
-    "root_flap_moment_1": _Shown("Flapwise moment of blade 1", "", "MN m", 1e-6, 1),
-    "tower_base_fore_aft_moment": _Shown("Tower base fore-aft moment", "", "MN m", 1e-6, 0),
+    "generator_power": Metric("Electrical power", "MW", 1e-6, 0, 2),
+    "pitch_1": Metric("Pitch of blade 1", "deg", 180 / np.pi, 0, 1),
+    "root_flap_moment_1": Metric("Flapwise moment of blade 1", "MN m", 1e-6, 0, 1),
+    "tower_base_fore_aft_moment": Metric("Tower base fore-aft moment", "MN m", 1e-6, 0, 0),
 }
 _ENDINGS = {
     "overspeed": "overspeed", "standstill": "standstill", "tower_strike": "tower strike",
     "failure": "simulation failed",
 }  # fmt: skip
-_HEADS = [f"{shown.label} <small>[{shown.unit}]</small>" for shown in _EXTREMES.values()]
-_NEGLIGIBLE = 0.01
-"""Differences of extremes below this share are called equal."""
-_BEYOND = "\u2020"
-_NONE = "\u2013"
+_HEADS = [metric_label(shown) for shown in _EXTREMES.values()]
 
 
 def load_case_tables(results: LoadCaseResults) -> list[str]:
@@ -100,13 +76,24 @@ def load_case_tables(results: LoadCaseResults) -> list[str]:
     list of str
         Lines.
     """
-    head = [f"{shown.short} [{shown.unit}]" for shown in _EXTREMES.values()]
-    lines = [f"| case | agent | came through | {' | '.join(head)} |", "|---" * (3 + len(head)) + "|"]
-    for case, agent in results.rows():
-        if not CASES[case].fatigue:
-            cells = [_cell(results, case, agent, key) for key in _EXTREMES]
-            lines.append(f"| {case} | {agent} | {_survival(results, case, agent)} | {' | '.join(cells)} |")
+    heads = [f"{name} [{shown.unit}]" for name, shown in zip(_SHORT, _EXTREMES.values(), strict=True)]
+    lines = markdown(["case", "agent", "came through", *heads], _case_rows(results, html=False))
     return lines + _lifetime_lines(results) + _idle_lines(results)
+
+
+def _case_rows(results: LoadCaseResults, html: bool) -> list[Row]:
+    """Extremes of all cases and agents, a block a case."""
+    labels, rows = agent_labels(results.agents) if html else {}, []
+    for case in (case for case in results.cases if not CASES[case].fatigue):
+        kind = CASES[case]
+        rows.append(Row(f"DLC {case} {escape(kind.title)} <small>\u03b3 {kind.factor:g}</small>" if html else case))
+        for agent in (agent for other, agent in results.rows() if other == case):
+            passed, planned = results.survived(case, agent)
+            came = _survival(results, case, agent)
+            came = badge("better" if passed == planned else "lost", came) if html else came
+            cells = [(_html_cell if html else _cell)(results, case, agent, key) for key in _EXTREMES]
+            rows.append(Row(labels.get(agent, agent), [came, *cells]))
+    return rows
 
 
 def _idle_lines(results: LoadCaseResults) -> list[str]:
@@ -124,24 +111,24 @@ def _lifetime_lines(results: LoadCaseResults) -> list[str]:
     if "1.2" not in results.cases or results.climate is None:
         return []
     head = [f"{METRICS[key].label} [{METRICS[key].unit}]" for key in LIFETIME_EXPONENTS]
-    lines = ["", f"| lifetime (DLC 1.2) | came through | {' | '.join(head)} |", "|---" * (2 + len(head)) + "|"]
-    for agent in results.agents:
-        cells = [_lifetime(results, agent, key) for key in LIFETIME_EXPONENTS]
-        lines.append(f"| {agent} | {_survival(results, '1.2', agent)} | {' | '.join(cells)} |")
-    return lines
+    rows = [
+        Row(a, [_survival(results, "1.2", a), *(_lifetime(results, a, key) for key in LIFETIME_EXPONENTS)])
+        for a in results.agents
+    ]
+    return ["", *markdown(["lifetime (DLC 1.2)", "came through", *head], rows)]
 
 
 def _cell(results: LoadCaseResults, case: str, agent: str, key: str) -> str:
     """Design value; with a dagger where a run ended early."""
     value = results.value(case, agent, key)
     if value is None:
-        return _NONE
+        return NONE
     passed, planned = results.survived(case, agent)
-    return _EXTREMES[key].text(value.design) + ("" if passed == planned else f" {_BEYOND}")
+    return format_value(_EXTREMES[key], value.design) + ("" if passed == planned else f" {BEYOND}")
 
 
 def _survival(results: LoadCaseResults, case: str, agent: str) -> str:
-    """How many runs came through, and what became of the others."""
+    """Number of runs that came through, and the ends of the others."""
     passed, planned = results.survived(case, agent)
     failures = [f"{len(runs)} {_ENDINGS[end]}" for end, runs in results.failures(case, agent).items()]
     return f"{passed} of {planned}" + (f" ({', '.join(failures)})" if failures else "")
@@ -151,7 +138,7 @@ def _lifetime(results: LoadCaseResults, agent: str, key: str) -> str:
     """Load over a life with its change against the first agent."""
     value, base = results.lifetime(agent, key), results.lifetime(results.agents[0], key)
     if value is None:
-        return _NONE
+        return NONE
     change = "" if agent == results.agents[0] or base is None else f" ({format_difference(key, value, base)})"
     return format_value(key, value) + change
 
@@ -172,7 +159,11 @@ def write_load_case_report(results: LoadCaseResults, path: str | Path, title: st
         facts=_facts(results),
         sections=[
             Section("verdict", "Who comes through, and with which loads?", _verdict(results), link="Verdict"),
-            Section("table", "Extreme loads by case", _table(results), _TABLE_CAPTION, "By case"),
+            Section(
+                "table", "Extreme loads by case",
+                table(["Agent", "Came through", *_HEADS], _case_rows(results, html=True), texts=(1,)),
+                _TABLE_CAPTION, "By case",
+            ),
             Section(
                 "loads", "Design loads side by side", figure_element("loads-figure", _loads(results)), link="Loads"
             ),
@@ -182,7 +173,7 @@ def write_load_case_report(results: LoadCaseResults, path: str | Path, title: st
             Section("runs", "Runs", _links(path.parent)),
             Section("method", "How to read the numbers", _method(results), link="Method"),
         ],
-    )
+    )  # fmt: skip
 
 
 _TABLE_CAPTION = (
@@ -216,7 +207,7 @@ def _result(results: LoadCaseResults) -> str:
 
 
 def _facts(results: LoadCaseResults) -> dict[str, str | None]:
-    """What stands below the result."""
+    """Facts below the result."""
     settings, climate = results.settings, results.climate
     n_runs = len({id(run.result) for runs in results.runs.values() for run in runs})
     return {
@@ -232,7 +223,7 @@ def _facts(results: LoadCaseResults) -> dict[str, str | None]:
 
 def _verdict(results: LoadCaseResults) -> str:
     """A row an agent: whether it comes through, and its worst design values with the cases that they are of."""
-    styles, base = agent_styles(results), results.agents[0]
+    labels, base = agent_labels(results.agents), results.agents[0]
     rows = []
     for agent in results.agents:
         lost = _lost(results, agent)
@@ -240,12 +231,12 @@ def _verdict(results: LoadCaseResults) -> str:
         planned = sum(results.survived(case, a)[1] for case, a in results.rows() if a == agent)
         word = badge("lost" if lost else "better", f"Lost {planned - number} of {planned} runs" if lost else "Passed")
         cells = [_governing_cell(results, agent, base, key) for key in _EXTREMES]
-        rows.append(Row(agent_label(agent, styles[agent]), [word, *cells]))
+        rows.append(Row(labels[agent], [word, *cells]))
     head = ["Agent", "Verdict", *_HEADS]
     more = [
         "worst design value of all cases, and the case that it is of",
         f"difference to <b>{escape(base)}</b>",
-        f"{_BEYOND} without cases in which a run ended early",
+        f"{BEYOND} without cases in which a run ended early",
     ]
     marks = {
         "better": "better",
@@ -275,39 +266,20 @@ def _governing(results: LoadCaseResults, agent: str, key: str) -> tuple[float, s
 def _governing_cell(results: LoadCaseResults, agent: str, base: str, key: str) -> str:
     mine, other = _governing(results, agent, key), _governing(results, base, key)
     if mine is None:
-        return _NONE
+        return NONE
     value, case, whole = mine
-    text = f"{_EXTREMES[key].text(value)}{'' if whole else f' {_BEYOND}'}<small class='note'>DLC {case}</small>"
+    text = f"{format_value(_EXTREMES[key], value)}{'' if whole else f' {BEYOND}'}<small class='note'>DLC {case}</small>"
     if agent == base or other is None or not (whole and other[2]):
         return text
-    kind, shown = _EXTREMES[key].change(value, other[0], signed=key == CLEARANCE)
-    return f"{text}<span class='diff {kind}'>{shown}</span>"
-
-
-def _table(results: LoadCaseResults) -> str:
-    """Extremes of all cases and agents, a block a case."""
-    styles, rows, before = agent_styles(results), [], ""
-    for case, agent in results.rows():
-        kind = CASES[case]
-        if kind.fatigue:
-            continue
-        if case != before:
-            rows.append(Row(f"DLC {case} {escape(kind.title)} <small>\u03b3 {kind.factor:g}</small>"))
-            before = case
-        passed, planned = results.survived(case, agent)
-        came = badge("better" if passed == planned else "lost", _survival(results, case, agent))
-        cells = [_html_cell(results, case, agent, key) for key in _EXTREMES]
-        rows.append(Row(agent_label(agent, None if agent == PARKED else styles[agent]), [came, *cells]))
-    head = ["Agent", "Came through", *_HEADS]
-    return table(head, rows, texts=(1,))
+    return text + difference_tag(_EXTREMES[key], value, other[0])
 
 
 def _html_cell(results: LoadCaseResults, case: str, agent: str, key: str) -> str:
     """Design value, below it the characteristic one and where it comes from."""
     value: Value | None = results.value(case, agent, key)
     if value is None:
-        return _NONE
-    note = f"{_EXTREMES[key].text(value.characteristic)}: {escape(value.where)}"
+        return NONE
+    note = f"{format_value(_EXTREMES[key], value.characteristic)}: {escape(value.where)}"
     return f"{escape(_cell(results, case, agent, key))}<small class='note where'>{note}</small>"
 
 
@@ -315,7 +287,7 @@ def _loads(results: LoadCaseResults) -> go.Figure:
     """Bars of the design values, a row a quantity."""
     titles = [f"{shown.label} [{shown.unit}]" for shown in _EXTREMES.values()]
     figure = make_subplots(len(_EXTREMES), 1, shared_xaxes=True, vertical_spacing=0.05, subplot_titles=titles)
-    styles = agent_styles(results) | {PARKED: {"color": "#5f6b76"}}
+    styles = agent_styles(results.agents) | {PARKED: {"color": "#5f6b76"}}
     cases = [case for case in results.cases if not CASES[case].fatigue]
     for row, (key, shown) in enumerate(_EXTREMES.items(), start=1):
         for agent in dict.fromkeys(agent for _, agent in results.rows()):
@@ -332,12 +304,12 @@ def _lifetime_section(results: LoadCaseResults) -> Section:
     """Loads over a life."""
     if "1.2" not in results.cases or results.climate is None:
         return Section("lifetime", "", "")
-    climate, styles = results.climate, agent_styles(results)
+    climate, labels = results.climate, agent_labels(results.agents)
     rows = [
-        Row(agent_label(agent, styles[agent]), [escape(_lifetime(results, agent, key)) for key in LIFETIME_EXPONENTS])
+        Row(labels[agent], [escape(_lifetime(results, agent, key)) for key in LIFETIME_EXPONENTS])
         for agent in results.agents
     ]
-    head = ["Agent", *(f"{METRICS[key].label} <small>[{METRICS[key].unit}]</small>" for key in LIFETIME_EXPONENTS)]
+    head = ["Agent", *(metric_label(key) for key in LIFETIME_EXPONENTS)]
     caption = (
         "DLC 1.2: the load at 1 Hz throughout that does the damage of production in normal turbulence, \u03b3 1."
         f" Weibull distribution of the mean wind speed: {climate.mean_speed:g} m/s on average, exponent"
@@ -348,12 +320,12 @@ def _lifetime_section(results: LoadCaseResults) -> Section:
 
 
 def _failed(results: LoadCaseResults) -> str:
-    """Which runs did not go as planned."""
+    """List of runs that did not go as planned."""
     items = []
     for case, agent in results.rows():
         for end, runs in results.failures(case, agent).items():
-            items += [f"<li>{escape(_failed_run(case, agent, end, run))}</li>" for run in runs]
-    return f"<ul>{''.join(items)}</ul>" if items else ""
+            items += [_failed_run(case, agent, end, run) for run in runs]
+    return html_list(items)
 
 
 def _failed_run(case: str, agent: str, end: str, run: CaseRun) -> str:
@@ -394,7 +366,7 @@ def _courses(results: LoadCaseResults, runs: dict[str, CaseRun]) -> go.Figure:
     """Signals of agents in one transient."""
     titles = [f"{shown.label} [{shown.unit}]" for shown in _TRACES.values()]
     figure = make_subplots(len(_TRACES), 1, shared_xaxes=True, vertical_spacing=0.04, subplot_titles=titles)
-    styles = agent_styles(results)
+    styles = agent_styles(results.agents)
     for agent, run in runs.items():
         trace, look = run.result["trace"], styles[agent]
         for row, (key, shown) in enumerate(_TRACES.items(), start=1):
@@ -409,7 +381,7 @@ def _courses(results: LoadCaseResults, runs: dict[str, CaseRun]) -> go.Figure:
 
 
 def _method(results: LoadCaseResults) -> str:
-    """How the numbers came about."""
+    """Origin and meaning of the numbers."""
     items = [
         "Cases and partial safety factors \u03b3 of IEC 61400-1, edition 3 with amendment 1, tables 2 and 3.",
         "Characteristic values: the mean over the seeds, or over the azimuths of the rotor at the start, of what is"
@@ -426,5 +398,4 @@ def _method(results: LoadCaseResults) -> str:
     ]
     if results.settings["quick"]:
         items.append("This is the quick set: too few seeds and too short runs for a certificate.")
-    listed = "".join(f"<li>{escape(item)}</li>" for item in items)
-    return f"<ul>{listed}</ul>{settings_element(results.settings)}"
+    return html_list(items) + settings_element(results.settings)

@@ -12,9 +12,8 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import idle_time, run_metrics
-from wt_gym.analysis.paired import LIFETIME_EXPONENTS
+from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, WindClimate, lifetime_load, wind_weights
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import json_values, require_writable, write_text_whole
 from wt_gym.base.options import Options, option, option_record
@@ -275,7 +274,7 @@ class LoadCaseResults:
         """Damage-equivalent load at 1 Hz over the life of the climate, of the runs of DLC 1.2 [N m].
 
         At one mean wind speed the damage of all seeds counts: the mean of their L^m, for a key of
-        `wt_gym.analysis.paired.LIFETIME_EXPONENTS`. γ_f is 1. None without DLC 1.2, a climate, or a complete run at
+        `wt_gym.analysis.statistics.LIFETIME_EXPONENTS`. γ_f is 1. None without DLC 1.2, a climate, or a complete run at
         each speed.
         """
         runs = self.runs.get(("1.2", agent))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.analysis.metrics import IDLE_ATTRIBUTE, run_metrics
-from wt_gym.analysis.replay import ReplayRecorder
+from wt_gym.analysis.results import ReplayRecorder
 from wt_gym.base.canary import CANARY, Canary, cached_canary, canary_text
 from wt_gym.base.errors import SimulationError
 from wt_gym.control import Demand
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from wt_gym.analysis.replay import Replay
+    from wt_gym.analysis.results import Replay
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.episode import Agent, EpisodeStep
     from wt_gym.simulation import Fidelity

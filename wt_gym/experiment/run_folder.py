@@ -44,7 +44,7 @@ def seed_folder(folder: Path, seed: int) -> Path:
 def read_plan(folder: Path) -> dict[str, Any]:
     """Read the plan of a training with several seeds: which ones are its own, whatever other folders there are.
 
-    Returns ``seeds``, ``config`` (`wt_gym.learning.training.config.TrainingConfig.to_json`) and, once there is one,
+    Returns ``seeds``, ``config`` (`wt_gym.learning.options.TrainingConfig.to_json`) and, once there is one,
     ``summary``. Raises a `FileNotFoundError` if the folder holds no such training, a `ValueError` if the plan is
     damaged.
     """

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 import wt_gym
-from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
+from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import require_writable, write_text_whole

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.results import Wind
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate

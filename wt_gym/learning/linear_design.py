@@ -21,8 +21,8 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 import wt_gym
-from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.linear_optimal import (
     OUTPUTS,

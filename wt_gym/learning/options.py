@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
+from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.base.files import json_values
 from wt_gym.base.options import Options, not_empty, option, option_record
 from wt_gym.learning.hyperparameters import ALGORITHMS, check_hyperparameters, hyperparameters_for
@@ -376,7 +376,7 @@ class FeedbackOptions(Options):
     smooth: float = option("length of the mean that is taken off a load", default=20.0, unit="s", low=0, above=True)
     skip: float = option("start of each run that does not count", default=20.0, unit="s", low=0)
     weights: Mapping[str, float] = option(
-        "weights of the cost, see `wt_gym.analysis.lifetime_cost`", default=LIFETIME_COST_WEIGHTS,
+        "weights of the cost, see `wt_gym.analysis.metrics`", default=LIFETIME_COST_WEIGHTS,
         choices=LIFETIME_COST_WEIGHTS,
     )  # fmt: skip
 

@@ -5,7 +5,7 @@ About the offsets u of the policy that was recorded, loads are linear in the off
     y(u') = y + G * (u' - u),
 
 with impulse responses G that were identified under the same base controller. The cost is the weighted lifetime cost
-(`wt_gym.analysis.lifetime_cost`) over that of the published controller in the same wind speed, with the fatigue as
+(`wt_gym.analysis.metrics`) over that of the published controller in the same wind speed, with the fatigue as
 rainflow counting gives it, so it is exact for the recorded policy and its gradient is that of the model. With a dial
 (`wt_gym.envs.dial`) its factors weigh the parts of the cost as they weigh those of the reward.
 
@@ -27,8 +27,7 @@ import numba
 import numpy as np
 import torch
 
-from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
-from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
+from wt_gym.analysis.metrics import BLADE_EXPONENT, LIFETIME_COST_WEIGHTS, TOWER_EXPONENT
 from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part, side_sign

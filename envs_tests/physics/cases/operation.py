@@ -328,7 +328,8 @@ def controllers() -> CaseResult:
     by_name, reference = {run.name: run for run in runs}, runs[0]
 
     def percent(name: str, wind: float, metric: str) -> float:
-        return 100.0 * change(by_name[name], reference, wind, metric)[0]
+        estimate = change(by_name[name], reference, wind, metric)
+        return np.nan if estimate is None else 100.0 * estimate.value
 
     checks = [Check("runs that failed", "<= 0", sum(len(run.failures) for run in runs))]
     for wind in (15.0, 18.0):

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 
-from wt_gym.analysis.change import relative_change
 from wt_gym.analysis.metrics import run_metrics
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.options import shown
 from wt_gym.bridges.openfast import (

@@ -21,7 +21,7 @@ from gymnasium import spaces
 from stable_baselines3.common.torch_layers import FlattenExtractor
 
 import wt_gym
-from wt_gym.analysis.change import relative_change
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.files import write_text_whole
 from wt_gym.control.controllers import parse_name
 from wt_gym.control.controllers.names import BASELINE
