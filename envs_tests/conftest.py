@@ -12,6 +12,24 @@ def fresh_warnings():
     forget_warnings()
 
 
+@pytest.fixture
+def scripted(monkeypatch):
+    """Environments of this process have a simulator of swinging loads: what counts is the interface, no physics."""
+    from envs_tests.env.scripted_simulator import Swinging, use
+
+    use(monkeypatch, Swinging)
+
+
+@pytest.fixture(scope="module")
+def scripted_module():
+    """As `scripted`, for all tests and fixtures of a module."""
+    from envs_tests.env.scripted_simulator import Swinging, use
+
+    with pytest.MonkeyPatch.context() as patch:
+        use(patch, Swinging)
+        yield
+
+
 @pytest.fixture(scope="session")
 def compiler():
     """Skip what needs a C compiler where there is none."""

@@ -11,6 +11,7 @@ from wt_gym.envs.episode_start import RunningStart
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation.fidelity import fidelity as named_fidelity
 
 
 def scripted_signals(values: dict[str, float], n_blades: int = 3) -> Signals:
@@ -19,9 +20,14 @@ def scripted_signals(values: dict[str, float], n_blades: int = 3) -> Signals:
 
 
 def use(monkeypatch, simulator: type) -> None:
-    """Let environments have this simulator, and begin at operating points: the running turbine is a real one."""
+    """Let environments have this simulator, and begin at operating points: the running turbine is a real one.
+
+    The canary of the package is not measured, whose numbers would be those of this simulator in the user's cache.
+    """
     monkeypatch.setattr(WindTurbineEnv, "make_simulator", staticmethod(simulator))
     monkeypatch.setattr(RunningStart, "draw", lambda *_: None)
+    monkeypatch.setattr("wt_gym.envs.canary.cached_canary", lambda *_: {"residual/reward": "1 2 4"})
+    monkeypatch.setattr("wt_gym.experiment.run.cached_canary", lambda *_: {})
 
 
 class ScriptedSimulator:
@@ -33,10 +39,23 @@ class ScriptedSimulator:
     script: dict[float, dict[str, float]] = {}  # noqa: RUF012 - replaced by tests
     break_at: float | None = None
     faults: tuple = ()
+    time_step = 0.1
 
     def __init__(self, turbine, inflow, fidelity="training"):
-        self.turbine, self.inflow, self.fidelity = turbine, inflow, fidelity
+        self.turbine, self.inflow, self.fidelity = turbine, inflow, named_fidelity(fidelity)
         self.time = 0.0
+
+    def loads(self) -> dict[str, float]:
+        """Signals that change with the time and the demands."""
+        return {}
+
+    def geometry(self) -> dict[str, np.ndarray]:
+        """Shapes of the least size."""
+        wake = np.zeros((2, self.turbine.n_blades, 2, 3))
+        return {
+            "blades": np.zeros((self.turbine.n_blades, 2, 2, 3)), "wake": wake, "wake_circulation": wake[:1, :, :1, 0],
+            "tower": np.zeros((2, 3)), "tower_radius": np.ones(2), "hub": np.zeros(3), "nacelle": np.zeros((2, 3)),
+        }  # fmt: skip
 
     def state(self):
         """All that changes in an episode."""
@@ -80,7 +99,7 @@ class ScriptedSimulator:
             self._values[f"pitch_{blade}"] = float(angle)
         self._values |= {"time": self.time, "yaw_rate": yaw_rate, "generator_torque": generator_torque}
         scripted = self.script.get(self.time, {})
-        self._values |= scripted
+        self._values |= self.loads() | scripted
         self._set_speed(self._values["rotor_speed"])
         if "rotor_speed_max" in scripted:
             self._values["rotor_speed_max"] = scripted["rotor_speed_max"]
@@ -105,3 +124,16 @@ class ScriptedSimulator:
         power = self._values["generator_torque"] * speed * drivetrain.generator_efficiency
         self._values |= {"rotor_speed": rotor_speed, "rotor_speed_max": rotor_speed}
         self._values |= {"generator_speed": speed, "generator_power": power}
+
+
+class Swinging(ScriptedSimulator):
+    """With loads that swing and follow the pitch, so that every term pays and agents differ."""
+
+    def loads(self):
+        """Loads that swing by the time, less where the blades are pitched."""
+        swing = np.sin(2.1 * self.time)
+        loads = {"tower_base_fore_aft_moment": 4e7 + 1e7 * swing, "nacelle_acceleration_fore_aft": 0.1 + 0.3 * swing}
+        for b in range(1, self.turbine.n_blades + 1):
+            moment = 8e6 + 3e6 * np.sin(2.1 * self.time + b)
+            loads[f"root_flap_moment_{b}"] = moment * (1.0 - self._values[f"pitch_{b}"])
+        return loads

@@ -5,7 +5,6 @@ import pickle
 
 import numpy as np
 import pytest
-from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.envs.episode_start import FEATURE_OPTIONS
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -32,23 +31,18 @@ FEATURES = {
     "relative reward": {"relative_reward": True, "starts": 3},
     "sensors": {"sensor_noise": 1.0, "sensor_delay": 0.2, "history": 2, "sensor_washout": 10.0,
                 "observation": ("measurable", "wind_estimate")},
+    "filters": {"residual_fade": True, "residual_washout": 5.0, "controller": "ipc+tower_dampers",
+                "wind_direction": (-0.1, 0.1)},
+    "supervisor": {"controller": "discon+supervisor", "observation": ("measurable", "supervisor"),
+                   "action_components": ("pitch", "torque", "set_point"), "sensor_noise": 0.1},
     "lidar": {"observation": ("rotor", "lidar"), "lidar": {"ranges": [50.0, 90.0]}},
     "everything": {"dial_weights": "simplex", "fault_kinds": "all", "power_reference": "ramps", "variation": "train",
                    "relative_reward": True, "starts": 4},
 }  # fmt: skip
 
 
-class Swinging(ScriptedSimulator):
-    """With loads that swing, so that every term pays."""
-
-    script = {  # noqa: RUF012 - as its base
-        round(0.1 * k, 9): {f"root_flap_moment_{b}": 8e6 + 3e6 * (k % 2) for b in (1, 2, 3)} for k in range(1, 60)
-    }
-
-
 @pytest.fixture(params=FEATURES)
-def arguments(request, monkeypatch):
-    use(monkeypatch, Swinging)
+def arguments(request, scripted):
     return PLAIN | FEATURES[request.param]
 
 
@@ -101,6 +95,17 @@ def test_a_vector_is_single_environments(arguments):
         np.testing.assert_array_equal(reward, [one[1] for one in results])
     np.testing.assert_array_equal(observations[0], starts)
     vector.close()
+
+
+def test_starts_by_number_repeat_and_resting_is_the_controller_alone(arguments):
+    env = WindTurbineEnv(**arguments | {"relative_reward": True, "starts": 3})
+    starts = []
+    for number in (0, 1, 0):
+        observation, info = env.reset(seed=number, options={"start_number": number})
+        starts.append((observation, info["wind_speed"], info.get("variation"), info.get("fault")))
+        assert [env.step(np.zeros(env.action_space.shape))[1] for _ in range(20)] == [0.0] * 20
+    np.testing.assert_equal(starts[0], starts[2])
+    assert starts[0][1:] != starts[1][1:]
 
 
 @pytest.mark.parametrize("option", FEATURE_OPTIONS)

@@ -8,7 +8,8 @@ import zipfile
 import gymnasium as gym
 import numpy as np
 import pytest
-from scripted_simulator import ScriptedSimulator, use
+from sb3_contrib import TQC
+from stable_baselines3 import PPO, SAC, TD3
 
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
@@ -18,6 +19,7 @@ from wt_gym.experiment.names import env_choices_of, named_choices
 
 RESIDUAL = "wt_gym/LoadReduction-v2"
 STEADY = "wt_gym/NREL5MW-Steady-v1"
+pytestmark = pytest.mark.usefixtures("scripted")
 
 MINE = """
 import numpy as np
@@ -41,11 +43,6 @@ class Rests:
 class Cheats(Rests):
     env_kwargs = {"turbine": "iea_15mw"}
 """
-
-
-@pytest.fixture(autouse=True)
-def scripted(monkeypatch):
-    use(monkeypatch, ScriptedSimulator)
 
 
 @pytest.fixture
@@ -98,13 +95,6 @@ def test_a_controller_of_ones_own_runs_beneath(mine):
         assert pool.agents["b"].controller.gain == 3
 
 
-@pytest.mark.parametrize("name", ["baseline", "Baseline PI"])
-def test_environments_know_the_baseline_by_all_its_names(name):
-    env = gym.make(RESIDUAL, controller=name)
-    assert type(turbine_env_of(env).controller).__name__ == "DisconController"
-    env.close()
-
-
 def test_a_class_with_predict_runs_in_the_environment_that_it_chooses(mine):
     with AgentExperiment({"a": "baseline", "b": f"{mine}:Rests:offset=0.5"}, RESIDUAL, {}) as pool:
         env, agent = pool["b"]
@@ -125,15 +115,11 @@ def test_classes_enter_the_benchmark(mine):
     assert [entry.name for entry in entries_of(["baseline", "discon", "constant"])] == ["discon", "zero"]
 
 
-@pytest.mark.parametrize("name", ["PPO", "SAC", "TQC", "A2C", "TD3", "DDPG"])
-def test_any_model_of_stable_baselines_enters(tmp_path, name):
-    import sb3_contrib
-    import stable_baselines3
-
-    cls = getattr(stable_baselines3, name, None) or getattr(sb3_contrib, name)
+@pytest.mark.parametrize("cls", [PPO, TQC, TD3])
+def test_any_model_of_stable_baselines_enters(tmp_path, cls):
     path = saved(tmp_path / "model.zip", cls, pitch="collective")
     (tmp_path / "model.json").write_text(json.dumps({"env_kwargs": {"pitch": "collective", "action_mode": "rate"}}))
-    for text in (str(path), f"{path}:algo={name}"):
+    for text in (str(path), f"{path}:algo={cls.__name__}"):
         with AgentExperiment(named_choices(["baseline", f"m={text}"]), STEADY, {}) as pool:
             env, agent = pool["m"]
             observation, _ = env.reset(seed=1)
@@ -144,49 +130,34 @@ def test_any_model_of_stable_baselines_enters(tmp_path, name):
     assert entry_of(f"m={path}").interface == {"pitch": "collective", "action_mode": "rate"}
 
 
-def test_models_that_do_not_fit_are_refused(tmp_path):
-    from stable_baselines3 import SAC
+def refuse(text, message, **arguments):
+    """The model is refused with this message."""
+    with pytest.raises(ValueError, match=message), AgentExperiment({"m": str(text)}, STEADY, arguments):
+        pass
 
+
+def test_models_that_do_not_fit_are_refused(tmp_path):
     path = saved(tmp_path / "model.zip", SAC)
-    with (
-        pytest.raises(ValueError, match="is not a model of PPO but of SAC"),
-        AgentExperiment({"m": f"{path}:algo=PPO"}, STEADY, {}),
-    ):
-        pass
-    with pytest.raises(ValueError, match=r"must be one of .*got 'SAK'; did you mean 'SAC'"), \
-            AgentExperiment({"m": f"{path}:algo=SAK"}, STEADY, {}):  # fmt: skip
-        pass
-    with pytest.raises(ValueError, match="m: the model takes observations"), \
-            AgentExperiment({"m": str(path)}, STEADY, {"pitch": "individual"}):  # fmt: skip
-        pass
+    refuse(f"{path}:algo=PPO", "is not a model of PPO but of SAC")
+    refuse(f"{path}:algo=SAK", r"must be one of .*got 'SAK'; did you mean 'SAC'")
+    refuse(path, "m: the model takes observations", pitch="individual")
     (tmp_path / "model.json").write_text('{"env": {}}')
     with pytest.raises(ValueError, match="must hold a table of algo and env_kwargs, got env"):
         env_choices_of(str(path))
     no_model = tmp_path / "other.zip"
     no_model.write_bytes(b"no zip")
-    with pytest.raises(ValueError, match="damaged, or not a model of stable-baselines3"), \
-            AgentExperiment({"m": str(no_model)}, STEADY, {}):  # fmt: skip
-        pass
+    refuse(no_model, "damaged, or not a model of stable-baselines3")
 
 
 def test_no_code_in_a_model_is_run_unless_it_is_trusted(tmp_path):
-    from stable_baselines3 import PPO
-
     path, trace = saved(tmp_path / "model.zip", PPO), tmp_path / "trace"
     with_part(path, "ep_info_buffer", Evil(trace))  # nothing that a policy needs
     with AgentExperiment({"m": str(path)}, STEADY, {}):
         assert not trace.exists()
     with_part(path, "policy_class", Evil(trace))
-    with pytest.raises(ValueError, match=r"needs \S+open for its policy_class: .*--trust"), \
-            AgentExperiment({"m": str(path)}, STEADY, {}):  # fmt: skip
-        pass
-    assert not trace.exists()
+    refuse(path, r"needs \S+open for its policy_class: .*--trust")
     (tmp_path / "vecnormalize.pkl").write_bytes(pickle.dumps(Evil(trace)))
-    with pytest.raises(ValueError, match=r"statistics .* hold \S+open: .*--trust"), \
-            AgentExperiment({"m": str(path)}, STEADY, {}):  # fmt: skip
-        pass
+    refuse(path, r"statistics .* hold \S+open: .*--trust")
     assert not trace.exists()
-    with pytest.raises(ValueError, match="no statistics of a training"), \
-            AgentExperiment({"m": f"{path}:trust=True"}, STEADY, {}):  # fmt: skip
-        pass
+    refuse(f"{path}:trust=True", "no statistics of a training")
     assert trace.exists()  # trusted: it was run

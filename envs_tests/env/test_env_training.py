@@ -6,7 +6,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import zipfile
 from dataclasses import replace
 
 import gymnasium as gym
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 
+from envs_tests.env.scripted_simulator import Swinging
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands import run as run_command
 from wt_gym.commands import train as train_command
@@ -29,9 +29,9 @@ from wt_gym.learning.callbacks import SELECTION_WIND_SEEDS, SelectionEvaluation
 from wt_gym.learning.options import TrainingConfig
 from wt_gym.learning.seeds import resume_seeds, seeds_table, train_seeds
 from wt_gym.learning.train import resume, train
-from wt_gym.wind import SteadyInflow
 
 STEADY = "wt_gym/NREL5MW-Steady-v1"
+pytestmark = pytest.mark.usefixtures("scripted_module")
 SMALL = TrainingConfig(
     env_id=STEADY,
     env_kwargs={"wind_speed": 12.0, "episode_length": 5.0},
@@ -49,7 +49,7 @@ def parameters(folder):
     return torch.cat([p.detach().flatten() for p in TrainedAgent.load(folder).model.policy.parameters()])
 
 
-def test_a_resumed_training_goes_on_in_every_account(tmp_path):
+def test_a_resumed_training_goes_on_in_every_account(tmp_path, caplog):
     config = replace(
         SMALL, hyperparameters=SMALL.hyperparameters | {"learning_rate": "lin_1e-3"}, eval_every=32, tensorboard=True
     )
@@ -76,6 +76,7 @@ def test_a_resumed_training_goes_on_in_every_account(tmp_path):
     best = TrainedAgent.load(tmp_path / "best_model.zip")
     assert best.model.num_timesteps == second["evaluation"]["best"]["steps"]
     assert best.normalization.obs_rms.count < best.model.num_timesteps + 3
+    assert "training" not in caplog.text  # its own evaluations know the model and its winds
 
 
 def read_scalars(folder):
@@ -88,11 +89,10 @@ def read_scalars(folder):
     return scalars
 
 
-@pytest.mark.parametrize("algorithm", ["SAC", "TQC"])
-def test_off_policy_training_keeps_its_replay_buffer(algorithm, tmp_path):
-    train(replace(SMALL, algorithm=algorithm, hyperparameters=OFF_POLICY), tmp_path, progress=False)
+def test_off_policy_training_keeps_its_replay_buffer(tmp_path):
+    train(replace(SMALL, algorithm="TQC", hyperparameters=OFF_POLICY), tmp_path, progress=False)
     record = resume(tmp_path, total_steps=96, progress=False)
-    assert record["algorithm"] == algorithm == type(TrainedAgent.load(tmp_path).model).__name__
+    assert record["algorithm"] == "TQC" == type(TrainedAgent.load(tmp_path).model).__name__
     assert record["config"]["hyperparameters"]["tau"] == 0.005  # of the package's file
     buffer = tmp_path / "replay_buffer.pkl"
     with buffer.open("rb") as file:
@@ -102,26 +102,21 @@ def test_off_policy_training_keeps_its_replay_buffer(algorithm, tmp_path):
         resume(tmp_path, total_steps=128, progress=False)
 
 
-def test_threads_train_as_processes_do(tmp_path, monkeypatch):
-    config = replace(SMALL, n_envs=2)
-    train(config, tmp_path / "threads", progress=False)
+def test_copies_without_a_vector_environment_train_in_processes(tmp_path, monkeypatch):
     monkeypatch.setattr(gym.spec(STEADY), "vector_entry_point", None)
-    train(config, tmp_path / "processes", progress=False)
-    assert torch.equal(parameters(tmp_path / "threads"), parameters(tmp_path / "processes"))
+    assert train(replace(SMALL, n_envs=2), tmp_path, progress=False)["steps"] == 64
 
 
-def test_a_resumed_training_meets_other_winds(tmp_path):
-    train(SMALL, tmp_path, progress=False)
-    again = resume(tmp_path, total_steps=128, progress=False)
-    whole = train(replace(SMALL, total_steps=128), tmp_path / "whole", progress=False)
-    assert again["curve"]["episode_return"][:2] == whole["curve"]["episode_return"][:2]
-    assert again["curve"]["episode_return"][2] != whole["curve"]["episode_return"][0]
-
-
-def test_evaluation_leaves_the_training_as_it_is(tmp_path):
-    train(SMALL, tmp_path / "without", progress=False)
-    train(replace(SMALL, eval_every=16), tmp_path / "with", progress=False)
-    assert torch.equal(parameters(tmp_path / "with"), parameters(tmp_path / "without"))
+def test_a_resumed_training_meets_other_winds_and_evaluation_changes_nothing(tmp_path):
+    config = replace(SMALL, env_kwargs=SMALL.env_kwargs | {"wind_speed": (10.0, 14.0)})
+    train(config, tmp_path, progress=False)
+    before = parameters(tmp_path)
+    again = resume(tmp_path, total_steps=128, progress=False)["curve"]["episode_return"]
+    whole = train(replace(config, total_steps=128), tmp_path / "whole", progress=False)["curve"]["episode_return"]
+    assert again[:2] == whole[:2]
+    assert again[2] != whole[0]
+    train(replace(config, eval_every=16), tmp_path / "evaluated", progress=False)
+    assert torch.equal(parameters(tmp_path / "evaluated"), before)
 
 
 def test_evaluation_is_in_winds_of_its_own_and_asks_the_baseline_once(monkeypatch):
@@ -149,10 +144,13 @@ def test_evaluation_is_in_winds_of_its_own_and_asks_the_baseline_once(monkeypatc
         SelectionEvaluation(config, gym.make(config.env_id, **pool).unwrapped.wind)
 
 
-def test_a_policy_that_stops_the_rotor_has_a_return_and_no_loads():
+def test_a_policy_that_stops_the_rotor_has_a_return_and_no_loads(monkeypatch):
     config = TrainingConfig(env_id=STEADY, env_kwargs={"wind_speed": 12.0}, eval_seconds=30.0)
-    env = gym.make(config.env_id, **config.env_kwargs)
-    figures = SelectionEvaluation(config, env.unwrapped.wind)(ConstantAgent(env.unwrapped.layout, [1.0, 0.0, 1.0]))
+    env = gym.make(config.env_id, **config.env_kwargs).unwrapped
+    judge, agent = SelectionEvaluation(config, env.wind), ConstantAgent(env.layout)
+    assert judge(agent)["blade_flap_del"] is not None  # with the runs of the baseline
+    monkeypatch.setattr(Swinging, "script", {1.0: {"rotor_speed": 0.0}})
+    figures = judge(agent)
     assert figures["episode_return"] < -100.0
     assert figures["blade_flap_del"] is None
 
@@ -199,13 +197,6 @@ def test_one_training_at_a_time_in_a_folder(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_lock_of_a_dead_process_holds_nobody_up(tmp_path):
-    dead = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
-    (tmp_path / "training.lock").write_bytes(dead.stdout)
-    with RunFolder(tmp_path):
-        assert int((tmp_path / "training.lock").read_text()) == os.getpid()
-
-
 def test_a_training_is_overwritten_on_demand_only(tmp_path):
     train(replace(SMALL, checkpoint_steps=32), tmp_path, progress=False)
     (tmp_path / "notes.txt").write_text("mine")
@@ -218,7 +209,7 @@ def test_a_training_is_overwritten_on_demand_only(tmp_path):
 
 
 def test_a_refused_training_leaves_no_folder(tmp_path):
-    with pytest.raises(ValueError, match="episode_length must be a number above 0 s or None, got 'long'"):
+    with pytest.raises(ValueError, match="episode_length must be"):
         train(replace(SMALL, env_kwargs={"episode_length": "long"}), tmp_path / "new", progress=False)
     assert not (tmp_path / "new").exists()
 
@@ -252,7 +243,7 @@ def test_a_checkpoint_is_enough_to_go_on_after_a_crash(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def finished(tmp_path_factory, scripted_module):
     folder = tmp_path_factory.mktemp("run")
     train(SMALL, folder, progress=False)
     return folder
@@ -265,27 +256,23 @@ def copied(finished, tmp_path):
     return tmp_path
 
 
-def cut(fraction):
-    return lambda content: content[: int(fraction * len(content))]
-
-
 @pytest.mark.parametrize(
-    ("name", "damage", "message"),
+    ("name", "content", "message"),
     [
-        ("model.zip", cut(0.5), "damaged"),
-        ("model.zip", lambda _: b"PK\x03\x04 nonsense", "damaged"),
-        ("vecnormalize.pkl", cut(0.5), "statistics .* are damaged"),
-        ("vecnormalize.pkl", lambda _: pickle.dumps([1, 2]), "holds no statistics"),
-        ("training.json", cut(0.5), "training.json is damaged"),
-        ("training.json", lambda _: b"\xff\xfe", "training.json is damaged"),
-        ("training.json", lambda _: b"[1]", "names no algorithm"),
-        ("training.json", lambda _: b'{"algorithm": "XYZ"}', "algorithm must be one of"),
-        ("training.json", lambda _: b'{"algorithm": "SAC"}', "is not a model of SAC"),
+        ("model.zip", None, "damaged"),
+        ("vecnormalize.pkl", None, "statistics .* are damaged"),
+        ("vecnormalize.pkl", pickle.dumps([1, 2]), "holds no statistics"),
+        ("training.json", None, "training.json is damaged"),
+        ("training.json", b"\xff\xfe", "training.json is damaged"),
+        ("training.json", b"[1]", "names no algorithm"),
+        ("training.json", b'{"algorithm": "XYZ"}', "algorithm must be one of"),
+        ("training.json", b'{"algorithm": "SAC"}', "is not a model of SAC"),
     ],
 )
-def test_damaged_agents_are_refused_in_a_line(copied, name, damage, message):
-    path = copied / name
-    path.write_bytes(damage(path.read_bytes()))
+def test_damaged_agents_are_refused_in_a_line(copied, name, content, message):
+    """Files with other content, or of half their length."""
+    whole = (copied / name).read_bytes()
+    (copied / name).write_bytes(whole[: len(whole) // 2] if content is None else content)
     with pytest.raises(ValueError, match=message):
         TrainedAgent.load(copied)
 
@@ -295,19 +282,6 @@ def test_nothing_is_left_to_resume(copied, tmp_path):
         resume(copied, progress=False)
     with pytest.raises(FileNotFoundError, match="holds no training"):
         resume(tmp_path / "nothing")
-    assert not (tmp_path / "nothing").exists()
-
-
-@pytest.mark.parametrize("kept", [(), ("data",)])
-def test_a_model_that_lacks_parts_is_refused(copied, kept):
-    with zipfile.ZipFile(copied / "model.zip") as archive:
-        parts = {name: archive.read(name) for name in kept}
-    with zipfile.ZipFile(copied / "model.zip", "w") as archive:
-        archive.writestr("nothing", b"")
-        for name, content in parts.items():
-            archive.writestr(name, content)
-    with pytest.raises(ValueError, match="damaged"):
-        TrainedAgent.load(copied)
 
 
 @pytest.mark.parametrize(
@@ -316,8 +290,6 @@ def test_a_model_that_lacks_parts_is_refused(copied, kept):
         ({"config": None}, "must be a TrainingConfig or a mapping"),
         ({"config": {"n_steps": 64}}, "training has no option 'n_steps'"),
         ({"curve": {"steps": [1, 2]}}, "its curve must have the columns"),
-        ({"curve": [1]}, "curve is"),
-        ({"sessions": 5}, "sessions is 5"),
         ({"wall_seconds": "long"}, "wall_seconds is 'long'"),
         ({"environment": {}}, "has other arguments now .*: "),
     ],
@@ -332,13 +304,11 @@ def test_damaged_records_are_not_resumed(copied, changes, message):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"total_steps": 0}, "total_steps must be at least 1"),
         ({"env_kwargs": {"vector_reward": True}}, "vector_reward"),
-        ({"algorithm": "DQN"}, "algorithm must be one of PPO, SAC, TQC"),
         ({"hyperparameters": {"color": 1}}, "hyperparameters of PPO: .* has no option 'color'"),
     ],
 )
-def test_what_does_not_go_together_is_refused(changes, message):
+def test_incompatible_options_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         replace(SMALL, **changes)
 
@@ -347,17 +317,24 @@ def test_several_seeds_one_after_another(tmp_path):
     config = replace(SMALL, eval_every=64)
     summary = train_seeds(config, tmp_path, [3, 5], progress=False)
     assert [(run["seed"], run["steps"], run["status"]) for run in summary["runs"]] == [
-        (3, 64, "finished"),
-        (5, 64, "finished"),
-    ]
+        (3, 64, "finished"), (5, 64, "finished"),
+    ]  # fmt: skip
     assert not torch.equal(parameters(tmp_path / "seed-3"), parameters(tmp_path / "seed-5"))
     assert json.loads((tmp_path / "seeds.json").read_text())["summary"] == summary
     returns = [run["best"]["episode_return"] for run in summary["runs"]]
     assert f"return against the baseline's: {np.mean(returns):+.2f}" in "\n".join(seeds_table(summary["runs"]))
-    with pytest.raises(ValueError, match="holds a training already"):
-        train_seeds(config, tmp_path, [1], progress=False)
     with pytest.raises(ValueError, match="differ from each other"):
         train_seeds(config, tmp_path / "other", [1, 1], progress=False)
+    done = (tmp_path / "seed-3" / "training.json").read_bytes()
+    for file in (tmp_path / "seed-5").iterdir():
+        file.unlink()
+    assert [run["status"] for run in resume_seeds(tmp_path, progress=False)["runs"]] == ["finished", "finished"]
+    assert (tmp_path / "seed-3" / "training.json").read_bytes() == done
+    for more in ({"total_steps": 96}, {}):
+        assert [run["steps"] for run in resume_seeds(tmp_path, progress=False, **more)["runs"]] == [96, 96]
+    (tmp_path / "seeds.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"seeds\.json is damaged"):
+        resume_seeds(tmp_path, progress=False)
 
 
 def test_a_signal_ends_all_seeds(tmp_path, monkeypatch):
@@ -374,21 +351,6 @@ def test_a_signal_ends_all_seeds(tmp_path, monkeypatch):
     assert not (tmp_path / "seed-2").exists()
     monkeypatch.undo()
     assert [run["seed"] for run in resume_seeds(tmp_path, progress=False)["runs"]] == [1, 2]
-
-
-def test_several_seeds_go_on_where_they_were_stopped(tmp_path):
-    train_seeds(SMALL, tmp_path, [1, 2], progress=False)
-    done = (tmp_path / "seed-1" / "training.json").read_bytes()
-    for file in (tmp_path / "seed-2").iterdir():
-        file.unlink()
-    summary = resume_seeds(tmp_path, progress=False)
-    assert [run["status"] for run in summary["runs"]] == ["finished", "finished"]
-    assert (tmp_path / "seed-1" / "training.json").read_bytes() == done
-    assert [run["steps"] for run in resume_seeds(tmp_path, total_steps=96, progress=False)["runs"]] == [96, 96]
-    assert [run["steps"] for run in resume_seeds(tmp_path, progress=False)["runs"]] == [96, 96]
-    (tmp_path / "seeds.json").write_text("{}")
-    with pytest.raises(ValueError, match=r"seeds\.json is damaged"):
-        resume_seeds(tmp_path, progress=False)
 
 
 def test_more_steps_hold_for_every_seed_however_often_the_series_is_stopped(tmp_path, monkeypatch):
@@ -434,30 +396,6 @@ def test_seeds_of_an_overwritten_series_are_not_those_of_the_new_one(tmp_path):
     assert not (tmp_path / "seed-4").exists()
 
 
-def test_clearing_takes_only_what_a_training_wrote(tmp_path):
-    (tmp_path / "checkpoints").mkdir()
-    mine, left = tmp_path / "checkpoints" / "mine.pt", tmp_path / "checkpoints" / "ppo_5_steps.zip"
-    mine.touch()
-    with RunFolder(tmp_path) as run:
-        assert not run.used
-        run.clear()
-        assert mine.exists()
-        left.touch()
-        with pytest.raises(ValueError, match="holds a training already"):
-            run.refuse_used(overwrite=False)
-        run.clear()
-    assert mine.exists()
-    assert not left.exists()
-
-
-def test_evaluations_on_the_way_know_their_training_and_its_own_winds(tmp_path, caplog):
-    """No word that nothing is known of the model, and none that it has met its winds."""
-    kwargs = {"inflow": [SteadyInflow(12.0), SteadyInflow(13.0)], "episode_length": 5.0}
-    record = train(replace(SMALL, env_kwargs=kwargs, eval_every=64, eval_winds=1), tmp_path, progress=False)
-    assert record["evaluation"]["curve"]["steps"] == [64]
-    assert not [entry for entry in caplog.records if "training" in entry.getMessage()]
-
-
 # ---- the same words again ----
 
 FILE = """
@@ -478,19 +416,6 @@ def run_train(capsys, *words):
     return json.loads(capsys.readouterr().out.splitlines()[-1])
 
 
-def test_a_file_has_the_options_and_typed_ones_come_after(tmp_path, capsys):
-    file = tmp_path / "run.yml"
-    file.write_text(FILE)
-    record = run_train(capsys, "--config", file, "--steps", "32", "--hyper", "n_epochs=2", "--out", tmp_path / "a")
-    config = record["config"]
-    assert (config["algorithm"], config["total_steps"], config["eval_every"], config["tensorboard"]) == (
-        "PPO", 32, 0, False,
-    )  # fmt: skip
-    assert config["env_kwargs"] == {"wind_speed": 12.0, "episode_length": 5.0}
-    chosen = {"n_steps": 32, "n_epochs": 2, "net_arch": [8, 8], "learning_rate": 1e-3}
-    assert {name: config["hyperparameters"][name] for name in chosen} == chosen
-
-
 def test_the_same_words_begin_and_go_on(tmp_path, capsys):
     file = tmp_path / "run.yml"
     file.write_text(FILE + f"out: {tmp_path / 'run'}\nresume_if_exists: true\nseeds: [3, 5]\n")
@@ -507,16 +432,18 @@ def test_the_same_words_begin_and_go_on(tmp_path, capsys):
         run_train(capsys, "--config", file, "--hyper", "gamma=0.5")
     with pytest.raises(SystemExit, match=r"the seeds must be \[3, 5\], .*; got \[7\]"):
         run_train(capsys, "--config", file, "--seeds", "7")
-    with pytest.raises(SystemExit, match=r"the seeds \[3, 5\]: give --seeds"):
-        run_train(capsys, "--config", file, "--seed", "3")
-    assert (tmp_path / "run" / "seeds.json").is_file()
 
 
 def test_one_seed_goes_on_too(tmp_path, capsys):
     file = tmp_path / "run.yml"
     file.write_text(FILE)
-    words = ("--config", file, "--resume-if-exists", "--out", tmp_path / "run")
-    assert run_train(capsys, *words)["steps"] == 64
+    words = ("--config", file, "--resume-if-exists", "--out", tmp_path / "run", "--hyper", "n_epochs=2")
+    config = run_train(capsys, *words)["config"]
+    options = config["algorithm"], config["total_steps"], config["eval_every"], config["tensorboard"]
+    assert options == ("PPO", 64, 0, False)
+    assert config["env_kwargs"] == {"wind_speed": 12.0, "episode_length": 5.0}
+    chosen = {"n_steps": 32, "n_epochs": 2, "net_arch": [8, 8], "learning_rate": 1e-3}
+    assert {name: config["hyperparameters"][name] for name in chosen} == chosen
     assert len(run_train(capsys, *words)["sessions"]) == 1
     more = run_train(capsys, *words, "--steps", "96")
     assert [(s["from_step"], s["to_step"]) for s in more["sessions"]] == [(0, 64), (64, 96)]
@@ -530,7 +457,6 @@ def test_one_seed_goes_on_too(tmp_path, capsys):
         ("- algo", "must map options of the training to values"),
         ("algo: [", "is not valid YAML"),
         ("resume: runs/ppo", "resume belongs on the command line"),
-        ("conf: other.yml", "conf belongs on the command line"),
         ("steps: {a: 1}", "steps must be a number, a word, a list or true or false"),
     ],
 )
@@ -553,13 +479,3 @@ def test_a_file_gives_way_to_what_is_typed(tmp_path):
     parsed = parse_command("train", ["--config", str(file), "--overwrite"])
     assert (parsed.overwrite, parsed.resume_if_exists) == (True, False)
     assert not parse_command("train", ["--config", str(file), "--no-resume-if-exists"]).resume_if_exists
-
-
-@pytest.mark.parametrize("text", ["color: red", "steps: many", "resume_if_exists: true\noverwrite: true"])
-def test_options_of_a_file_are_checked_like_typed_ones(text, tmp_path, capsys):
-    file = tmp_path / "run.yml"
-    file.write_text(text)
-    with pytest.raises(SystemExit) as caught:
-        parse_command("train", ["--config", str(file)])
-    assert caught.value.code == 2
-    assert text.split(":")[0].replace("_", "-") in capsys.readouterr().err
