@@ -36,7 +36,6 @@ SINGLE = {
 VECTOR = {
     "ClipAction": vector_wrappers.ClipAction,
     "ClipReward": lambda env: vector_wrappers.ClipReward(env, -1.0, 1.0),
-    "DictInfoToList": vector_wrappers.DictInfoToList,
     "DtypeObservation": lambda env: vector_wrappers.DtypeObservation(env, np.float64),
     "FlattenObservation": vector_wrappers.FlattenObservation,
     "NormalizeObservation": vector_wrappers.NormalizeObservation,
@@ -111,22 +110,4 @@ def test_loop_of_cleanrl(scripted):
         if truncated.any():
             lengths += infos["episode"]["l"][infos["_episode"]].tolist()
     assert lengths == [STEPS] * 6
-    envs.close()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("context", ["spawn", "forkserver"])
-def test_environments_in_processes_of_their_own(context):
-    kwargs = {"wind_speed": 12.0, "max_episode_steps": STEPS}
-    envs = gym.make_vec(
-        "wt_gym:wt_gym/NREL5MW-Steady-v1", num_envs=2, vectorization_mode="async",
-        vector_kwargs={"context": context}, **kwargs,
-    )  # fmt: skip
-    single = gym.make("wt_gym/NREL5MW-Steady-v1", **kwargs)
-    observations, _ = envs.reset(seed=[3, 4])
-    np.testing.assert_array_equal(observations[0], single.reset(seed=3)[0])
-    observations, rewards, *_ = envs.step(np.zeros(envs.action_space.shape, np.float32))
-    observation, reward, *_ = single.step(np.zeros(single.action_space.shape, np.float32))
-    np.testing.assert_array_equal(observations[0], observation)
-    assert rewards[0] == reward
     envs.close()

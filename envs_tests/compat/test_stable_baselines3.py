@@ -14,17 +14,10 @@ from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
 ON_POLICY = {"n_steps": 16, "batch_size": 16}
 OFF_POLICY = {"learning_starts": 8, "batch_size": 8}
 ALGORITHMS = {
-    "PPO": ON_POLICY,
-    "A2C": {"n_steps": 16},
-    "SAC": OFF_POLICY,
-    "TD3": OFF_POLICY,
-    "DDPG": OFF_POLICY,
-    "TQC": OFF_POLICY,
-    "TRPO": ON_POLICY,
+    **dict.fromkeys(("PPO", "TRPO", "RecurrentPPO"), ON_POLICY), "A2C": {"n_steps": 16},
     "ARS": {"n_delta": 2, "n_top": 1},
-    "RecurrentPPO": ON_POLICY,
-    "CrossQ": OFF_POLICY,
-}
+    **dict.fromkeys(("SAC", "TD3", "DDPG", "TQC", "CrossQ"), OFF_POLICY),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n == "CrossQ" else n for n in ALGORITHMS])

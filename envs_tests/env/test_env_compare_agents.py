@@ -2,7 +2,6 @@
 
 from wt_gym.analysis.results import Wind
 from wt_gym.experiment.comparison import ComparisonConfig, run_cases
-from wt_gym.experiment.execute import ProcessExecutor
 from wt_gym.turbines import load_turbine
 
 RESTS = """
@@ -23,14 +22,3 @@ def test_agents_and_controllers_start_alike(tmp_path):
     runs = run_cases(load_turbine("nrel_5mw"), agents, [Wind(15.0)], ComparisonConfig(duration=4.0, skip=1.0))
     found = [run.metrics[Wind(15.0)] for run in runs]
     assert found[0] == found[1] == found[2] != found[3]
-
-
-def test_runs_in_processes_are_the_same():
-    turbine, names = load_turbine("nrel_5mw"), {"discon": ("discon", {}), "ipc": ("ipc", {})}
-    cases = [Wind(14.0), Wind(17.0)]
-    config = ComparisonConfig(duration=3.0, skip=1.0)
-    here = run_cases(turbine, names, cases, config)
-    with ProcessExecutor(2) as executor:
-        there = run_cases(turbine, names, cases, config, executor=executor)
-    assert {run.name: run.metrics for run in there} == {run.name: run.metrics for run in here}
-    assert executor.tally.done == 4

@@ -11,26 +11,21 @@ from wt_gym.base.errors import ActionError, InflowError, TurbineDefinitionError
 from wt_gym.control import operating_point
 from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
-from wt_gym.simulation import Simulator
-from wt_gym.turbines import catalogue, load_turbine
-from wt_gym.turbines.catalogue import GENERATOR_DAMPER, turbine_file
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines.catalogue import GENERATOR_DAMPER
 from wt_gym.turbines.variants import with_damper
-from wt_gym.wind import SteadyInflow
 
 IDS = ("wt_gym/Gebhardt45m-Steady-v1", "wt_gym/Gebhardt45m-Turbulent-v1")
 TURBINE = load_turbine("gebhardt_45m")
 HEIGHTS = np.array([[0.0, 0.0, z] for z in (5.0, 40.0, 70.0, 110.0, 275.0)])
 
 
-@pytest.mark.parametrize("env_id", IDS)
-@pytest.mark.parametrize("generator", ["torque", "damper"])
-def test_both_checkers_have_nothing_to_say(env_id, generator):
-    both_checkers_are_content(env_id, generator=generator)
+def test_both_checkers_have_nothing_to_say():
+    both_checkers_are_content(IDS[1], generator="damper")
 
 
-@pytest.mark.parametrize("env_id", IDS)
-@pytest.mark.parametrize(("generator", "names"), [("torque", ("pitch_rate", "generator_torque_rate")),
-                                                  ("damper", ("pitch_rate",))])  # fmt: skip
+@pytest.mark.parametrize(("env_id", "generator", "names"), [(IDS[0], "torque", ("pitch_rate", "generator_torque_rate")),
+                                                            (IDS[1], "damper", ("pitch_rate",))])  # fmt: skip
 def test_no_action_is_dead(env_id, generator, names):
     """Each component moves something; there is none for the yaw that is fixed, nor for the torque of a damper."""
     env = gym.make(env_id, generator=generator, wind_speed=12.0).unwrapped
@@ -53,9 +48,8 @@ def test_random_actions_do_not_break_an_episode(generator, kwargs):
         assert truncated
 
 
-@pytest.mark.parametrize("generator", ["torque", "damper"])
-def test_snapshots_continue_bit_for_bit(generator):
-    snapshot_repeats(gym.make(IDS[1], generator=generator, wind_speed=13.0, sensor_noise=1.0).unwrapped)
+def test_snapshots_continue_bit_for_bit():
+    snapshot_repeats(gym.make(IDS[1], generator="damper", wind_speed=13.0, sensor_noise=1.0).unwrapped)
 
 
 def test_the_damper_takes_power_with_the_square_of_the_speed():
@@ -80,12 +74,6 @@ def test_operating_points_of_the_damper_balance_air_and_generator():
         assert point.generator_torque == 0.0
 
 
-def test_simulators_take_the_name_and_the_damper():
-    simulator = Simulator("gebhardt_45m", SteadyInflow(14.0), generator="damper")
-    assert simulator.turbine.drivetrain.rated_rotor_speed == with_damper(TURBINE).drivetrain.rated_rotor_speed
-    assert simulator.structure.system.tree.dof_damping[simulator.structure.azimuth_u] == GENERATOR_DAMPER
-
-
 @pytest.mark.parametrize(("profile", "expected"), [
     ({"shear_exponent": 0.16}, boundary_layer(15.0).velocity(HEIGHTS, 0.0)[:, 0]),
     ({"roughness_length": 0.03}, 15.0 * np.log(HEIGHTS[:, 2] / 0.03) / np.log(275.0 / 0.03)),
@@ -102,36 +90,19 @@ def test_winds_of_a_boundary_layer(profile, expected):
     assert 12.0 <= min(drawn) < 14.0 < 18.0 < max(drawn) <= 20.0
 
 
-@pytest.mark.parametrize("inflow", ["turbulent", "gusts"])
-def test_other_winds_blow_over_the_same_ground(inflow):
-    sampler = WindSampler(TURBINE, WindOptions(inflow, 12.0, roughness_length=0.03))
-    assert sampler.sample(np.random.default_rng(0)).inflow.steady.roughness_length == 0.03
-
-
 @pytest.mark.parametrize(("kwargs", "error", "text"), [
     ({"generator": "damper", "action_components": ("pitch", "torque")}, ValueError, "the generator is a damper"),
     ({"generator": "damper", "action_spans": {"torque_rate": 1.0}}, ValueError, "takes no torque"),
-    ({"generator": "diesel"}, ValueError, "generator must be one of"),
     ({"turbine": "nrel_5mw", "generator": "damper"}, TurbineDefinitionError, "generator_damping"),
     ({"turbine": with_damper(TURBINE), "generator": "torque"}, TurbineDefinitionError, "takes no demand"),
     ({"action_components": ("yaw",)}, ValueError, "no yaw drive"),
     ({"roughness_length": 0.03, "shear_exponent": 0.2}, InflowError, "exclude each other"),
-    ({"roughness_length": -1.0}, InflowError, "roughness_length"),
     ({"inflow": "extreme", "standstill_limit": -0.5, "roughness_length": 0.1}, InflowError, "length=0.1 belongs"),
     ({"reference_height": 275.0, "wind_speed": 90.0}, InflowError, "at the hub"),
-    ({"reference_height": 0.0}, InflowError, "height"),
 ])  # fmt: skip
 def test_what_makes_no_sense_is_refused(kwargs, error, text):
     with pytest.raises(error, match=text):
         gym.make(IDS[0], **kwargs)
-
-
-def test_the_catalogue_knows_the_turbine_and_has_no_file_of_it():
-    assert "gebhardt_45m" in catalogue()
-    with pytest.raises(TurbineDefinitionError, match=r"no windIO file.*load_turbine\('gebhardt_45m'\)"):
-        turbine_file("gebhardt_45m")
-    with pytest.raises(TurbineDefinitionError, match="'gebhardt_45m'"):
-        load_turbine("gebhardt")
 
 
 @pytest.mark.slow

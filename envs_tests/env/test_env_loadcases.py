@@ -6,7 +6,6 @@ import gymnasium as gym
 import pytest
 from turbine_contract import PLAIN
 
-from wt_gym.base.errors import SimulationError
 from wt_gym.envs.layout import layout_of
 from wt_gym.experiment.agents import load_agent
 from wt_gym.experiment.execute import executor_for
@@ -43,16 +42,6 @@ def test_a_turbine_that_is_shut_down_has_come_through(env, baseline):
     assert result["ending"] == "stopped"
     assert result["extremes"]["rotor_speed_max"] < 1.2 * 1.267
     assert result["trace"]["time"][0] == pytest.approx(30.0)
-
-
-def test_a_start_that_fails_is_a_result(env, baseline, monkeypatch):
-    def refuse(*_, **__):
-        raise SimulationError("no start")
-
-    env.reset(seed=0)
-    monkeypatch.setattr(env.unwrapped.simulator, "reset", refuse)
-    result = run_agent(env, baseline, DesignSituation("EOG", 14.0, 60.0))
-    assert (result["ending"], result["failure"], result["extremes"]) == ("failure", "no start", None)
 
 
 def test_a_parked_turbine_idles():

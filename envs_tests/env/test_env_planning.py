@@ -91,11 +91,6 @@ def test_plans_end_with_the_episode():
     env.close()
 
 
-def test_several_environments_are_refused(env):
-    with pytest.raises(ValueError, match="one environment"):
-        ShootingPlanner(env, **SMALL).predict(np.zeros((2, 5)))
-
-
 def test_the_example_of_the_page_runs():
     page = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
     (example,) = (x for x in re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL) if "Planner" in x)
@@ -108,9 +103,7 @@ def test_the_example_of_the_page_runs():
     ("wrong", "message"),
     [
         ({"hold": 3.0}, "horizon of a planner must be 1 to 1000 times hold"),
-        ({"hold": 1e-9}, "horizon of a planner must be 1 to 1000 times hold"),
         ({"elites": 12, "samples": 6}, "elites must be at most samples, got 12 of 6"),
-        ({"rounds": 0}, "rounds must be a whole number from 1 to 1000"),
     ],
 )
 def test_settings_without_meaning_are_refused(env, wrong, message):

@@ -24,34 +24,24 @@ NAMED = "wt_gym:wt_gym/NREL5MW-Steady-v1"
 """The part before the colon is imported wherever the environment is made."""
 
 
-def run(*command):
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    return subprocess.run([sys.executable, *command], env=environment, capture_output=True, text=True, timeout=600)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["forkserver", "spawn"])
-def test_an_id_that_names_the_package_works_from_a_notebook(method):
-    """As in a notebook, the main module has no file that a process could import."""
-    done = run("-c", PROCESSES.format(id=NAMED, method=method) + "main()")
-    assert (done.returncode, done.stdout) == (0, "2 2\n"), done.stderr
-
-
-@pytest.mark.slow
-def test_without_it_the_process_knows_no_such_id():
-    """What the page on trouble says of this message."""
-    done = run("-c", PROCESSES.format(id=NAMED.partition(":")[2], method="forkserver") + "main()")
-    assert done.returncode == 1
-    assert "NamespaceNotFound: Namespace wt_gym not found" in done.stderr
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("guarded", [True, False])
-def test_a_program_begins_processes_where_it_is_run_only(tmp_path, guarded):
-    """What the page on trouble says of programs."""
+@pytest.mark.parametrize(
+    ("name", "method", "call", "printed", "error"),
+    [
+        (NAMED, "forkserver", None, "2 2\n", ""),
+        (NAMED, "spawn", None, "2 2\n", ""),
+        (NAMED.partition(":")[2], "forkserver", None, "", "NamespaceNotFound: Namespace wt_gym not found"),
+        (NAMED, "forkserver", "if __name__ == '__main__':\n    main()", "2 2\n", ""),
+        (NAMED, "forkserver", "main()", "", "if __name__ == '__main__':"),
+    ],
+)
+def test_processes_from_a_notebook_or_a_program(tmp_path, name, method, call, printed, error):
+    """As in a notebook the main module has no file without a call; the page on trouble has the errors."""
+    text = PROCESSES.format(id=name, method=method) + (call or "main()")
     program = tmp_path / "program.py"
-    call = "if __name__ == '__main__':\n    main()" if guarded else "main()"
-    program.write_text(PROCESSES.format(id=NAMED, method="forkserver") + call)
-    done = run(program)
-    assert (done.returncode, done.stdout) == ((0, "2 2\n") if guarded else (1, "")), done.stderr
-    assert guarded or "if __name__ == '__main__':" in done.stderr
+    program.write_text(text)
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, *(["-c", text] if call is None else [program])]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600)
+    assert (done.returncode, done.stdout) == (int(bool(error)), printed), done.stderr
+    assert error in done.stderr

@@ -7,7 +7,6 @@ import pytest
 from turbine_contract import both_checkers_are_content
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.envs.wind_sampler import GUSTS
 from wt_gym.tasks import TASKS
 
 IDS = sorted(name for name in gym.registry if name.startswith("wt_gym/"))
@@ -18,16 +17,7 @@ SLOW = {name for name in IDS if re.search("IEA(15|22)MW", name) and gym.spec(nam
 def test_every_task_is_among_the_ids():
     assert {task.id for task in TASKS.values()} < set(IDS)
     assert 0 < len(SLOW) < len(IDS) / 2
-
-
-def test_ids_are_what_their_versions_say():
-    assert gym.spec("wt_gym/Gusts-v3").kwargs["gusts"] == GUSTS
-    for name in ("LoadReduction-v3", "Turbulent-v2", "Steady-v2"):
-        assert gym.spec(f"wt_gym/IEA15MW-{name}").kwargs["fidelity"] == "training-torsion"
-
-
-def test_every_name_has_one_version():
-    assert len({name.rpartition("-v")[0] for name in IDS}) == len(IDS)
+    assert len({name.rpartition("-v")[0] for name in IDS}) == len(IDS)  # one version of each
 
 
 @pytest.mark.parametrize("env_id", [pytest.param(i, marks=pytest.mark.slow) if i in SLOW else i for i in IDS])

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import gymnasium as gym
 import pytest
@@ -22,14 +21,12 @@ from wt_gym.experiment.robustness import (
     NOMINAL,
     Gain,
     Robustness,
-    base_of,
     chosen,
     run_robustness,
 )
 from wt_gym.experiment.store import SWEEP_FILE
 
 TASK = "wt_gym/LoadReduction-v2"
-TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained" / "load_reduction_on_linear_optimal"
 WINDS = (Wind(15.0, 1001), Wind(15.0, 1002), Wind(18.0, 1001))
 TERMS = [term.metric for term in load_task(COST_TASK).terms]
 
@@ -51,13 +48,6 @@ def test_gains_are_paired_wind_by_wind():
     early = robustness._gain(runs, "late", "discon")
     assert early.value is None
     assert [one is None for one in early.by_wind] == [False, True, False]
-    enough = {
-        agent: {Wind(15.0, seed): metrics(blade_flap_del=flap - 0.001 * seed * (flap < 1.0)) for seed in range(6)}
-        for agent, flap in (("discon", 1.0), ("better", 0.9))
-    }
-    gain = robustness._gain(enough, "better", "discon")
-    assert gain.low < gain.value < gain.high
-    assert gain.low > 0.0
 
 
 def test_what_is_kept_is_a_share_of_the_nominal_gain_over_the_base():
@@ -99,22 +89,10 @@ def test_every_fault_is_a_condition():
     assert {(one["kind"], one["time"]) for one in told} == {("dead_moment", FAULT_TIME)}
 
 
-def test_the_base_of_an_agent():
-    record = json.loads((TRAINED / "training.json").read_text())
-    named = {**gym.spec(TASK).kwargs, **record["config"]["env_kwargs"], **record.get("environment", {})}["controller"]
-    assert base_of(str(TRAINED), TASK, {}) == named != "discon"
-    assert base_of("ipc", TASK, {}) is None
-    assert base_of("zero", TASK, {"controller": "ipc"}) == "ipc"
-    assert base_of("zero", "wt_gym/NREL5MW-Turbulent-v1", {}) is None
-
-
 def test_runs_are_kept_and_the_same_call_resumes(tmp_path):
     config = EvaluationConfig(TASK, {"start": "steady"}, (Wind(15.0, 1001), Wind(15.0, 1002)), duration=3.0, skip=1.0)
-    agents, conditions, seen = (
-        {"discon": "discon", "still": "zero", "ipc": "ipc"},
-        chosen(["shear-low", "delay"]),
-        [NOMINAL, "shear-low", "delay"],
-    )
+    agents, seen = {"discon": "discon", "still": "zero", "ipc": "ipc"}, [NOMINAL, "gain-high", "delay"]
+    conditions = chosen(seen[1:])
     config = replace(config, env_kwargs={**config.env_kwargs, "controller": "ipc"})
     found = run_robustness(agents, config, conditions, folder=tmp_path, progress=False)
     assert found.bases == {"discon": None, "still": "ipc", "ipc": None}
@@ -146,9 +124,5 @@ def test_the_command(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "| response to pitch × 1.25 |" in out
     assert json.loads(out.splitlines()[-1])["conditions"] == {NOMINAL: {}, "gain-high": {"pitch_gain": 1.25}}
-    for words, message in (
-        (["ipc", "--conditions", "x"], "a condition must be faults or one of"),
-        ([], "agents must be named"),
-    ):
-        with pytest.raises(SystemExit, match=f"error: {message}"):
-            run_command("robustness", [*words, "--out", str(tmp_path / "no")])
+    with pytest.raises(SystemExit, match="error: agents must be named"):
+        run_command("robustness", ["--out", str(tmp_path / "no")])

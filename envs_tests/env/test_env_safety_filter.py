@@ -77,7 +77,6 @@ def test_offsets_go_back_as_fast_as_they_move(form):
     [
         ({"action_mode": "rate"}, {}, "needs action_mode='residual', got 'rate'"),
         ({"cost_limits": None}, {}, "needs cost_limits on rotor_speed"),
-        ({"cost_limits": {"pitch_travel": 100.0}}, {}, "needs cost_limits on rotor_speed"),
         ({}, {"horizon": 0.0}, "horizon must be at least 0.2 s"),
         ({}, {"watch": 1.0}, "watch from 0 to below 1"),
     ],

@@ -17,10 +17,6 @@ from wt_gym.experiment.trained_agent import TrainedAgent
 FOLDERS = sorted(path.parent for path in (shipped_folder() / "trained").glob("*/model.zip"))
 
 
-def test_there_are_agents():
-    assert FOLDERS
-
-
 def moves_blades(folder):
     """Whether an agent acts by the pitch."""
     return any(name.startswith("pitch") for name in TrainedAgent.load(folder).record["action"])

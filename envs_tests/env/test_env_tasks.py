@@ -1,20 +1,14 @@
 """Modes of action, base controllers, tasks, snapshots: on the real simulator."""
 
 import copy
-import itertools
-import pickle
 import warnings
-from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
-from scripted_simulator import ScriptedSimulator, use
-from stable_baselines3.common.env_checker import check_env as sb3_check_env
+from turbine_contract import both_checkers_are_content
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.control import ACTION_MODES, PITCH_FORMS
 from wt_gym.control.controllers.names import make_controller
 from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.envs import rewards
@@ -52,27 +46,23 @@ def same(first, second):
 # ---- contract of every choice ----
 
 
-FORMS = [(mode, pitch) for mode, pitch in itertools.product(ACTION_MODES, PITCH_FORMS) if pitch != "cyclic"]
-
-
-@pytest.mark.parametrize(("mode", "pitch"), [*FORMS, ("residual", "cyclic")])
+@pytest.mark.parametrize(
+    ("mode", "pitch"),
+    [
+        ("rate", "individual"), ("rate", "fixed-frame"), ("absolute", "collective"), ("absolute", "fixed-frame"),
+        ("residual", "collective"), ("residual", "individual"), ("residual", "cyclic"),
+    ],
+)  # fmt: skip
 def test_both_checkers_have_nothing_to_say(mode, pitch):
-    env = gym.make(TURBULENT, action_mode=mode, pitch=pitch, episode_length=10.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        sb3_check_env(env)
-        check_env(env.unwrapped, skip_render_check=True)
+    both_checkers_are_content(TURBULENT, action_mode=mode, pitch=pitch, episode_length=10.0)
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name.startswith("IEA22MW") else name for name in TASKS]
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name.startswith("IEA") else name for name in TASKS]
 )  # turbulence over a rotor of 284 m takes half a minute a box to make
 def test_tasks_start_step_and_tell_their_length(name):
     env = gym.make(TASKS[name].id)
     assert env.spec.max_episode_steps * env.unwrapped.control_dt == TASKS[name].episode
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        sb3_check_env(env)
     observation, _ = env.reset(seed=4)
     for _ in range(3):
         observation, reward, terminated, truncated, _ = env.step(np.zeros(env.action_space.shape, dtype=np.float32))
@@ -102,61 +92,18 @@ def test_ending_a_task_early_never_pays(name):
     assert -worst * env.control_dt / (1.0 - gamma) < env.termination_penalty
 
 
-def test_what_tasks_pay():
-    """Power, blades, tower fore-aft and side-side, actuators, overspeed, an early end."""
-    paid = {}
-    for name, task in TASKS.items():
-        env = gym.make(task.id).unwrapped
-        weights = [term.weight for term in env.reward_terms if term.weight]
-        paid[name] = (*weights, env.termination_penalty)
-    load_reduction, full = (1.0, 1.5, 1.0, 1.0, 0.5, 0.4, 200.0), (1.0, 1.5, 1.0, 1.0, 0.1, 0.4, 200.0)
-    assert (
-        paid
-        == {
-            "LoadReduction": load_reduction,
-            "FullRange": full,
-            "MaxPower": (1.0, 0.3, 0.2, 0.05, 0.1, 0.4, 150.0),
-            "Yaw": (1.0, 0.3, 0.2, 0.05, 0.02, 0.4, 800.0),
-            "Gusts": full,
-            "IEA15MW-LoadReduction": load_reduction,
-            "IEA22MW-LoadReduction": (1.0, 1.5, 1.0, 1.0, 0.2, 0.4, 200.0),
-            "FullOperation": (1.0, 0.5, 0.3, 0.1, 0.02, 1.0, 1.0, 600.0),  # extreme loads behind overspeed
-            "PowerTracking": (1.5, 1.0, 1.0, 0.5, 0.5, 1000.0),
-            "Dial": (*load_reduction[:-1], 250.0),
-            "Faults": load_reduction,
-        }
-    )
-    plain = gym.make("wt_gym/NREL5MW-Steady-v1").unwrapped
-    assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == (
-        *full[:-1],
-        120.0,
-    )
-
-
-def test_the_time_limit_of_a_task_is_a_truncation():
-    env = gym.make("wt_gym/LoadReduction-v2", max_episode_steps=4)
-    env.reset(seed=0)
-    ends = [env.step(np.zeros(3, dtype=np.float32))[2:4] for _ in range(4)]
-    assert ends == [(False, False)] * 3 + [(False, True)]
-
-
-@pytest.mark.parametrize("vector", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
+def test_a_length_beyond_the_limit_of_the_id_is_a_warning(scripted):
     """Made with episode_length=120 a task of 60 s stays at 60 s, which shows when its first episode has ended there."""
-    use(monkeypatch, ScriptedSimulator)
 
     def warned(steps=600, **kwargs):
-        make = partial(gym.make_vec, num_envs=2) if vector else gym.make
-        env = make("wt_gym/LoadReduction-v2", relative_reward=False, starts=None, **kwargs)
+        env = gym.make("wt_gym/LoadReduction-v2", relative_reward=False, starts=None, **kwargs)
         with warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always")
-            for seed in range(3):
-                env.reset(seed=seed)
-                for _ in range(steps):
-                    *_, truncated, _ = env.step(np.zeros(env.action_space.shape))
-                    if np.any(truncated):
-                        break
-        env.close()
+            env.reset(seed=0)
+            for _ in range(steps):
+                if env.step(np.zeros(env.action_space.shape))[3]:
+                    break
+            env.reset(seed=1)
         return [str(w.message) for w in found if "max_episode_steps" in str(w.message)]
 
     (message,) = warned(episode_length=120.0)
@@ -165,11 +112,10 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
     for quiet in ({"max_episode_steps": 1200}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
         assert warned(**quiet) == []
     assert warned(1200, episode_length=120.0, max_episode_steps=1200) == []
-    assert vector or warned(599, episode_length=120.0) == []  # ended by its user
+    assert warned(599, episode_length=120.0) == []  # ended by its user
 
 
-def test_evaluations_take_the_limit_away_without_a_warning(monkeypatch):
-    use(monkeypatch, ScriptedSimulator)
+def test_evaluations_take_the_limit_away_without_a_warning(scripted):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Environments(DEFAULT_ENV, {}, 120.0).plain.reset(seed=0)
@@ -210,62 +156,21 @@ def test_pitch_in_the_fixed_frame_arrives_at_its_azimuth():
 
 
 @pytest.mark.parametrize(("wind_speed", "share"), [(8.0, 0.0), (18.0, 1.0)])
-def test_faded_residual_pitch_acts_above_rated_wind_only(wind_speed, share):
-    """The same offset leaves the blades at fine pitch to the controller and moves pitched ones in full."""
+def test_residual_pitch_fades_below_rated_wind_and_its_mean_is_washed_out(wind_speed, share):
     env = WindTurbineEnv(
         inflow=SteadyInflow(wind_speed), episode_length=10.0, action_components=("pitch",), residual_fade=True,
-        observation=("offsets", "residual_share"), **RESIDUAL,
+        residual_washout=4.0, observation=("offsets", "residual_share", "residual_mean"), **RESIDUAL,
     )  # fmt: skip
     env.reset(seed=0)
-    for _ in range(5):
-        observation, *_ = env.step(np.array([1.0, 0.0, 0.0]))
-    assert env.layout.observation.value(observation, "residual_share") == pytest.approx(share, abs=1e-6)
-    offset = np.mean(env.demand.pitch - env.base.pitch)
-    assert offset == pytest.approx(share * env.setpoint.pitch[0], abs=1e-12)
-    assert env.setpoint.pitch[0] == pytest.approx(np.radians(1.5))
-
-
-def test_a_lasting_mean_offset_is_washed_out_tilt_is_not():
-    """A step of 1.5 deg in 1 s: the mean decays with the time constant, as tau s / (1 + tau s) has it."""
-    tau, step = 4.0, np.radians(1.5)
-    env = WindTurbineEnv(
-        inflow=SteadyInflow(18.0), episode_length=20.0, action_components=("pitch",), residual_washout=tau,
-        observation=("offsets", "residual_mean"), **RESIDUAL,
-    )  # fmt: skip
-    env.reset(seed=0)
-    for k in range(50):
+    for k in range(25):
         observation, *_ = env.step(np.full(3, 1.0 if k < 5 else 0.0))
-        if k in (4, 24, 49):
-            time = 0.2 * (k + 1)
-            decay = np.exp(-(time - 1.0) / tau) - np.exp(-time / tau)  # of a ramp of 1 s
-            mean, tilt, yaw = to_fixed_frame(env.demand.pitch - env.base.pitch, env.signals["azimuth"])
-            assert mean == pytest.approx(step * tau * decay, rel=0.02)
-            assert env.layout.observation.value(observation, "residual_mean") == pytest.approx(mean, rel=1e-5)
-            assert np.hypot(tilt, yaw) == pytest.approx(np.sqrt(2.0) * step, rel=0.01)
-    with pytest.raises(ValueError, match="residual_washout must be a number above 0 s or None, got 0"):
-        WindTurbineEnv(action_mode="residual", residual_washout=0)
-
-
-def test_a_snapshot_holds_fade_and_washout():
-    """Between no and full share the memory of the filters is part of the state."""
-    choice = {"residual_fade": True, "residual_washout": 5.0}
-    env = gym.make(TURBULENT, wind_speed=12.0, episode_length=20.0, **RESIDUAL, **choice).unwrapped
-    rng = np.random.default_rng(0)
-    env.reset(seed=3)
-    play(env, rng, 20)
-    kept, actions = env.snapshot(), np.random.default_rng(1)
-    first = play(env, actions, 10)
-    play(env, rng, 10)
-    env.restore(kept)
-    assert same(first, play(env, np.random.default_rng(1), 10))
-
-
-def test_only_residual_pitch_fades():
-    with pytest.raises(ValueError, match=r"residual_fade must be True, False, FadeParameters or a pitch .*, got 5\.0"):
-        WindTurbineEnv(action_mode="residual", residual_fade=5.0)
-    for choice in ({"action_mode": "rate"}, {"action_mode": "residual", "action_components": ("torque",)}):
-        with pytest.raises(ValueError, match="residual_share"):
-            WindTurbineEnv(residual_fade=True, observation=("rotor", "residual_share"), **choice)
+    assert env.layout.observation.value(observation, "residual_share") == pytest.approx(share, abs=1e-6)
+    mean, tilt, yaw = to_fixed_frame(env.demand.pitch - env.base.pitch, env.signals["azimuth"])
+    step = share * np.radians(1.5)
+    assert np.hypot(tilt, yaw) == pytest.approx(np.sqrt(2.0) * step, rel=0.01, abs=1e-12)
+    decay = np.exp(-4.0 / 4.0) - np.exp(-5.0 / 4.0)  # of a ramp of 1 s
+    assert mean == pytest.approx(step * 4.0 * decay, rel=0.02, abs=1e-12)
+    assert env.layout.observation.value(observation, "residual_mean") == pytest.approx(mean, rel=1e-5, abs=1e-9)
 
 
 def test_cyclic_pitch_is_that_of_the_fixed_frame_without_its_mean():
@@ -286,16 +191,6 @@ def test_cyclic_pitch_is_that_of_the_fixed_frame_without_its_mean():
         np.testing.assert_allclose(limits, [0.01, *np.radians([4.0] * (n - 1))])
     with pytest.raises(ValueError, match="pitch='cyclic' needs action_mode='residual'"):
         WindTurbineEnv(pitch="cyclic", action_mode="rate")
-
-
-def test_random_residual_policies_survive():
-    """Three winds."""
-    for wind_speed, seed in ((6.0, 1), (12.0, 2), (18.0, 3)):
-        env = gym.make(TURBULENT, wind_speed=wind_speed, episode_length=40.0, **RESIDUAL)
-        env.reset(seed=seed)
-        ends = play(env, np.random.default_rng(seed), 200)
-        assert [end[2] for end in ends] == [False] * 200
-        assert ends[-1][3]
 
 
 def test_components_left_out_are_the_controllers():
@@ -321,20 +216,15 @@ def test_a_constant_residual_against_the_controller_alone():
 
 
 def test_vector_reward_has_the_terms_and_a_space():
-    env = WindTurbineEnv(inflow=SteadyInflow(9.0), vector_reward=True, episode_length=2.0)
-    env.reset(seed=0)
-    _, reward, _, _, info = env.step(np.zeros(3))
-    assert env.reward_space.contains(reward)
-    assert env.reward_names[-1] == "termination"
-    np.testing.assert_allclose(reward[:-1], [info["reward_terms"][n] for n in env.reward_names[:-1]], rtol=1e-6)
-
-
-def test_a_vector_reward_needs_no_warning_of_gymnasium():
     env = gym.make("wt_gym/NREL5MW-Steady-v1", vector_reward=True)
     env.reset(seed=0)
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert env.step(np.zeros(3, dtype=np.float32))[1].shape == env.unwrapped.reward_space.shape
+        warnings.simplefilter("error")  # of Gymnasium
+        _, reward, _, _, info = env.step(np.zeros(3, dtype=np.float32))
+    bare = env.unwrapped
+    assert bare.reward_space.contains(reward)
+    assert bare.reward_names[-1] == "termination"
+    np.testing.assert_allclose(reward[:-1], [info["reward_terms"][n] for n in bare.reward_names[:-1]], rtol=1e-6)
 
 
 # ---- observations ----
@@ -368,8 +258,6 @@ def test_single_channels_and_lidar():
     moments = [env.signals[f"root_flap_moment_{b}"] for b in (1, 2, 3)]
     tilt = to_fixed_frame(moments, env.signals["azimuth"])[1]
     assert env.layout.observation.value(observation, "root_flap_moment_tilt") == pytest.approx(tilt, rel=1e-4)
-    with pytest.raises(ValueError, match=r"observation has \['lidar_9'\]; must be among the groups"):
-        WindTurbineEnv(observation=("rotor", "lidar_9"))
 
 
 def test_the_estimated_wind_follows_the_wind():
@@ -399,23 +287,12 @@ def test_an_environment_continues_from_its_snapshot(started):
     taken = started.snapshot()
     first = play(started, np.random.default_rng(1), 6)
     play(started, np.random.default_rng(2), 6)
-    started.restore(taken)
-    assert same(play(started, np.random.default_rng(1), 6), first)
-    started.restore(taken)
-    assert same(play(started, np.random.default_rng(1), 6), first)
+    for _ in range(2):
+        started.restore(taken)
+        assert same(play(started, np.random.default_rng(1), 6), first)
 
 
-@pytest.mark.parametrize("make", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_copies_and_pickles_go_the_same_way(started, make):
-    taken = started.snapshot()
-    other = make(started)
-    first = play(started, np.random.default_rng(3), 5)
-    assert same(play(other, np.random.default_rng(3), 5), first)
-    started.restore(taken)
-
-
-def test_an_episode_that_is_over_stays_over_after_restoring(started):
-    taken = started.snapshot()
+def test_an_episode_that_is_over_stays_over_after_restoring():
     env = WindTurbineEnv(inflow=SteadyInflow(11.0), episode_length=0.4)
     env.reset(seed=0)
     env.step(np.zeros(3))
@@ -427,7 +304,6 @@ def test_an_episode_that_is_over_stays_over_after_restoring(started):
     env.restore(over)
     with pytest.raises(gym.error.ResetNeeded):
         env.step(np.zeros(3))
-    started.restore(taken)
 
 
 def test_pictures_go_back_with_the_episode():
@@ -480,24 +356,10 @@ def test_a_failed_simulation_is_kept_and_shown_as_far_as_it_came(monkeypatch):
 # ---- winds ----
 
 
-def test_directions_gusts_and_lists_are_drawn():
+def test_directions_are_drawn():
     env = WindTurbineEnv(inflow="steady", wind_speed=9.0, wind_direction=(-0.3, 0.3), observation=("wind",))
-    drawn = []
-    for seed in range(8):
-        observation, _ = env.reset(seed=seed)
-        drawn.append(env.layout.observation.value(observation, "yaw_error"))
-    assert min(drawn) < -0.05 < 0.05 < max(drawn)
-    assert np.abs(drawn).max() <= 0.3 + 1e-6
-    env = WindTurbineEnv(inflow=[SteadyInflow(8.0), SteadyInflow(10.0)])
-    assert {env.reset(seed=seed)[1]["wind_speed"] for seed in range(8)} == {8.0, 10.0}
-    env = WindTurbineEnv(inflow=lambda rng: SteadyInflow(float(rng.uniform(9.0, 9.5))))
-    assert 9.0 <= env.reset(seed=1)[1]["wind_speed"] <= 9.5
-    env = WindTurbineEnv(inflow="gusts", wind_speed=10.0)
-    kinds = set()
-    for seed in range(24):
-        env.reset(seed=seed)
-        kinds.add(env.episode_wind.inflow.kind[:3])
-    assert kinds == {"EOG", "EDC", "ECD", "EWS"}
+    drawn = [env.layout.observation.value(env.reset(seed=seed)[0], "yaw_error") for seed in range(8)]
+    assert -0.3 - 1e-6 <= min(drawn) < -0.05 < 0.05 < max(drawn) <= 0.3 + 1e-6
 
 
 @pytest.mark.parametrize("inflow", ["extreme", "extreme-turbulent"])
@@ -528,13 +390,8 @@ def test_environments_do_not_share_a_controller():
     np.testing.assert_array_equal(first.controller.law.state.pitch, before.pitch)
 
 
-def test_groups_that_are_empty_with_an_action_are_refused():
-    with pytest.raises(ValueError, match=r"observation \['offsets'\] must be left out: with this action"):
-        WindTurbineEnv(observation=("rotor", "offsets"))
-
-
-def test_what_can_be_read_once_is_read_once():
-    """Generators of terms, winds, seeds, components and channels serve the environment and its twin."""
+def test_iterators_serve_the_environment_and_its_twin():
+    """Generators of terms, winds, seeds, components and channels."""
     env = WindTurbineEnv(
         inflow=(SteadyInflow(speed) for speed in (9.0,)), reward=(term for term in rewards.compose({"power": 2.0})),
         wind_seeds=iter((1, 2)), action_components=(name for name in ("pitch",)), relative_reward=True,
@@ -542,11 +399,8 @@ def test_what_can_be_read_once_is_read_once():
     )  # fmt: skip
     assert env.layout.observation.names == ("rotor_speed", "generator_speed", "lidar_1")
     assert env.layout.action.components == ("pitch",)
-    _, info = env.reset(seed=0)
-    assert info["wind_speed"] == 9.0
-    _, reward, *_, info = env.step(np.zeros(3))
-    assert reward == 0.0
-    assert set(info["reward_terms"]) == {term.name for term in env.terms["twin"].env.reward_terms}
+    assert env.reset(seed=0)[1]["wind_speed"] == 9.0
+    assert env.step(np.zeros(3))[1] == 0.0
 
 
 def test_a_relative_reward_pays_no_luck_when_the_controller_fails():

@@ -106,14 +106,6 @@ def test_side_by_side_linear_algebra_has_one_thread():
     env.close()
 
 
-def test_what_comes_back_is_a_copy():
-    env = make(n=2)
-    first, _ = env.reset(seed=0)
-    kept = first.copy()
-    env.step(np.zeros((2, 3), dtype=np.float32))
-    np.testing.assert_array_equal(first, kept)
-
-
 def test_a_refused_action_moves_no_turbine():
     env = make(n=2)
     env.reset(seed=0)
@@ -145,14 +137,10 @@ def test_seeds_masks_and_numbers_are_checked():
     env.step(np.zeros((2, 3)))
     with pytest.raises(ResetNeeded, match=r"turbines \[0, 1\] are over"):
         env.step(np.zeros((2, 3)))
-    for name in ("num_envs", "threads", "max_episode_steps"):
-        for wrong in (0, 1.5, "2"):
-            with pytest.raises(ValueError, match=f"{name} must be a whole number of at least 1, got {wrong!r}"):
-                WindTurbineVectorEnv(**{"num_envs": 1, name: wrong})
-    for wrong in ("Sometimes", "same_step", None, 1):
-        allowed = r"one of 'NextStep' \('NEXT_STEP'\), 'SameStep' \('SAME_STEP'\), 'Disabled' \('DISABLED'\), got "
-        with pytest.raises(ValueError, match=f"autoreset_mode must be {allowed}{wrong!r}"):
-            WindTurbineVectorEnv(1, autoreset_mode=wrong)
+    with pytest.raises(ValueError, match=r"threads must be a whole number of at least 1, got 1\.5"):
+        WindTurbineVectorEnv(1, threads=1.5)
+    with pytest.raises(ValueError, match=r"autoreset_mode must be one of 'NextStep' \('NEXT_STEP'\), .*, got 'same_st"):
+        WindTurbineVectorEnv(1, autoreset_mode="same_step")
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)
@@ -162,38 +150,31 @@ def test_modes_of_autoreset_have_a_name_and_a_value(mode):
         assert env.autoreset_mode is env.metadata["autoreset_mode"] is mode
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_turbine_whose_step_fails_has_to_begin_anew(threads, monkeypatch):
+@pytest.mark.parametrize(
+    ("threads", "error", "over"),
+    [
+        (1, ControllerError("none"), r"\[1\]"),
+        (2, ControllerError("none"), r"\[1\]"),
+        (2, KeyboardInterrupt(), r"\[0, 1\]"),
+    ],
+)
+def test_a_turbine_whose_step_fails_has_to_begin_again(threads, error, over, monkeypatch):
+    """After an interrupt all of them."""
     env = make(AutoresetMode.DISABLED, n=2, threads=threads)
     env.reset(seed=0)
 
     def fail(action):
-        raise ControllerError("no demand")
+        raise error
 
     with monkeypatch.context() as patch:
         patch.setattr(env.envs[1], "advance", fail)
-        with pytest.raises(ControllerError, match="no demand"):
+        with pytest.raises(type(error)):
             env.step(np.zeros((2, 3)))
-    with pytest.raises(ResetNeeded, match=r"turbines \[1\] are over"):
+    with pytest.raises(ResetNeeded, match=over):
         env.step(np.zeros((2, 3)))
-    env.reset(options={"reset_mask": np.array([False, True])})
-    *_, infos = env.step(np.zeros((2, 3)))
-    np.testing.assert_allclose(infos["time"], [0.4, 0.2])
-
-
-def test_after_an_interrupt_all_turbines_have_to_begin_anew(monkeypatch):
-    env = make(AutoresetMode.DISABLED, n=3, threads=2)
-    env.reset(seed=0)
-
-    def interrupt(action):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(env.envs[1], "advance", interrupt)
-        with pytest.raises(KeyboardInterrupt):
-            env.step(np.zeros((3, 3)))
-    with pytest.raises(ResetNeeded, match=r"turbines \[0, 1, 2\] are over"):
-        env.step(np.zeros((3, 3)))
+    if isinstance(error, ControllerError):
+        env.reset(options={"reset_mask": np.array([False, True])})
+        np.testing.assert_allclose(env.step(np.zeros((2, 3)))[4]["time"], [0.4, 0.2])
 
 
 def test_a_lidar_looks_once_for_observation_and_controller(monkeypatch):
@@ -211,23 +192,13 @@ def test_a_lidar_looks_once_for_observation_and_controller(monkeypatch):
     seen = read(env.layout.lidar, env.episode_wind.inflow, 0.2, env.signals["yaw"], env.turbine.hub_height)
     observed = [env.layout.observation.value(observation, f"lidar_{k}") for k in (1, 2, 3)]
     np.testing.assert_allclose(observed, seen, rtol=1e-6)
-    for seed in (1, 2):  # no step between: at the same instant and yaw, in another wind
-        observation, _ = env.reset(seed=seed)
-        seen = read(env.layout.lidar, env.episode_wind.inflow, 0.0, env.signals["yaw"], env.turbine.hub_height)
-        observed = [env.layout.observation.value(observation, f"lidar_{k}") for k in (1, 2, 3)]
-        np.testing.assert_allclose(observed, seen, rtol=1e-6)
 
 
-def test_iterators_serve_all_turbines():
-    env = make(n=2, wind_seeds=iter([3, 4]))
+def test_iterators_serve_all_turbines_and_rewards_come_by_terms():
+    env = make(n=2, wind_seeds=iter([3, 4]), vector_reward=True)
     assert [e.wind.seeds for e in env.envs] == [(3, 4), (3, 4)]
-
-
-def test_rewards_by_terms():
-    env = make(n=2, vector_reward=True)
     env.reset(seed=0)
-    _, rewards, *_ = env.step(np.zeros((2, 3)))
-    assert rewards.shape == (2, len(env.envs[0].reward_names))
+    assert env.step(np.zeros((2, 3)))[1].shape == (2, len(env.envs[0].reward_names))
 
 
 def test_the_interface_of_stable_baselines3_gives_what_its_own_gives():

@@ -24,15 +24,10 @@ def test_controllers_come_with_parameters():
     )  # fmt: skip
     assert read_name("tsr_tracking:thrust_limit=0.95").kind == "controller"
     assert read_name("controller:anything").kind == "controller"  # said to be one: its maker refuses it by name
-
-
-@pytest.mark.parametrize(
-    ("choice", "message"),
-    [("ipc:limit", "key=value, got 'limit'"), ("ipc:limit=wide", "'limit' in 'ipc:limit=wide' must be a number")],
-)
-def test_parameters_without_meaning_are_refused(choice, message):
-    with pytest.raises(ValueError, match=message):
-        read_name(choice)
+    with pytest.raises(ValueError, match="key=value, got 'limit'"):
+        read_name("ipc:limit")
+    with pytest.raises(ValueError, match="'limit' in 'ipc:limit=wide' must be a number"):
+        read_name("ipc:limit=wide")
 
 
 def test_names_follow_from_choices_or_stand_in_front(tmp_path):
@@ -48,8 +43,6 @@ def test_names_follow_from_choices_or_stand_in_front(tmp_path):
     }
     with pytest.raises(ValueError, match="two agents are called 'ipc'"):
         named_choices(["ipc", "ipc=discon"])
-    with pytest.raises(ValueError, match="two agents are called 'discon'"):
-        named_choices(["baseline", "discon"])
     with pytest.raises(ValueError, match="two agents are called 'discon'"):
         named_choices(["Baseline PI", "controller:discon"])
     with pytest.raises(ValueError, match=r"an agent must be zero, random, planner, a controller .*got 'ipcc'"):
@@ -82,10 +75,6 @@ def test_models_are_called_by_their_folders(tmp_path, monkeypatch):
     one, other, third = (str(tmp_path / name) for name in ("first", "second", "third"))
     assert named_choices(["ipc", one]) == {"ipc": "ipc", "first": one}
     assert named_choices([one, other, f"mine={third}"]) == {"first": one, "second": other, "mine": third}
-    with pytest.raises(ValueError, match="two agents are called 'mine'"):
-        named_choices([f"mine={one}", f"mine={other}"])
-    with pytest.raises(ValueError, match="two agents are called 'first'"):
-        named_choices([one, one])
     with pytest.raises(ValueError, match="two agents are called 'first'; give them names as NAME="):
         named_choices([one, f"{one}/model.zip"])
     (tmp_path / "loose.zip").touch()
@@ -101,8 +90,6 @@ def test_a_choice_is_a_word_before_a_controller_before_a_path(tmp_path, monkeypa
     choices = ["random", "ipc:limit=0.1", "mine", "./ipc", "./random"]
     found = [read_name(choice).kind for choice in choices]
     assert found == ["word", "controller", "trained", "trained", "trained"]
-    with pytest.raises(ValueError, match="'ipc:algo=SAC' must be a number"):
-        read_name("ipc:algo=SAC")
     with pytest.raises(ValueError, match="must be among algo, env, trust, got 'gain'"):
         read_name("./mine:gain=1")
 

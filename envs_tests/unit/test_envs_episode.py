@@ -33,17 +33,11 @@ def test_every_step_sees_the_one_before(terminated):
             seen[:] = state
             return action, state
 
-    steps = list(episode_steps(env, Spy(), 0))
+    steps = episode_steps(env, Spy(), 0)
+    assert env.actions == []  # made as they are asked for
+    steps = list(steps)
     assert [step.action for step in steps] == env.actions == [0, 10, 20]
     assert [step.observation for step in steps] == [1, 2, 3]
     assert seen == [(0, [True], True), (1, [False], True), (2, [False], True)]
     assert [(step.done, step.failed) for step in steps] == [(False, False), (False, False), (True, True)]
     assert steps[-1].terminated == terminated
-
-
-def test_steps_are_made_as_they_are_asked_for():
-    env = Counter(True, {})
-    steps = episode_steps(env, Note(), 0)
-    assert env.actions == []
-    next(steps)
-    assert env.actions == [0]

@@ -1,8 +1,6 @@
 """Channels of an observation and their readers, one by one."""
 
-import copy
 import math
-import pickle
 from types import SimpleNamespace
 
 import numpy as np
@@ -195,20 +193,6 @@ def test_groups_that_overlap_give_each_channel_once():
     _, channels = Observable(TURBINE, ACTION).choose(("measurable", "fixed_frame", "rotor", "pitch_2"))
     names = [one.channel.name for one in channels]
     assert len(set(names)) == len(names)
-    assert names[:2] == ["rotor_speed", "generator_speed"]
-    assert {"tip_out_of_plane_tilt", "root_edge_moment_yaw"} <= set(names)
-
-
-def test_a_copy_observes_the_same(observer):
-    expected = observed(observer)
-    for same in (copy.deepcopy(observer), pickle.loads(pickle.dumps(observer))):
-        assert observed(same) == expected
-
-
-def test_what_is_not_asked_for_needs_nothing():
-    plain, _ = made(("rotor",))
-    assert plain._single == plain._several == []
-    assert plain._sensors.estimator is None
 
 
 # ---- washout ----

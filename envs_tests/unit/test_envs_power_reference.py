@@ -84,11 +84,8 @@ def test_beginnings_are_an_interval_apart(kind):
     assert (np.diff(times) >= 0.0).all()
 
 
-def test_a_calm_is_asked_for_little_and_not_for_nothing():
-    assert 0.0 < drawn("reserve", speed=0.0).powers[0] < 0.02 * 5e6
-
-
 def test_a_span_counts_for_courses_that_have_one():
+    assert 0.0 < drawn("reserve", speed=0.0).powers[0] < 0.02 * 5e6  # in a calm
     assert drawn("reserve", level=0.95).powers[0] == pytest.approx(0.95 * 5e6)
     assert GridOptions(reference=[[0.0, 1.5e6]], level=0.25).level == (0.25, 0.25)
     assert GridOptions(reference="steps", level=0.6, span=0.4).span == 0.4  # 0.6 - 0.4 is below 0.2 as a number
@@ -144,14 +141,11 @@ def test_courses_of_the_user(tmp_path):
     [
         ({"reference": "step"}, "did you mean 'steps'"),
         ({"reference": []}, "power_reference must be among reserve, steps, ramps, regulation, a .csv file"),
-        ({"reference": [[0.0, -1.0]]}, "powers above 0 W, got -1 W"),
         ({"reference": [[0.0, 4e6], [1.0, 0.0]]}, "powers above 0 W, got 0 W"),
-        ({"reference": 4e6}, "got 4000000.0"),
         ({"reference": [[0.0, math.nan]]}, "finite rows"),
-        ({"reference": ("reserve", "ramps"), "level": (0.8, 0.9), "span": 0.2}, "power_reference_span must keep"),
         ({"reference": "steps", "level": 0.3, "span": 0.11}, "power_reference_span must keep"),
     ],
 )
-def test_what_has_no_meaning_is_refused(given, message):
+def test_wrong_references_are_refused(given, message):
     with pytest.raises(ValueError, match=message):
         GridOptions(**given)
