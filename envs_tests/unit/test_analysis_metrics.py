@@ -25,10 +25,9 @@ def sine(amplitude, frequency, duration, step):
     return amplitude * np.cos(2 * np.pi * frequency * time)
 
 
-@pytest.mark.parametrize("exponent", [4.0, 10.0])
-@pytest.mark.parametrize("frequency", [0.25, 1.0])
+@pytest.mark.parametrize(("exponent", "frequency"), [(4.0, 0.25), (10.0, 1.0)])
 def test_del_of_a_sine(exponent, frequency):
-    # f T cycles of range 2 A over T seconds: DEL = 2 A f^(1/m).
+    # f T cycles of range 2 A over T seconds: DEL = 2 A f^(1/m)
     load = damage_equivalent_load(5.0 + sine(3.0, frequency, 600.0, 0.05), 600.0, exponent)
     assert load == pytest.approx(6.0 * frequency ** (1 / exponent), rel=1e-6)
 
@@ -48,11 +47,12 @@ def test_del_scales_with_the_load_and_ignores_its_mean():
     assert damage_equivalent_load(np.full(10, 3.0), 1.0, 10.0) == 0.0
 
 
-def test_bad_histories_are_refused():
-    with pytest.raises(ValueError, match="finite"):
-        damage_equivalent_load(np.array([0.0, np.nan]), 1.0, 4.0)
-    with pytest.raises(ValueError, match="positive"):
-        damage_equivalent_load(np.arange(3.0), 0.0, 4.0)
+@pytest.mark.parametrize(
+    ("history", "duration", "message"), [([0.0, np.nan], 1.0, "finite"), ([0, 1], 0.0, "positive")]
+)
+def test_bad_histories_are_refused(history, duration, message):
+    with pytest.raises(ValueError, match=message):
+        damage_equivalent_load(np.array(history), duration, 4.0)
 
 
 @pytest.fixture(scope="module")
@@ -196,8 +196,6 @@ def test_skipped_start_does_not_count(run, turbine):
 
 
 def test_uneven_or_empty_runs_are_refused(run, turbine):
-    with pytest.raises(ValueError, match="at least two samples"):
-        run_metrics(run, turbine, skip=200.0)
     with pytest.raises(ValueError, match=r"at least two samples after the first 99.9 s, got 1"):
         run_metrics(run, turbine, skip=99.9)
     assert run_metrics(run, turbine, skip=99.8)["energy"] == pytest.approx(2e6 * 0.2)

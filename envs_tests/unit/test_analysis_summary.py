@@ -11,7 +11,7 @@ from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.page import difference_class, format_difference
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.analysis.statistics import difference, relative_change
+from wt_gym.analysis.statistics import relative_change
 from wt_gym.analysis.summary import format_value, headline, result_sentence, summarize, unseen, verdict
 
 WINDS = (Wind(12.0, 1001), Wind(12.0, 1002))
@@ -43,19 +43,11 @@ def record(**changes):
     return {"steps": 36_000, "wall_seconds": 180.0, "control_dt": 0.2, "wind_seeds": [1, 2], "curve": curve} | changes
 
 
-def test_values_are_shown_in_their_unit():
-    assert format_value("mean_power", 4.2346e6) == "4.235"
-    assert format_value("pitch_duty_cycle", 0.0345) == "3.45"
-    assert format_value("mean_power", -1e6) == "\u22121.000"
-
-
-def test_differences():
-    assert difference("mean_power", 4.5e6, 5e6) == (pytest.approx(-0.1), True)
+def test_values_and_differences_are_shown_in_their_unit():
+    assert format_value("pitch_duty_cycle", -0.0345) == "\u22123.45"
     assert format_difference("mean_power", 4.5e6, 5e6) == "\u221210.0 %"
     assert format_difference("overspeed_count", 3.0, 1.0) == "+2.0"
     assert format_difference("pitch_travel", np.radians(5.0), 0.0) == "+5.0 deg"
-    assert difference("tip_clearance_min", 0.3, 0.05) == (pytest.approx(0.25), False)
-    assert format_difference("tip_clearance_min", 0.3, 0.05) == "+0.25 m"
     assert format_difference("tip_clearance_min", -0.2, 0.3) == "\u22120.50 m"
     assert format_difference("yaw_travel", 0.0, 0.0) == "="
 
@@ -82,10 +74,6 @@ def test_what_a_difference_means(key, value, reference, expected):
     assert difference_class(key, value, reference) == expected
 
 
-def agent_text(result):
-    return summarize(result)[1]
-
-
 @pytest.mark.parametrize(
     ("changes", "said", "kind"),
     [
@@ -99,13 +87,14 @@ def agent_text(result):
     ],
 )
 def test_what_changes_come_to(changes, said, kind):
-    assert said in agent_text(evaluation(**changes))
+    assert said in summarize(evaluation(**changes))[1]
     assert verdict(evaluation(**changes), "PPO").kind == kind
 
 
 def test_an_early_end_is_told_and_not_compared(tmp_path):
     result = evaluation(endings=("time", "overspeed"), mean_power=2e6)
-    text = agent_text(result)
+    text = summarize(result)[1]
+    assert "ended early" in result_sentence(result)
     assert "lost the turbine in one of two winds (overspeed after 40 s at 12 m/s, seed 1002)" in text
     assert "produced 75 % of the energy" in text
     assert "cannot replace Baseline" in text
@@ -124,9 +113,7 @@ def test_what_all_have_in_common_is_said_once():
     assert text[0] == "Both lost the turbine in one wind (12 m/s, seed 1002: overspeed after 40 s)."
     assert " ".join(text).count("lost the turbine") == 1
     ran = [replace(one, metrics=one.metrics | {"overspeed_count": 2.0}) for one in both.runs]
-    assert "All ran into overspeed (above 110 % of rated), in number of events: Baseline 4, PPO 4." in summarize(
-        replace(both, runs=ran)
-    )[0]  # fmt: skip
+    assert summarize(replace(both, runs=ran))[0].endswith("in number of events: Baseline 4, PPO 4.")
 
 
 @pytest.mark.parametrize(
@@ -152,10 +139,6 @@ def test_the_result_in_one_sentence(changes, expected):
     sentence = result_sentence(evaluation(**changes)).replace("\u00a0", " ")
     assert "in two winds" in sentence
     assert sentence.replace("Against Baseline in two winds, ", "").replace(" in two winds.", ".") == expected
-
-
-def test_the_result_of_runs_that_ended_early_compares_nothing():
-    assert "ended early" in result_sentence(evaluation(endings=("time", "overspeed")))
 
 
 def test_trainings_are_named_as_such():
@@ -193,7 +176,6 @@ def test_notes_on_trainings_are_shown_and_no_wind_is_called_unseen_then(tmp_path
     result = replace(evaluation(training={"PPO": record()}), notes={"PPO": note})
     assert note in summarize(result)
     assert not unseen(result)
-    assert result.to_json()["notes"] == {"PPO": note}
     page = write_report(result, tmp_path / "report.html").read_text(encoding="utf-8")
     assert note.replace("<its>", "&lt;its&gt;") in page
     result.save(tmp_path)
@@ -201,11 +183,9 @@ def test_notes_on_trainings_are_shown_and_no_wind_is_called_unseen_then(tmp_path
 
 
 def test_runs_that_fail_at_once_are_reported(tmp_path):
-    result = evaluation(endings=("failure", "failure"))
-    failed = [
-        replace(one, data=one.data.isel(time=[0]), metrics={}, duration=0.0, ending="failure") for one in result.runs
-    ]
-    result = replace(result, runs=failed)
+    result = evaluation()
+    nothing = {"data": result.runs[0].data.isel(time=[0]), "metrics": {}, "duration": 0.0, "ending": "failure"}
+    result = replace(result, runs=[replace(one, **nothing) for one in result.runs])
     text = " ".join(summarize(result))
     assert "nan" not in text
     assert "the simulation failed after 0 s" in text
@@ -213,17 +193,14 @@ def test_runs_that_fail_at_once_are_reported(tmp_path):
 
 
 def test_baseline_alone():
-    runs = [run("Baseline", wind) for wind in WINDS]
-    alone = Evaluation("Turbine", {}, runs, "Baseline")
+    alone = Evaluation("Turbine", {}, [run("Baseline", wind) for wind in WINDS], "Baseline")
     assert headline(alone) == "Baseline in two winds"
     assert summarize(alone)[0].startswith("Baseline kept the turbine running in both winds.")
 
 
 def test_figures_hold_every_agent():
     result = evaluation(endings=("time", "standstill"))
-    series = time_series_figure(result, WINDS[1])
-    assert {trace.name for trace in series.data} == {"wind", "Baseline", "PPO"}
-    assert len(series.data) == 1 + 2 * 6
+    assert len(time_series_figure(result, WINDS[1]).data) == 1 + 2 * 6
     spectra = spectra_figure(result, skip=10.0)
     assert len(spectra.data) == 2 * 4
     peak = spectra.data[0].x[np.argmax(spectra.data[0].y)]
@@ -236,9 +213,7 @@ def test_an_evaluation_as_a_table():
     table = replace(found, runs=[*found.runs[:-1], short]).to_dataframe()
     assert list(table.columns) == ["agent", "wind_speed", "wind_seed", "wind", "ending", "duration", "episode_return",
                                    *METRICS]  # fmt: skip
-    assert table.agent.tolist() == ["Baseline", "Baseline", "PPO", "PPO"]
     assert table.wind_seed[:3].tolist() == [1001, 1002, 1001]
     assert table.wind_seed.isna().tolist() == [False, False, False, True]
     assert table.mean_power[2] == 2e6
     assert np.isnan(table.mean_power[3])
-    assert table.groupby("agent").mean_power.mean()["PPO"] == 2e6

@@ -291,7 +291,7 @@ def _record(turbine: Turbine, task: LinearDesignTask, run: tuple[float, int, boo
     speed, seed, excited = run
     offsets = PitchOffsets(turbine, task.limit, task.rate_limit, False)
     drawn = (task.excitation, _EXCITATION_SEED + seed) if excited else None
-    return record(turbine, task.base, speed, seed, task.duration, offsets, drawn, task.fidelity)
+    return record(turbine, task.base, Wind(speed, seed), task.duration, offsets, drawn, task.fidelity)
 
 
 def make_ceiling(

@@ -19,11 +19,6 @@ from wt_gym.base.files import shipped_folder
 from wt_gym.base.options import Options, option, option_record, options_of, word_value
 from wt_gym.tasks import TASKS
 
-__all__ = [
-    "ALGORITHMS", "OVER_ALL_COPIES", "check_hyperparameters", "hyperparameters_for", "of_each_copy",
-    "read_hyperparameters", "recipe_file", "recipe_names", "replaced",
-]  # fmt: skip
-
 _FOLDER, _RECIPES = shipped_folder() / "hyperparameters", shipped_folder() / "recipes"
 
 

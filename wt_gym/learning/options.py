@@ -97,6 +97,7 @@ class TrainingConfig(Options):
     def check(self) -> None:
         """Put budgets and pretraining into the arguments of the environment; refuse what does not go together."""
         from wt_gym.envs.options import with_whole_paths
+        from wt_gym.envs.terminations import PITCH_TRAVEL
 
         if self.pretraining is None and not self.total_steps:
             raise ValueError("total_steps must be at least 1 without a pretraining, got 0")
@@ -105,6 +106,12 @@ class TrainingConfig(Options):
         for name in ("budgets", "pretraining"):
             if getattr(self, name) is not None and self.algorithm != "PPO":
                 raise ValueError(f"{name} must be left out except with the algorithm PPO, got {self.algorithm!r}")
+        others = sorted(set(self.budgets or {}) - {PITCH_TRAVEL})  # a pretraining forecasts the travel of its offsets
+        if self.pretraining is not None and not self.total_steps and others:
+            raise ValueError(
+                f"a pretraining alone keeps a budget of {PITCH_TRAVEL}, and PPO after it the others: give steps, or "
+                f"leave out {', '.join(others)}"
+            )
         if self.budgets is not None:
             limits = self.env_kwargs.get("cost_limits", self.budgets)
             if limits != self.budgets:

@@ -40,7 +40,7 @@ from wt_gym.experiment.run import EpisodePlayer
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -49,11 +49,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
-__all__ = [
-    "OUTPUTS", "EpisodeJob", "Limits", "LinearizedEpisode", "Plants", "PlayedActions", "RecordedEpisode",
-    "check_environment", "cycle_ends", "damage_equivalent_load", "load_metrics", "plant_outputs", "record_episode",
-    "tensor",
-]  # fmt: skip
 
 _ENDLESS = 10**9  # control steps
 
@@ -443,6 +438,14 @@ class Limits:
     """mean, tilt_yaw: offset at an action of one [rad]."""
     washout: float | None
     """Time constant of the high-pass filter of the mean [s]."""
+    full_rate: float
+    """Of the pitch drives [rad/s]."""
+    rated_power: float
+    """[W]."""
+    skip: float
+    """Start of an episode that does not count [s]."""
+    dial_at: tuple[int, ...] = ()
+    """Places of the factors of a dial in an observation, in the order of `DIAL_NAMES`; none without a dial."""
 
     def offsets(self, actions: torch.Tensor, share: torch.Tensor, dt: float) -> torch.Tensor:
         """Offsets (3, n) [rad] of actions (n, 3), as far as shares (3, n) let them; rates have no limit."""
@@ -503,14 +506,6 @@ class LinearizedEpisode:
         Policy under which it was recorded: actions (n, 3) of observations (n, n_obs).
     baseline : dict
         Metrics of the published controller in this wind speed.
-    full_rate : float
-        Of the pitch drives [rad/s].
-    rated_power : float
-        [W].
-    skip : float
-        Start that does not count [s].
-    dial_at : sequence of int
-        Places of the factors of a dial in an observation, in the order of `DIAL_NAMES`; none without a dial.
     seen : Plants, optional
         Responses of what the agent sees to its own offsets, where the model of the base controller does not hold; by
         default there are none.
@@ -523,16 +518,11 @@ class LinearizedEpisode:
         plants: Plants,
         limits: Limits,
         baseline: dict[str, float],
-        full_rate: float,
-        rated_power: float,
-        skip: float,
-        dial_at: Sequence[int] = (),
         seen: Plants | None = None,
     ) -> None:
-        self._dial_at, self._plants, self._seen = list(dial_at), plants, seen
-        self.speed, self.seed, self.steps, self._dt = episode.speed, episode.seed, episode.steps, episode.dt
-        self._limits, self._baseline, self._full_rate = limits, baseline, full_rate
-        self._skip = round(skip / episode.dt)
+        self._plants, self._seen, self._limits, self._baseline = plants, seen, limits, baseline
+        self.speed, self.steps, self._dt = episode.speed, episode.steps, episode.dt
+        self._skip = round(limits.skip / episode.dt)
         self.observations = torch.from_numpy(episode.observations)
         cyclic = episode.share * episode.individual
         self._share, self._gain = tensor(np.stack([episode.share, cyclic, cyclic])), episode.pitch_gain
@@ -544,7 +534,7 @@ class LinearizedEpisode:
         self._flap_cos, self._flap_sin = tensor(np.cos(still)), tensor(np.sin(still))
         self._flap, self._tower = tensor(episode.flap / _MEGA), tensor(episode.tower / _MEGA)
         self._pitch = tensor(episode.pitch)
-        power = np.minimum(episode.power, rated_power)
+        power = np.minimum(episode.power, limits.rated_power)
         self._power = float(power[self._skip :].mean()) / _MEGA
         with torch.no_grad():
             self._acted = limits.offsets(actor(self.observations), self._share, self._dt)
@@ -572,7 +562,7 @@ class LinearizedEpisode:
             seen = seen + noise * torch.randn_like(seen)
         if dial is not None:
             seen = seen.clone()
-            seen[:, self._dial_at] = torch.tensor([math.log2(factor) for factor in dial])
+            seen[:, list(self._limits.dial_at)] = torch.tensor([math.log2(factor) for factor in dial])
         offsets = self._limits.offsets(actor(seen), self._share, self._dt)
         if self._seen is not None:
             for _ in range(_LOOPS):
@@ -587,7 +577,8 @@ class LinearizedEpisode:
         flap = self._flap + changed[0] + changed[1] * self._flap_cos + changed[2] * self._flap_sin
         moved = self._gain * (more[0] + more[1] * self._pitch_cos + more[2] * self._pitch_sin)
         pitch = torch.cat([self._pitch[:, :1], self._pitch[:, 1:] + moved], 1)
-        found = load_metrics(flap, self._tower + changed[3:5], pitch, self._dt, self._full_rate, self._skip, exponents)
+        full_rate, tower = self._limits.full_rate, self._tower + changed[3:5]
+        found = load_metrics(flap, tower, pitch, self._dt, full_rate, self._skip, exponents)
         found["captured_power"] = self._power + changed[5, self._skip :].mean().clamp(max=0.0)
         return found
 
@@ -619,9 +610,8 @@ class LinearizedEpisode:
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """`cost`, and the mean pitch travel of the blades [rad/s]."""
         now = self.metrics(offsets, exponents)
-        travel = now["pitch_duty_cycle"] * self._full_rate
-        true = (BLADE_EXPONENT, TOWER_EXPONENT)
-        if exponents != true:
+        travel = now["pitch_duty_cycle"] * self._limits.full_rate
+        if exponents != (BLADE_EXPONENT, TOWER_EXPONENT):
             scale = self._scales(exponents)
             now = {name: value * scale.get(name, 1.0) for name, value in now.items()}
         total = torch.zeros(())

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from ray.rllib.env.env_runner import EnvRunner
     from stable_baselines3.common.base_class import BaseAlgorithm
 
-__all__ = ["RunnerEnv", "first_weights", "make_runner_env", "runner_report", "set_runner_statistics", "take_weights"]
 
 # As stable-baselines3's VecNormalize, so that the same hyperparameters mean the same.
 _CLIP, _EPSILON = 10.0, 1e-8
