@@ -246,6 +246,12 @@ def test_change_of_power_is_what_the_linear_model_leaves():
     assert change_of_power([model[0] + 1.0], model, offsets, 5e6) == 0.0
 
 
+@pytest.mark.parametrize("wrong", [{"ridge": -1.0}, {"passes": 0}, {"washout": 0.0}, {"weights": {"flap": 1.0}}])
+def test_options_refuse(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        FeedbackOptions(**wrong)
+
+
 # ---------------------------------------------------------------- the past
 
 
@@ -674,13 +680,20 @@ def test_offsets_by_default_are_within_what_the_drives_of_a_turbine_can_follow(n
 # ---------------------------------------------------------------- the design as a whole
 
 
+def test_seeds_for_evaluation_never_enter_a_design():
+    with pytest.raises(ValueError, match=r"training winds, 1 to 24; got 1001"):
+        LinearDesignTask(speeds=(15.0,), seeds=(1, 2, 1001))
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
         ({"speeds": (15.0, 12.0)}, "rising"),
         ({"speeds": ()}, "rising"),
         ({"seeds": (1, 1)}, "different"),
+        ({"excited": 1}, "excited"),
         ({"duration": 30.0}, "at least"),
+        ({"least_power": 0.1}, "least_power"),
     ],
 )
 def test_tasks_refuse(wrong, message):

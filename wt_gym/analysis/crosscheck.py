@@ -211,7 +211,7 @@ def _agents(content: Mapping[str, Any]) -> list[str]:
 
 
 def _speed_text(speed: float | None) -> str:
-    return "all winds" if speed is None else f"{speed:g} m/s"
+    return "All winds" if speed is None else f"{speed:g} m/s"
 
 
 def _estimate(record: Mapping[str, Any] | None) -> Estimate | None:
@@ -326,7 +326,7 @@ def _text(check: Crosscheck, content: Mapping[str, Any], command: str | None) ->
 def _write_report(check: Crosscheck, content: Mapping[str, Any], folder: Path, command: str | None) -> Path:
     evaluation = check.evaluations[0]
     labels = page.agent_labels(evaluation.agents)
-    heads = [name[0].upper() + name[1:] for name in _HEADS]
+    heads = [page.column_head(key) for key in COMPARED]
     more = [
         f"changes against <b>{escape(check.baseline)}</b> in the same simulator; above {escape(check.names[0])}, below"
         f" {escape(check.names[1])}"

@@ -15,7 +15,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.analysis.metrics import metric_of
+from wt_gym.analysis.metrics import COLUMN_HEADS, metric_of
 from wt_gym.analysis.statistics import Estimate, difference
 from wt_gym.base.files import write_text_whole
 
@@ -155,6 +155,11 @@ def change_tag(
 def difference_tag(key: str | Metric, value: float, reference: float) -> str:
     """Difference of two extremes or counts, colored by what it means."""
     return tag(format_difference(key, value, reference), difference_class(key, value, reference))
+
+
+def column_head(key: str) -> str:
+    """Head of the column of a metric."""
+    return COLUMN_HEADS[key][0].upper() + COLUMN_HEADS[key][1:]
 
 
 def metric_label(key: str | Metric) -> str:

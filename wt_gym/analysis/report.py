@@ -20,7 +20,7 @@ from wt_gym.analysis.figures import (
     trainings,
     verdict_figure,
 )
-from wt_gym.analysis.metrics import COLUMN_HEADS, LIMIT_METRICS, METRICS, TRACKING_METRICS, measured_metrics
+from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS, measured_metrics
 from wt_gym.analysis.page import BEYOND, NONE, Row, Section, change_tag, format_value
 from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE
 from wt_gym.analysis.statistics import (
@@ -168,7 +168,7 @@ def _verdicts(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None) -> S
             note = [escape(_crosscheck_note(crosscheck, evaluation.speeds[0]))]
             cells = ["", *(there.get(key, "") for key in JUDGED), ""]
             rows.append(Row(f"in {escape(_simulator(crosscheck))}", cells, "sub"))
-    head = ["Agent", "Verdict", *(COLUMN_HEADS[key].capitalize() for key in JUDGED), "Tip clearance, smallest"]
+    head = ["Agent", "Verdict", *map(page.column_head, JUDGED), "Tip clearance, smallest"]
     more = [f"changes against <b>{escape(base)}</b> in the same winds, with 95 % intervals", *note]
     figure = verdict_figure(evaluation)
     drawn = "" if figure is None else page.figure_element("changes", figure)
