@@ -45,9 +45,8 @@ def test_violations_are_counted_by_limit_and_kind_and_beside_the_base_controller
     }  # fmt: skip
     assert {kind: one["any"] for kind, one in sums["kinds"].items()} == {"none": 1, "slow_drive": 1}
     assert [(row["episode"], bool(row["base"])) for row in sums["beyond"]] == [(2, True), (3, False)]
-    assert {policy: one["any"] for policy, one in sums["paired_counts"].items()} == {
-        "task": 1, "base": 1, "agent": 2, "filtered": 1
-    }  # fmt: skip
+    counts = {policy: one["any"] for policy, one in sums["paired_counts"].items()}
+    assert counts == {"task": 1, "base": 1, "agent": 2, "filtered": 1}
     # by steps, not by episodes: 50 of 700
     assert sums["filtered"] == {"none": 0.0, "slow_drive": pytest.approx(50 / 400)}
     assert sums["paired_counts"]["filtered"]["filtered"] == pytest.approx(50 / 1000, rel=1e-3)

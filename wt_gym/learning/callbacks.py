@@ -52,24 +52,9 @@ _SEED = 2**31  # of what the wind seed does not decide (directions, gusts, noise
 class SelectionEvaluation:
     """Runs a policy and, once, the baseline controller in the same few winds.
 
-    Parameters
-    ----------
-    wind : WindSampler
-        Of the training environment: the winds have its mean speeds and other seeds.
-    before : dict, optional
-        Evaluations in the record of an earlier session: in the same winds the baseline is not run again.
-
-    Attributes
-    ----------
-    baseline : list of dict or None
-        Figures of the baseline controller by wind, from the first evaluation on.
-    seconds : float
-        Wall time spent [s].
-
-    Raises
-    ------
-    ValueError
-        If the training draws from so many seeds that too few are held back, or the earlier evaluations are damaged.
+    The winds have the mean speeds of the training environment's and other seeds. In those of ``before``, evaluations in
+    the record of an earlier session, the baseline is not run again. Attributes are the figures of the baseline by wind,
+    None before the first evaluation, and the wall time spent [s].
     """
 
     def __init__(self, config: TrainingConfig, wind: WindSampler, before: dict[str, Any] | None = None):
@@ -154,10 +139,7 @@ class StopRequest:
 
 @contextmanager
 def stop_on_signals() -> Iterator[StopRequest]:
-    """Turn SIGINT (Ctrl-C) and SIGTERM into a request; the second one ends the program as usual.
-
-    Signals reach the main thread alone: in another one nothing is changed.
-    """
+    """Turn SIGINT (Ctrl-C) and SIGTERM into a request; the second one ends the program. Only in the main thread."""
     request = StopRequest()
     if threading.current_thread() is not threading.main_thread():
         yield request

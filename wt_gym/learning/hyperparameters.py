@@ -121,13 +121,7 @@ them for each copy. One replaces the other."""
 
 
 def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparameters") -> dict[str, Any]:
-    """Refuse hyperparameters that an algorithm does not have, or values out of range; return the others as they are.
-
-    Raises
-    ------
-    ValueError
-        Naming what was given and what is allowed.
-    """
+    """Refuse hyperparameters that an algorithm does not have, or values out of range; return the others as they are."""
     if algorithm not in ALGORITHMS:
         near = did_you_mean(algorithm, ALGORITHMS)
         raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}{near}")
@@ -147,14 +141,7 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
 
 
 def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[str, Any]:
-    """Hyperparameters of a file for an environment: its section on top of ``default``.
-
-    Raises
-    ------
-    FileNotFoundError
-    ValueError
-        If the file is not YAML, has a section that names no environment, or an entry that the algorithm does not take.
-    """
+    """Hyperparameters of a YAML file for an environment: its section on top of ``default``."""
     path = Path(path)
     try:
         table = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -176,22 +163,7 @@ def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[
 def hyperparameters_for(
     algorithm: str, env_id: str, file: str | Path | None = None, overrides: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Hyperparameters that training starts with.
-
-    Those that come with the package, replaced by those of a file, replaced by single ones.
-
-    Parameters
-    ----------
-    algorithm : str
-        Of `ALGORITHMS`.
-    file : str or path, optional
-    overrides : mapping, optional
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        See `read_hyperparameters`.
-    """
+    """Hyperparameters of a training: those of the package, replaced by those of a file, replaced by single ones."""
     overrides = check_hyperparameters(algorithm, overrides or {})
     values = read_hyperparameters(_FOLDER / f"{algorithm.lower()}.yml", algorithm, env_id)
     if file is not None:
@@ -207,15 +179,7 @@ def replaced(values: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[st
 
 
 def of_each_copy(values: Mapping[str, Any], n_envs: int) -> dict[str, Any]:
-    """Hyperparameters as stable-baselines3 has them: steps between updates are of each copy of the environment.
-
-    Parameters
-    ----------
-    values : mapping
-        Of `hyperparameters_for`.
-    n_envs : int
-        Copies.
-    """
+    """Hyperparameters as stable-baselines3 has them: steps between updates are of each copy of the environment."""
     given = dict(values)
     for over_all, each in OVER_ALL_COPIES.items():
         if over_all in given:
@@ -229,18 +193,7 @@ def recipe_names() -> tuple[str, ...]:
 
 
 def recipe_file(env_id: str) -> Path:
-    """File with the recipe of an environment.
-
-    Parameters
-    ----------
-    env_id : str
-        Id of a task.
-
-    Raises
-    ------
-    ValueError
-        If the id is that of no task with a recipe.
-    """
+    """File with the recipe of the id of a task."""
     tasks = {TASKS[name].id: name for name in recipe_names()}
     if env_id not in tasks:
         raise ValueError(

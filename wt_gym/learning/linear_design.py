@@ -122,15 +122,10 @@ def minimize_quadratic(
     ridge: float = 0.0,
     linear: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Coefficients q that minimize the sum of ``|q rows + targets|^2`` over all pairs, plus ``linear q`` and a ridge.
+    """Coefficients q (n,) that minimize the sum of ``|q rows + targets|^2`` over pairs, plus ``linear q`` and a ridge.
 
-    Parameters
-    ----------
-    rows : sequence of (numpy.ndarray, shape (n, m), numpy.ndarray, shape (m,))
-        What each coefficient adds, and what is there without.
-    ridge : float
-        Over the diagonal of the normal equations.
-    linear : numpy.ndarray, shape (n,), optional
+    Rows (n, m) are the effects of the coefficients, targets (m,) the values without; the ridge is over the diagonal of
+    the normal equations.
     """
     gram = np.sum([added @ added.T for added, _ in rows], axis=0)
     right = -np.sum([added @ there for added, there in rows], axis=0)
@@ -262,12 +257,7 @@ def fit_feedback(
 ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Fit a feedback to runs without offsets.
 
-    Returns
-    -------
-    gains : numpy.ndarray, shape (3, 6, n_delays)
-        As of `wt_gym.control.controllers.linear_optimal.LinearDesign`.
-    offsets : list of numpy.ndarray, shape (3, n)
-        Of each run [rad], without limits.
+    Return gains (3, 6, n_delays) as of `LinearDesign`, and the offsets (3, n) of each run [rad], without limits.
     """
     features = [_features(run, plant, options) for run in runs]
     columns = [_columns(run, plant, options) for run in runs]
@@ -397,14 +387,12 @@ def design(
     executor: Executor | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> LinearDesign:
-    """Make a design.
+    """Make a design, by default at `default_speeds`, within `default_limits`.
 
     Parameters
     ----------
-    task : LinearDesignTask, optional
-        By default at `default_speeds`, within `default_limits`.
     store : RecordingStore, optional
-        Keeps recordings; what is there is not made again.
+        Its recordings are not made again.
     executor : Executor, optional
         Of `wt_gym.experiment.execute`, entered: does the runs.
     progress : callable, optional

@@ -142,13 +142,7 @@ class TrainingConfig(Options):
         return replace(self, **{name: value for name, value in limits.items() if value is not None})
 
     def continues(self, record: Any) -> bool:
-        """Whether this is the training of a record's configuration, except for seed and limits.
-
-        Parameters
-        ----------
-        record : Any
-            Fields by name; anything else is another training.
-        """
+        """Return True for the training of a record's configuration, except for seed and limits."""
         free = dict.fromkeys(("seed", "total_steps", "max_seconds"))
         try:
             configs = (self.with_hyperparameters(), TrainingConfig.from_dict(record).with_hyperparameters())
@@ -230,13 +224,7 @@ class PretrainingOptions(Options):
 
 
 def _checked_condition(given: Any, skip: float) -> dict[str, Any]:
-    """A condition, as arguments by their flat names.
-
-    Raises
-    ------
-    ValueError
-        If it is not a mapping, or has arguments that no condition has.
-    """
+    """Arguments of a condition by their flat names."""
     from wt_gym.envs.options import flat_arguments
     from wt_gym.envs.variation import STRUCTURAL
 
@@ -271,18 +259,8 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
 
     The agent acts by offsets of the pitch alone on the linear optimal controller, which takes the place of the
     turbine's own where the id has additions to that; it sees what no action changes, and fades as the controller does.
-    Its offsets are within what the pitch drives of the turbine can do.
-
-    Parameters
-    ----------
-    env_kwargs : mapping
-        What is given.
-
-    Raises
-    ------
-    ValueError
-        If the actions of the id do not move the pitch, or its base controller is without the turbine's own, which the
-        linear optimal controller could replace.
+    Its offsets are within the abilities of the pitch drives of the turbine. A ValueError where the actions of the id do
+    not move the pitch, or its base controller is without the turbine's own, which the linear optimal one could replace.
     """
     from wt_gym.control.controllers.linear_optimal import default_limits
     from wt_gym.control.controllers.names import BASELINE, parse_name

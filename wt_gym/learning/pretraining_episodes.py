@@ -119,13 +119,7 @@ class EpisodeJob:
 
 
 class PlayedActions:
-    """Agent that plays actions, whatever it sees.
-
-    Parameters
-    ----------
-    actions : numpy.ndarray, shape (n, n_act)
-        After the last come zeros.
-    """
+    """Agent that plays actions (n, n_act), then zeros, whatever it sees."""
 
     def __init__(self, actions: NDArray[np.float64]) -> None:
         self.actions, self._count = actions.astype(np.float32), 0
@@ -159,12 +153,7 @@ class _Watched:
 
 
 def check_environment(env: WindTurbineEnv) -> None:
-    """Refuse an environment in which actions have an effect on later observations that no model takes away.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse an environment in which actions have an effect on later observations that no model takes away."""
     chosen = env.options.actions
     if not (chosen.mode == "residual" and chosen.pitch == "fixed-frame" and chosen.residual == "offset"):
         raise ValueError(
@@ -212,13 +201,7 @@ def _environment(env_id: str, arguments: str, baseline: bool, condition: str) ->
 
 
 def record_episode(job: EpisodeJob) -> RecordedEpisode:
-    """Play an episode and record it.
-
-    Raises
-    ------
-    wt_gym.base.errors.SimulationError
-        If the episode ends early.
-    """
+    """Play an episode and record it; a SimulationError where it ends early."""
     env = _environment(job.env_id, job.arguments, job.baseline, job.condition)
     plain = turbine_env_of(env)
     agent = _Watched(job.agent or ConstantAgent(plain.layout), plain)
@@ -276,18 +259,9 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
 
 @numba.njit(cache=True)
 def cycle_ends(signal: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Cycles of a signal by rainflow counting (ASTM E1049-85, 5.4.4).
+    """Cycles of a signal (n,) by rainflow counting (ASTM E1049-85, 5.4.4).
 
-    Parameters
-    ----------
-    signal : numpy.ndarray, shape (n,)
-
-    Returns
-    -------
-    ends : numpy.ndarray, shape (n_cycles, 2)
-        Samples between which each cycle goes.
-    counts : numpy.ndarray, shape (n_cycles,)
-        1, or 0.5 for half cycles.
+    Samples between which each cycle goes (n_cycles, 2), and counts (n_cycles,): 1, or 0.5 for half cycles.
     """
     n = signal.size
     turning = np.empty(n, np.int64)
@@ -327,23 +301,7 @@ def cycle_ends(signal: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[
 
 
 def damage_equivalent_load(signal: torch.Tensor, duration: float, exponent: float) -> torch.Tensor:
-    """Range of as many equal cycles as the time has seconds that damages as the signal does.
-
-    As `wt_gym.analysis.metrics.damage_equivalent_load`, with a gradient.
-
-    Parameters
-    ----------
-    signal : torch.Tensor, shape (n,)
-    duration : float
-        [s].
-    exponent : float
-        Of the S-N curve [-].
-
-    Returns
-    -------
-    torch.Tensor, shape ()
-        In the unit of the signal.
-    """
+    """Load of a signal (n,), as of `wt_gym.analysis.metrics.damage_equivalent_load`, with a gradient."""
     ends, counts = cycle_ends(signal.detach().numpy().astype(np.float64))
     ranges = (signal[ends[:, 0]] - signal[ends[:, 1]]).abs()
     largest = ranges.detach().max()  # powers of ten of loads in N m would overflow
@@ -384,15 +342,10 @@ def plant_outputs(episode: RecordedEpisode) -> NDArray[np.float64]:
 
 
 class Plants:
-    """Impulse responses at several mean winds, between which the wind speed chooses.
+    """Impulse responses at several rising mean winds [m/s], between which the wind speed chooses.
 
-    Parameters
-    ----------
-    speeds : sequence of float
-        Rising [m/s].
-    responses : numpy.ndarray, shape (n, n_out, 3, n_taps)
-        Of outputs to mean, tilt and yaw, per radian; entry l is what an offset does l + 1 steps later. Of `OUTPUTS`
-        [MN m/rad, MW/rad], or of what the agent sees.
+    Responses (n, n_out, 3, n_taps) of outputs to mean, tilt and yaw, per radian; entry l is the effect of an offset
+    l + 1 steps later. Outputs are `OUTPUTS` [MN m/rad, MW/rad], or observations of the agent.
     """
 
     def __init__(self, speeds: tuple[float, ...], responses: NDArray[np.float64]) -> None:
@@ -473,18 +426,9 @@ def load_metrics(
 ) -> dict[str, torch.Tensor]:  # fmt: skip
     """Metrics of the lifetime cost [MN m], of all blades alike.
 
-    Parameters
-    ----------
-    flap, pitch : torch.Tensor, shape (n_blades, n + 1)
-        [MN m], [rad].
-    tower : torch.Tensor, shape (2, n + 1)
-        [MN m].
-    dt, full_rate : float
-        [s], [rad/s].
-    skip : int
-        Samples at the start that do not count.
-    exponents : (float, float)
-        Of blades and tower.
+    Of flapwise moments [MN m] and pitch [rad] (n_blades, n + 1) and tower moments (2, n + 1) [MN m], sampled every
+    ``dt`` [s]; the full rate of the pitch is in rad/s, ``skip`` samples at the start do not count, and the exponents
+    are those of blades and tower.
     """
     time = (flap.shape[1] - skip) * dt
     blades = [damage_equivalent_load(row[skip:], time, exponents[0]) for row in flap]
@@ -545,17 +489,10 @@ class LinearizedEpisode:
         noise: float = 0.0,
         dial: tuple[float, ...] | None = None,
     ) -> torch.Tensor:
-        """Offsets (3, n) of a policy [rad].
+        """Offsets (3, n) of a policy [rad], with noise of a standard deviation on its observations.
 
         Where the agent sees its own offsets u, these solve u = pi(o + H * (u - u_recorded)); Picard iterations from the
-        recorded observations give them as far as the loop is weak.
-
-        Parameters
-        ----------
-        noise : float
-            Standard deviation of what is added to the observations.
-        dial : tuple of float, optional
-            Factors that the policy sees instead of those of the recording.
+        recorded observations give them as far as the loop is weak. Factors of a dial replace those of the recording.
         """
         seen = self.observations
         if noise > 0.0:
@@ -588,7 +525,16 @@ class LinearizedEpisode:
         exponents: tuple[float, float] = (BLADE_EXPONENT, TOWER_EXPONENT),
         dial: tuple[float, ...] | None = None,
     ) -> torch.Tensor:
-        """Lifetime cost under offsets less that of the published controller.
+        """Lifetime cost under offsets (3, n) [rad], as of `cost_and_travel`."""
+        return self.cost_and_travel(offsets, exponents, dial)[0]
+
+    def cost_and_travel(
+        self,
+        offsets: torch.Tensor,
+        exponents: tuple[float, float] = (BLADE_EXPONENT, TOWER_EXPONENT),
+        dial: tuple[float, ...] | None = None,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Lifetime cost less that of the published controller, and mean pitch travel of the blades [rad/s].
 
         Parameters
         ----------
@@ -600,15 +546,6 @@ class LinearizedEpisode:
         dial : tuple of float, optional
             Factors on the parts of the cost.
         """
-        return self.cost_and_travel(offsets, exponents, dial)[0]
-
-    def cost_and_travel(
-        self,
-        offsets: torch.Tensor,
-        exponents: tuple[float, float] = (BLADE_EXPONENT, TOWER_EXPONENT),
-        dial: tuple[float, ...] | None = None,
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """`cost`, and the mean pitch travel of the blades [rad/s]."""
         now = self.metrics(offsets, exponents)
         travel = now["pitch_duty_cycle"] * self._limits.full_rate
         if exponents != (BLADE_EXPONENT, TOWER_EXPONENT):

@@ -25,6 +25,7 @@ from ray.tune.registry import register_env
 from ray.tune.schedulers import ASHAScheduler
 from ray.tune.search import BasicVariantGenerator
 from stable_baselines3.common.callbacks import CallbackList
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from wt_gym.base.files import write_whole
 from wt_gym.experiment.environments import compile_kernels_of
@@ -59,7 +60,6 @@ if TYPE_CHECKING:
     from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.callbacks import BaseCallback
-    from stable_baselines3.common.running_mean_std import RunningMeanStd
     from stable_baselines3.common.vec_env import VecNormalize
 
     from wt_gym.learning.options import TrainingConfig
@@ -317,7 +317,10 @@ class RllibLearner(Learner):
             model.num_timesteps += sum(report["steps"] for report in reports)
             weights = algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
             take_weights(model, weights)
-            _merge(venv.ret_rms, [report["statistics"] for report in reports])
+            returns = RunningMeanStd(epsilon=0.0)
+            for report in reports:
+                returns.update_from_moments(*report["statistics"])
+            vars(venv.ret_rms).update(vars(returns))
             episodes = [{"episode": episode} for report in reports for episode in report["episodes"]]
             callback.update_locals({"infos": episodes})
             going = callback.on_step()
@@ -329,14 +332,6 @@ def _each_runner(algorithm: Algorithm, ask: Callable[[Any], Any]) -> list[Any]:
     remote = algorithm.config.num_env_runners > 0
     answers: list[Any] = algorithm.env_runner_group.foreach_env_runner(ask, local_env_runner=not remote)
     return answers
-
-
-def _merge(whole: RunningMeanStd, statistics: list[tuple[float, float, float]]) -> None:
-    """Put the statistics of the runners together (Chan et al. 1979)."""
-    count = sum(n for _, _, n in statistics)
-    mean = sum(m * n for m, _, n in statistics) / count
-    whole.var = np.asarray(sum((v + (m - mean) ** 2) * n for m, v, n in statistics) / count)
-    whole.mean, whole.count = np.asarray(mean), count
 
 
 _TRIALS = "tune"

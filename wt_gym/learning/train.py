@@ -125,8 +125,7 @@ def train(
     Raises
     ------
     ValueError
-        If the folder holds a training already or another process trains in it, environment and hyperparameters cannot
-        be had, or nothing would hold a budget.
+        If the folder holds a training already or another process trains in it, or the environment cannot be made.
     """
     config, learner = config.with_hyperparameters(), learner or Learner()
     learner.check(config)
