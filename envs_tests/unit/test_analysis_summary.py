@@ -113,7 +113,7 @@ def test_what_all_have_in_common_is_said_once():
     assert text[0] == "Both lost the turbine in one wind (12 m/s, seed 1002: overspeed after 40 s)."
     assert " ".join(text).count("lost the turbine") == 1
     ran = [replace(one, metrics=one.metrics | {"overspeed_count": 2.0}) for one in both.runs]
-    assert summarize(replace(both, runs=ran))[0].endswith("in number of events: Baseline 4, PPO 4.")
+    assert "in number of events: Baseline 4, PPO 4." in summarize(replace(both, runs=ran))[0]
 
 
 @pytest.mark.parametrize(

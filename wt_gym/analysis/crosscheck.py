@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import numpy as np
+import plotly.graph_objects as go
+from matplotlib.figure import Figure
+from plotly.subplots import make_subplots
 from scipy.stats import spearmanr
 
 from wt_gym.analysis import page
@@ -24,9 +27,7 @@ from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, Estimate, paired_chan
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    import plotly.graph_objects as go
     import xarray as xr
-    from matplotlib.figure import Figure
 
     from wt_gym.analysis.results import Evaluation, Wind
 
@@ -228,38 +229,23 @@ def _number(value: float | None) -> str:
 
 
 def tables(content: Mapping[str, Any]) -> str:
-    """Markdown of the changes side by side, the order of the agents, levels and correlations.
-
-    Parameters
-    ----------
-    content : mapping
-        As `Crosscheck.content`, and ``crosscheck.json`` has it.
-    """
+    """Markdown of a ``crosscheck.json``: changes side by side, order of the agents, levels, correlations."""
     (first, second), baseline = content["simulators"], content["baseline"]
-    lines = [
-        f"Changes against {baseline} in the same simulator: {first} / {second}.",
-        "",
-        *page.markdown(["wind", "agent", *_HEADS], _change_rows(content, _pair, {})),
-        "",
-        f"{baseline} in {first} over that in {second}, and Spearman's rank correlation of all agents' changes "
-        "between both.",
-        "",
-        *page.markdown(["wind", "", *_HEADS], _agreement_rows(content)),
-        "",
-        "Correlation sample by sample, mean over the winds.",
-        "",
-        *page.markdown(["agent", *SERIES], _correlation_rows(content, {})),
-    ]
-    for simulator, sentences in zip(content["simulators"], content.get("idle", ()), strict=False):
-        lines += ["", *(f"In {simulator} {sentence}" for sentence in sentences)] if sentences else []
     labels = [f"{name} [{METRICS[key].unit}]" for key, name in zip(COMPARED, _HEADS, strict=True)]
-    lines += [
-        "",
-        f"{baseline}, mean over all winds.",
-        "",
-        *page.markdown(["simulator", *labels], _baseline_rows(content)),
-    ]
-    return "\n".join(lines)
+    parts = [
+        [f"Changes against {baseline} in the same simulator: {first} / {second}."],
+        page.markdown(["wind", "agent", *_HEADS], _change_rows(content, _pair, {})),
+        [f"{baseline} in {first} over that in {second}, and Spearman's rank correlation of all agents' changes between "
+         "both."],
+        page.markdown(["wind", "", *_HEADS], _agreement_rows(content)),
+        ["Correlation sample by sample, mean over the winds."],
+        page.markdown(["agent", *SERIES], _correlation_rows(content, {})),
+        *([f"In {simulator} {sentence}" for sentence in sentences]
+          for simulator, sentences in zip(content["simulators"], content.get("idle", ()), strict=False) if sentences),
+        [f"{baseline}, mean over all winds."],
+        page.markdown(["simulator", *labels], _baseline_rows(content)),
+    ]  # fmt: skip
+    return "\n\n".join("\n".join(part) for part in parts)
 
 
 # ---- pages ----
@@ -306,21 +292,17 @@ def _early_ends(check: Crosscheck) -> list[str]:
 def _text(check: Crosscheck, content: Mapping[str, Any], command: str | None) -> str:
     """Markdown of the whole page."""
     evaluation = check.evaluations[0]
-    ends = _early_ends(check)
-    lines = [
+    parts = [
         f"# {evaluation.turbine}: {check.names[0]} and {check.names[1]}",
-        "",
         f"{evaluation.settings['env_id']}, {_duration(check)}. Winds: {'; '.join(content['winds'])}.",
-        "",
-        *([f"```\n{command}\n```", ""] if command else []),
+        f"```\n{command}\n```" if command else "",
         f"![changes in {check.names[0]} and {check.names[1]}]({_CHANGES_FILE})",
-        "",
         tables(content),
-        *(["", *ends] if ends else []),
+        "\n".join(_early_ends(check)),
     ]
     for agent, (signals, spectra) in _figure_files(content).items():
-        lines += ["", f"## {agent}", "", f"![signals]({signals})", "", f"![spectra]({spectra})"]
-    return "\n".join(lines) + "\n"
+        parts += [f"## {agent}", f"![signals]({signals})", f"![spectra]({spectra})"]
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def _write_report(check: Crosscheck, content: Mapping[str, Any], folder: Path, command: str | None) -> Path:
@@ -435,8 +417,6 @@ def _points(content: Mapping[str, Any], key: str) -> tuple[dict[str, list[tuple[
 
 def _interactive_changes(check: Crosscheck, content: Mapping[str, Any]) -> go.Figure:
     """Changes in the second simulator over those in the first, a point for each agent and wind speed (plotly)."""
-    from plotly.subplots import make_subplots
-
     titles = [f"{COLUMN_HEADS[key]} [{'times' if key == 'pitch_travel' else '%'}]" for key in _PLOTTED]
     figure = make_subplots(rows=len(_PLOTTED), cols=1, subplot_titles=titles, vertical_spacing=0.08)
     styles = page.agent_styles(check.evaluations[0].agents)
@@ -462,8 +442,6 @@ def _interactive_changes(check: Crosscheck, content: Mapping[str, Any]) -> go.Fi
 
 def changes_figure(content: Mapping[str, Any]) -> Figure:
     """Changes in the second simulator over those in the first, a point for each agent and wind speed (matplotlib)."""
-    from matplotlib.figure import Figure
-
     speeds = [speed for speed in _by_speed(content) if speed is not None]
     looks = {
         agent: {"color": _COLORS[k % len(_COLORS)], "fillstyle": "full" if k < len(_COLORS) else "none"}
@@ -494,8 +472,6 @@ def changes_figure(content: Mapping[str, Any]) -> Figure:
 
 def _signals_figure(check: Crosscheck, agent: str) -> Figure:
     """Signals of both simulators in the wind in the middle of the list, on top of each other."""
-    from matplotlib.figure import Figure
-
     winds = check.evaluations[0].winds
     wind = winds[len(winds) // 2]
     pair = check.common(agent, wind)
@@ -516,8 +492,6 @@ def _signals_figure(check: Crosscheck, agent: str) -> Figure:
 
 def _spectra_figure(check: Crosscheck, agent: str) -> Figure:
     """Spectra of both simulators, means over all winds."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(10.0, 6.0), layout="constrained")
     for ax, name in zip(figure.subplots(2, 2).ravel(), _SPECTRA, strict=True):
         frequency, *densities = check.spectra(agent, name)
