@@ -11,7 +11,6 @@ from gymnasium.utils.env_checker import check_env
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from envs_tests.physics.cases.observer_beams import centrifugal_stiffness
 from envs_tests.physics.cases.rotating_beams import body_pose, observed_frequencies
 from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError
@@ -235,32 +234,6 @@ def test_coupled_trajectory_is_that_of_the_same_equations_in_the_embedded_form(m
     errors = [(np.abs(run - known)[:, places] / size).max(axis=0) for run in (coarse, fine)]
     assert errors[1].max() < 1e-3
     assert np.linalg.norm(errors[1]) < 0.5 * np.linalg.norm(errors[0])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("reference", ["clamped", "three_quarter"])
-def test_tips_move_as_in_the_embedded_form(reference):
-    """With second-order displacements, at 11 m/s and 12 rpm: out-of-plane tips within 1 % of the largest in 4 s."""
-    found = []
-    for fidelity in (FIDELITIES["training"], replace(OBSERVER, reference_condition=reference)):
-        sim = Simulator("nrel_5mw", SteadyInflow(11.0, shear_exponent=0.2), fidelity)
-        sim.reset(rotor_speed=1.25, azimuth=0.3)
-        rows = [sim.advance(0.2, pitch=0.01 * (k > 5), generator_torque=40e3).tip_out_of_plane for k in range(20)]
-        found.append(np.array(rows))
-    assert np.abs(found[1] - found[0]).max() < 0.01 * np.abs(found[0]).max()
-
-
-@pytest.mark.slow
-def test_missing_geometric_stiffness_deflects_the_tips_farther():
-    """In a turning rotor the tip deflections exceed those of the embedded form by about K Ω²/ω₀² of their size."""
-    sims = [Simulator("nrel_5mw", SteadyInflow(8.0), fidelity) for fidelity in (FIDELITIES["training"], LINEAR)]
-    tips, flaps = zip(*[((s := sim.reset(rotor_speed=0.96)).tip_out_of_plane.mean(), s.root_flap_moment.mean())
-                        for sim in sims], strict=True)  # fmt: skip
-    structure = sims[0].structure
-    body = structure.system.bodies[structure.blades[0]]
-    expected = centrifugal_stiffness(body, sims[0].turbine.hub.radius) * 0.96**2 / body.stiffness[0, 0]
-    assert tips[1] / tips[0] - 1.0 == pytest.approx(expected, rel=0.25)
-    assert flaps[1] == pytest.approx(flaps[0], rel=0.01)
 
 
 @pytest.mark.slow  # as all of the coupled turbine in observer frames: no id uses them, and their kernels compile long

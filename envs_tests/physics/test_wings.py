@@ -29,7 +29,6 @@ from envs_tests.physics.cases.wings import (
     helix_induction,
     lifting_line_blade,
     middles,
-    optimum_circulation,
     outermost_strips,
     rung_edges,
     through_strips,
@@ -171,24 +170,6 @@ def test_copied_state_continues_bit_for_bit_and_repeated_solves_agree():
     np.testing.assert_allclose(advance(state.copy(), 3).nodal_forces, first.nodal_forces, rtol=0, atol=1e-6)
 
 
-def test_ground_reduces_downwash():
-    """A wing half a span above ground lifts more; the image method is exact for a mirrored pair of wings."""
-    planform = wing(4.0, 2, 8)
-    _, free, _ = steady(planform, 0.05)
-    solver = lattice(planform, ground_height=0.0, viscosity=0.0)
-    state = solver.new_state()
-    # Lift upwards, +z: span along y, chord along x.
-    turn = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]).T
-    nodes = (planform.nodes @ turn.T + np.array([0, 0, 1.0]))[None]
-    alpha = 0.05
-    stream = turn @ np.array([np.sin(alpha), np.cos(alpha), 0])
-    edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
-    along = turn @ np.array([0.0, 1.0, 0.0])
-    solver.initialize_wake(state, nodes, 0 * nodes, 0 * nodes + stream, [edge + 1e3 * along], [1e3])
-    lift = state.nodal_forces.sum(axis=(0, 1, 2))[2] / (0.5 * 4.0)
-    assert free * 1.03 < lift < free * 1.3
-
-
 # ---- references -----------------------------------------------------------------------------------------------------
 # Fast parts of the validation of the lattice on wings: Wagner, Theodorsen, lifting surfaces, Goland's wing.
 
@@ -269,13 +250,6 @@ def test_helix_induction_is_that_of_many_short_segments():
             total += (np.cross(np.diff(points, axis=0), to) / np.linalg.norm(to, axis=1)[:, None] ** 3).sum(axis=0)
         axial, turning = helix_induction(np.array([radius]), helix, pitch, n_blades)
         np.testing.assert_allclose(-total[:2] / (4.0 * np.pi), [axial[0], turning[0]], atol=2e-3)
-
-
-def test_optimum_circulation_tends_to_that_of_prandtl():
-    pitch, radius = 1.0 / 40.0, np.array([0.6, 0.8, 0.9, 0.95])
-    tip = 2.0 / np.pi * np.arccos(np.exp(-1.5 * (1.0 - radius) * np.sqrt(1.0 + 1.0 / pitch**2)))
-    expected = 2.0 * np.pi * pitch / 3.0 * radius**2 / (radius**2 + pitch**2) * tip
-    np.testing.assert_allclose(optimum_circulation(ROOT, pitch, 3)(radius), expected, rtol=1e-3)
 
 
 def test_strips_of_narrow_blades_are_those_of_a_lifting_line():
