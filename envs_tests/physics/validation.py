@@ -53,21 +53,11 @@ class absolute(float):  # a kind of number
 class Check:
     """One quantity compared with its expected value.
 
-    Attributes
-    ----------
-    quantity
-        What is compared; for a qualitative statement, the numeric criterion in words.
-    expected
-        The exact or published number. A string states a bound: ``"<= 1.5"``, ``">= 2"`` or ``"in [a, b]"``.
-    obtained
-        What this package computes.
-    tolerance
-        Largest accepted ``error``, as a fraction of ``expected``; in its unit if it is `absolute`, if zero is expected,
-        and for a bound, which it widens.
-    unit
-        Unit of both numbers.
-    source
-        Where the expected value comes from.
+    ``quantity``: what is compared; for a qualitative statement, the numeric criterion in words; ``expected``: the exact
+    or published number. A string states a bound: ``"<= 1.5"``, ``">= 2"`` or ``"in [a, b]"``; ``obtained``: what this
+    package computes; ``tolerance``: largest accepted ``error``, as a fraction of ``expected``; in its unit if it is
+    `absolute`, if zero is expected, and for a bound, which it widens; ``unit``: unit of both numbers; ``source`` where
+    the expected value comes from.
     """
 
     quantity: str
@@ -233,10 +223,7 @@ def case(
 
     Called without arguments it makes the published numbers; ``slow`` and ``quick`` are those of `Case`.
 
-    Raises
-    ------
-    ValueError
-        If another function already carries the name.
+    Raises `ValueError` if another function already carries the name.
     """
 
     def register(function: Run) -> Run:
@@ -296,10 +283,7 @@ def as_dict(case: Case, result: CaseResult) -> dict[str, Any]:
 def read_record(path: Path) -> dict[str, dict[str, Any]]:
     """Entries by the names of the cases, in alphabetical order.
 
-    Raises
-    ------
-    ValueError
-        If the file is no record.
+    Raises `ValueError` if the file is no record.
     """
     try:
         cases = json.loads(path.read_text(encoding="utf-8"))["cases"]
@@ -313,10 +297,8 @@ def source_commit(record: Path | None = None, root: Path = ROOT) -> str | None:
 
     Changes of ``record``, which every case changes, do not count; ``root`` is the folder of the clone.
 
-    Returns
-    -------
-    str or None
-        Short hash, with a "+" if the tree has changes; None without git, or where the folder is no clone of its own.
+    Returns short hash, with a "+" if the tree has changes; None without git, or where the folder is no clone of its
+    own.
     """
     if not (root / ".git").exists():  # another clone may lie around it
         return None
@@ -338,10 +320,7 @@ def _git(root: Path, *arguments: str) -> str:
 def update_record(path: Path, results: Iterable[tuple[Case, CaseResult]], commit: str | None = None) -> Path:
     """Put results into a record, which is begun if there is none, with the time (UTC), version and commit.
 
-    Raises
-    ------
-    ValueError
-        If the file is there and is no record.
+    Raises `ValueError` if the file is there and is no record.
     """
     cases = read_record(path) if path.exists() else {}
     now = datetime.now(UTC).isoformat(timespec="minutes").removesuffix("+00:00") + "Z"

@@ -37,10 +37,7 @@ STRIPS_OF_A_SECTION = 8
 class UniformStream:
     """An inflow of one velocity everywhere.
 
-    Parameters
-    ----------
-    velocity : array_like, shape (3,)
-        [m/s].
+    ``velocity`` (3,) [m/s].
     """
 
     def __init__(self, velocity: ArrayLike):
@@ -70,16 +67,9 @@ def flat_planform(
 ) -> LatticePlanform:
     """Flat wing whose reference axis is the z axis.
 
-    Parameters
-    ----------
-    edges : array_like, shape (n_span + 1,)
-        Span coordinates of the lattice [m].
-    chord, le_offset : float or array_like, shape (n_span + 1,)
-        Chord [m] and distance from the leading edge to the axis, in chords.
-    n_chord : int
-        Panels along the chord.
-    polar : ndarray, shape (n_alpha, 3), optional
-        Of the sections, on even angles from -pi on; a flat plate's in potential flow if not given.
+    ``edges`` (n_span + 1,): span coordinates of the lattice [m]; ``chord``, ``le_offset`` (n_span + 1,): chord [m] and
+    distance from the leading edge to the axis, in chords; ``n_chord``: panels along the chord; ``polar`` (n_alpha, 3)
+    of the sections, on even angles from -pi on; a flat plate's in potential flow if not given.
     """
     edges = np.asarray(edges, dtype=np.float64)
     one = np.ones_like(edges)
@@ -147,16 +137,8 @@ def far_field_drag(circulation: ArrayLike, edges: ArrayLike) -> float:
 class WingFlow:
     """A half wing, mirrored at z = 0, marched in time from rest or from an impulsive start.
 
-    Parameters
-    ----------
-    n_steps : int
-        Number of steps for which wake rows are kept.
-    dt : float
-        [s].
-    drifting : bool
-        Let the wake drift with the stream instead of moving freely.
-    **options
-        Further `AeroOptions`.
+    ``n_steps``: number of steps for which wake rows are kept; ``dt`` [s]; ``drifting``: let the wake drift with the
+    stream instead of moving freely; ``options``: further `AeroOptions`.
     """
 
     def __init__(
@@ -243,20 +225,9 @@ def wagner_response(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lift after a sudden start, over its final value.
 
-    Parameters
-    ----------
-    n_chord : int
-        Panels along the chord.
-    distance : float
-        Travel in semi-chords.
-    steps_per_panel : float
-        Steps in which the stream passes one panel.
-    shed_fraction : float
-        Where the newest wake row lies on the path of the last step.
-
-    Returns
-    -------
-    travel, lift : ndarray, shape (n_steps,)
+    ``n_chord``: panels along the chord; ``distance``: travel in semi-chords; ``steps_per_panel``: steps in which the
+    stream passes one panel; ``shed_fraction`` where the newest wake row lies on the path of the last step. Returns
+    ``travel``, ``lift`` (n_steps,).
     """
     dt = 1.0 / (n_chord * steps_per_panel)
     n_steps = round(0.5 * distance / dt)
@@ -496,10 +467,7 @@ def sharp_edged_gust(n_chord: int, distance: float) -> tuple[np.ndarray, np.ndar
 
     The stream passes one panel a step, and the gust's edge is spread over one panel.
 
-    Returns
-    -------
-    travel, lift : ndarray, shape (n_steps,)
-        Semi-chords.
+    Returns ``travel``, ``lift`` (n_steps,): semi-chords.
     """
     dt = 1.0 / n_chord
     n_steps = round(0.5 * distance / dt)
@@ -520,10 +488,7 @@ def gust_waves(k: float, n_chord: int) -> tuple[complex, complex]:
 
     The last of at least three periods, at least twenty chords long, is fitted with one harmonic and a straight line.
 
-    Returns
-    -------
-    lift, moment : complex
-        Relative to the gust at mid-chord.
+    Returns ``lift``, ``moment``: relative to the gust at mid-chord.
     """
     omega = 2.0 * k
     period = round(2.0 * np.pi / omega * n_chord)

@@ -73,26 +73,10 @@ def exact_rod(
     (Reissner 1981, Z. Angew. Math. Phys. 32; Simo 1985, Comput. Methods Appl. Mech. Eng. 49, 55–70). N follows from the
     loads; the three components of the root moment are found by Newton's method from M(L).
 
-    Parameters
-    ----------
-    distributed : callable, optional
-        Dead load per arc length p(s) (3,) [N/m].
-    tip_force, tip_moment : array (3,)
-        [N], [N m]; dead.
-    n : int
-        Steps of the midpoint Lie-group rule (second order) along the rod.
-    load_steps : int
-        Load increments.
-
-    Returns
-    -------
-    (array (n + 1,), array (n + 1, 3), array (n + 1, 3, 3))
-        Arc length, deflected position and section frames.
-
-    Raises
-    ------
-    NoRodBalance
-        When Newton's method does not settle.
+    ``distributed``: dead load per arc length p(s) (3,) [N/m]; ``tip_force``, ``tip_moment`` (3,) [N], [N m]; dead;
+    ``n``: steps of the midpoint Lie-group rule (second order) along the rod; ``load_steps``: load increments. Returns
+    (n + 1,), (n + 1, 3), (n + 1, 3, 3): arc length, deflected position and section frames. Raises `NoRodBalance` when
+    Newton's method does not settle.
     """
     s = np.linspace(sections.station[0], sections.station[-1], n + 1)
     h, middle = s[1] - s[0], 0.5 * (s[1:] + s[:-1])
@@ -164,14 +148,8 @@ class BarChain:
     between the middles of its two bars (the root hinge that of the first half bar), the joint behind it the mass
     between the same points, so that properties which change within a bar are kept to second order.
 
-    Parameters
-    ----------
-    length : float
-        [m].
-    bending_stiffness, mass : callable
-        EI(s) [N m²] and mass per length [kg/m] for arrays of arc lengths.
-    n : int
-        Number of bars.
+    ``length`` [m]; ``bending_stiffness``, ``mass``: EI(s) [N m²] and mass per length [kg/m] for arrays of arc lengths;
+    ``n``: number of bars.
     """
 
     def __init__(

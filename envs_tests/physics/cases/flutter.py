@@ -53,14 +53,8 @@ def _segment(start, end, points):
 class LinearLattice:
     """Half wing of constant chord with panels of even size and a time step of one panel.
 
-    Parameters
-    ----------
-    chord, axis : float
-        Chord [m] and distance from the leading edge to the axis y = 0 of twist, in chords.
-    edges : ndarray, shape (n_span + 1,)
-        Span edges, from 0 [m].
-    wake_chords : float
-        Length of the wake.
+    ``chord``, ``axis``: chord [m] and distance from the leading edge to the axis y = 0 of twist, in chords; ``edges``
+    (n_span + 1,): span edges, from 0 [m]; ``wake_chords``: length of the wake.
     """
 
     def __init__(self, chord: float, axis: float, edges, n_chord: int, wake_chords: float):
@@ -88,12 +82,8 @@ class LinearLattice:
     def modal_forces(self, heave, twist, omega: float, speed: float, density: float) -> np.ndarray:
         """Generalized forces (n_mode, n_mode) of the air for harmonic unit modes.
 
-        Parameters
-        ----------
-        heave, twist : ndarray, shape (n_span, n_mode)
-            Displacement along x of the axis and nose-up rotation of the strips.
-        omega, speed, density : float
-            [rad/s], [m/s], [kg/m³].
+        ``heave``, ``twist`` (n_span, n_mode): displacement along x of the axis and nose-up rotation of the strips;
+        ``omega``, ``speed``, ``density`` [rad/s], [m/s], [kg/m³].
         """
         n_span, n_chord = len(self.middle), len(self.vortex)
         step = self.panel / speed
@@ -116,15 +106,8 @@ class LinearLattice:
     def flutter(self, heave, twist, frequency, density: float, guess) -> tuple[float, float]:
         """Flutter speed [m/s] and frequency [rad/s] of mass-normalized modes.
 
-        Parameters
-        ----------
-        heave, twist : ndarray, shape (n_span, n_mode)
-        frequency : ndarray, shape (n_mode,)
-            Of the modes in vacuum [rad/s].
-        density : float
-            [kg/m³].
-        guess : tuple of float
-            Speed and frequency to start from.
+        ``heave``, ``twist`` (n_span, n_mode); ``frequency`` (n_mode,) of the modes in vacuum [rad/s]; ``density``
+        [kg/m³]; ``guess``: speed and frequency to start from.
         """
 
         def determinant(unknown):
@@ -237,12 +220,7 @@ class Resolution:
 class GolandWing:
     """The wing as a flexible body in a stream of one speed, mirrored in the plane of symmetry.
 
-    Parameters
-    ----------
-    speed : float
-        [m/s].
-    resolution : Resolution
-        A time step is the time in which the stream passes one panel.
+    ``speed`` [m/s]; ``resolution``: a time step is the time in which the stream passes one panel.
     """
 
     TOLERANCE, MOST_ITERATIONS = 1e-6, 8
@@ -370,10 +348,7 @@ def growth(speed: float, resolution: Resolution) -> complex:
 def flutter_point(resolution: Resolution, low: float = 150.0, high: float = 180.0, tolerance: float = 0.1):
     """Speed [m/s] without growth by regula falsi (Illinois), frequency there [rad/s] and all points that were marched.
 
-    Raises
-    ------
-    ValueError
-        If the wing is not stable at ``low`` or not unstable at ``high``.
+    Raises `ValueError` if the wing is not stable at ``low`` or not unstable at ``high``.
     """
     points = {v: growth(v, resolution) for v in (low, high)}
     left, right = points[low].real, points[high].real
@@ -543,13 +518,8 @@ class HeldSpeed(TorqueCommand):
 def kicked_motion(turbine, rotor_speed, fidelity=RIGID_TOWER):
     """Motion that a kick of the pitch leaves, at a rotor speed [rad/s].
 
-    Returns
-    -------
-    time : ndarray, shape (n,)
-        Since the end of the kick [s].
-    motion : ndarray, shape (n, 2)
-        What the kick changes in the torsional and the flapwise moment at the root of the first blade, over the
-        largest change of each [-].
+    Returns ``time`` (n,): since the end of the kick [s]; ``motion`` (n, 2): what the kick changes in the torsional and
+    the flapwise moment at the root of the first blade, over the largest change of each [-].
     """
     wind = rotor_speed * turbine.rotor_diameter / 2.0 / TIP_SPEED_RATIO
     machine = HeldSpeed(turbine.drivetrain, HOLDING * rotor_inertia(turbine))

@@ -20,12 +20,8 @@ from wt_gym.wind import SteadyInflow
 def boundary_layer(wind_speed, reference_height=None):
     """Land-surface boundary layer over rural ground, power law with the exponent of open country.
 
-    Parameters
-    ----------
-    wind_speed : float
-        Reference value [m/s].
-    reference_height : float, optional
-        Where the wind has this speed [m]; by default the gradient height.
+    ``wind_speed``: reference value [m/s]; ``reference_height`` where the wind has this speed [m]; by default the
+    gradient height.
     """
     profile = gebhardt_data()["inferred"]["wind_profile"]
     return SteadyInflow(wind_speed, reference_height or profile["reference_height_m"], profile["exponent"])
@@ -60,18 +56,10 @@ LATTICE = FIDELITIES["gebhardt-full"].aero
 class Run:
     """A simulated start: series over the aerodynamic steps.
 
-    Attributes
-    ----------
-    turns : array (n,)
-        Revolutions since the start.
-    speed : array (n,)
-        Rotor speed [rad/s].
-    thrust : array (n,)
-        Force of the air along the shaft [N].
-    fore_aft, side_side : array (n,)
-        Displacement of the tower top, downwind and to the left looking downwind [m].
-    flap, edge : array (n, n_blades)
-        Elastic displacement of the tips in blade axes, to the suction side and to the trailing edge [m].
+    ``turns`` (n,): revolutions since the start; ``speed`` (n,): rotor speed [rad/s]; ``thrust`` (n,): force of the air
+    along the shaft [N]; ``fore_aft``, ``side_side`` (n,): displacement of the tower top, downwind and to the left
+    looking downwind [m]; ``flap``, ``edge`` (n, n_blades): elastic displacement of the tips in blade axes, to the
+    suction side and to the trailing edge [m].
     """
 
     turns: np.ndarray
@@ -114,25 +102,12 @@ def make_simulator(
 ):  # fmt: skip
     """Simulator of the stand-in turbine with its generator.
 
-    Parameters
-    ----------
-    wind : float
-        Reference wind [m/s].
-    rpm : float
-        Expected rotor speed, for the length of the aerodynamic step [rpm].
-    reference_height : float, optional
-        Where the wind has its reference value [m]; by default the gradient height.
-    formulation : {"constrained", "embedded"}
-    viscous : bool
-        Correct the lattice by the airfoil polars.
-    gravity : bool
-        Weight of all bodies (only the embedded form can do without).
-    tower : float
-        Factor on the bending stiffness of the tower.
-    fidelity : str
-        "gebhardt", or "gebhardt-full" with tower and nacelle as bodies that move.
-    forward : float, optional
-        Distance of the nacelle's center of mass upwind of the tower [m].
+    ``wind``: reference wind [m/s]; ``rpm``: expected rotor speed, for the length of the aerodynamic step [rpm];
+    ``reference_height`` where the wind has its reference value [m]; by default the gradient height; ``formulation``:
+    "constrained" or "embedded"; ``viscous``: correct the lattice by the airfoil polars; ``gravity``: weight of all
+    bodies (only the embedded form can do without); ``tower``: factor on the bending stiffness of the tower;
+    ``fidelity``: "gebhardt", or "gebhardt-full" with tower and nacelle as bodies that move; ``forward``: distance of
+    the nacelle's center of mass upwind of the tower [m].
     """
     fidelity = replace(
         FIDELITIES[fidelity],
@@ -183,10 +158,7 @@ def calibrate(
 ):
     """Pitch [rad] at which the rotor turns at the published speed in 15 m/s, by the secant method on coupled runs.
 
-    Raises
-    ------
-    ArithmeticError
-        When no pitch is found.
+    Raises `ArithmeticError` when no pitch is found.
     """
     target = published(15.0)[0]
     simulator = make_simulator(15.0, target, reference_height, "embedded", viscous, lattice=lattice, fidelity=fidelity)

@@ -347,16 +347,8 @@ def _line_system(line):
 def amplification(integrator, step):
     """Matrix that one step applies to everything the integrator carries, for a linear system without loads.
 
-    Parameters
-    ----------
-    integrator : any of the family
-    step : float
-        [s].
-
-    Returns
-    -------
-    array (n, n)
-        n = 9 n_state for the Hamming scheme (four states, four rates, error estimate), else 2 n_state + n_velocity.
+    ``step`` [s]. Returns (n, n): n = 9 n_state for the Hamming scheme (four states, four rates, error estimate), else 2
+    n_state + n_velocity.
     """
     integrator.step = step
     history = integrator.history

@@ -159,16 +159,9 @@ ROTATING_SOURCE = "Wright, Smith, Thresher & Wang, J. Appl. Mech. 49, 1982; comp
 def rotating_frequency(eta, plane, displacement="second_order", n_modes=8, periods=20, per_period=150):
     """ω √(m L⁴/EI) of the first mode of a blade that a massive hub turns, from upward zero crossings of its tip.
 
-    Parameters
-    ----------
-    eta : float
-        Ω √(m L⁴/EI).
-    plane : str
-        "flap", along the axis of rotation, or "lag", across it.
-    displacement : str
-        From the observer frame, "linear" or "second_order".
-    n_modes, periods, per_period : int
-        Modes of the blade, periods that are watched and steps in each.
+    ``eta``: Ω √(m L⁴/EI); ``plane``: "flap", along the axis of rotation, or "lag", across it; ``displacement`` from the
+    observer frame, "linear" or "second_order"; ``n_modes``, ``periods``, ``per_period``: modes of the blade, periods
+    that are watched and steps in each.
     """
     about_x, about_y = (16.0 * EI, EI) if plane == "flap" else (EI, 16.0 * EI)
     sections = BeamSections.uniform(LENGTH, EA=1e8, EIx=about_x, EIy=about_y, GJ=1e6, mass=MASS, Ix=1e-7, Iy=1e-7)
@@ -276,12 +269,7 @@ def centrifugal_stiffness(body, radius):
     The potential of the centrifugal force on the shortening ½ q² H_z is −Ω² ∫ (z + r) ½ q² H_z dm; ∫ z H_z dm is a
     quarter of j2_xx + j2_yy − j2_zz for shapes across z.
 
-    Parameters
-    ----------
-    body : FlexibleBody
-        With second-order displacements.
-    radius : float
-        Of the blade root [m].
+    ``body`` with second-order displacements; ``radius`` of the blade root [m].
     """
     j2 = body.inertia.j2[0, 0]
     return -(0.25 * (j2[0, 0] + j2[1, 1] - j2[2, 2]) + radius * body.inertia.c2[2, 0, 0])
@@ -290,12 +278,8 @@ def centrifugal_stiffness(body, radius):
 def reduced_run(n_modes, formulation="observer", duration=REDUCTION_DURATION, **options):
     """Tip deflection and root moment of blade 1 with a number of modes, None for finite elements.
 
-    Returns
-    -------
-    dict
-        "time" (n,) [s], "tip" (n,) [m] and "moment" (n,) [N m] flapwise, "length" of the blade [m], "cost" of an
-        aerodynamic step [s], "speed" (n,) of the rotor [rad/s], the "blade" and the "radius" of
-        its root [m].
+    Returns dict of "time" (n,) [s], "tip" (n,) [m] and "moment" (n,) [N m] flapwise, "length" of the blade [m], "cost"
+    of an aerodynamic step [s], "speed" (n,) of the rotor [rad/s], the "blade" and the "radius" of its root [m].
     """
     turbine = load_turbine(REDUCED_TURBINE)
     chosen = (

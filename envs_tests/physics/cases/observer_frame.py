@@ -91,20 +91,10 @@ def shaft_beam() -> Beam:
 def rotor(load, axes, reference="clamped", n_modes=None, step=STEP, **options):
     """Integrator of the example with a tip load.
 
-    Parameters
-    ----------
-    load : callable
-        Force and moment (6,) at the blade tip as a function of time.
-    axes : str
-        Of the load, see :meth:`ObserverFrameSystem.load`.
-    reference : str
-        Reference condition of the blade.
-    n_modes : int, optional
-        Elastic modes of the blade; None for finite elements. The shaft is always finite elements.
-    step : float
-        [s].
-    **options
-        Of :class:`ObserverFrameIntegrator`.
+    ``load``: force and moment (6,) at the blade tip as a function of time; ``axes`` of the load, see
+    :meth:`ObserverFrameSystem.load`; ``reference``: reference condition of the blade; ``n_modes``: elastic modes of the
+    blade; None for finite elements. The shaft is always finite elements; ``step`` [s]; ``options`` of
+    :class:`ObserverFrameIntegrator`.
     """
     system = ObserverFrameSystem()
     system.add(Substructure.from_beam("blade", blade_beam(), reference, n_modes))
@@ -129,12 +119,9 @@ def ramp(flap: float, edge: float, duration: float) -> Callable[[float], np.ndar
 def simulate(integrator, end):
     """Histories of the example.
 
-    Returns
-    -------
-    dict of str to array
-        time (n,); tip (n, 3) in the fixed frame [m]; relative (n, 3) displacement of the tip from the frame; largest
-        (n,) flapwise displacement of any node from the frame; speed (n,) of the hub [rad/s]; power (n,) of a load
-        on the undeformed lever [W]; energy [J] and momentum about the shaft [kg m²/s], every tenth step.
+    Returns dict of time (n,); tip (n, 3) in the fixed frame [m]; relative (n, 3) displacement of the tip from the
+    frame; largest (n,) flapwise displacement of any node from the frame; speed (n,) of the hub [rad/s]; power (n,) of a
+    load on the undeformed lever [W]; energy [J] and momentum about the shaft [kg m²/s], every tenth step.
     """
     blade = integrator.system.bodies[0]
     flap_rows = blade.basis[0::6]

@@ -41,24 +41,10 @@ SLOW_WIND = 6.5
 class SteadyPoint:
     """Means of a steady operating point.
 
-    Attributes
-    ----------
-    wind : float
-        [m/s].
-    rotor_speed : float
-        [rpm].
-    pitch : float
-        [deg].
-    power : float
-        Electrical [kW].
-    thrust : float
-        Shaft force with the weight of the rotor [kN].
-    aero_thrust : float
-        Force of the air along the shaft [kN].
-    tip : float
-        Tip displacement out of the plane of rotation [m].
-    drift, speed_drift : float
-        Relative change of power and rotor speed from the first to the second half of the mean.
+    ``wind`` [m/s]; ``rotor_speed`` [rpm]; ``pitch`` [deg]; ``power``: electrical [kW]; ``thrust``: shaft force with the
+    weight of the rotor [kN]; ``aero_thrust``: force of the air along the shaft [kN]; ``tip``: tip displacement out of
+    the plane of rotation [m]; ``drift``, ``speed_drift``: relative change of power and rotor speed from the first to
+    the second half of the mean.
     """
 
     wind: float
@@ -77,14 +63,8 @@ def steady_point(
 ) -> SteadyPoint:
     """Simulate a turbine under its baseline controller until it is steady.
 
-    Parameters
-    ----------
-    wind : float
-        Uniform and steady [m/s].
-    rotor_speed, pitch : float
-        Where to start: the nearer to the steady state, the sooner it is reached [rad/s], [rad].
-    settling, average : float
-        Time before the mean and time of the mean [s].
+    ``wind``: uniform and steady [m/s]; ``rotor_speed``, ``pitch`` where to start: the nearer to the steady state, the
+    sooner it is reached [rad/s], [rad]; ``settling``, ``average``: time before the mean and time of the mean [s].
     """
     inflow = SteadyInflow(wind, hub_height=turbine.hub_height)
     simulator = Simulator(turbine, inflow, fidelity)

@@ -219,10 +219,7 @@ def converged(ratio):
 def converged_table():
     """Rows of the table: tip-speed ratio, Cp, Ct and their uncertainties.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the table has not been made.
+    Raises `FileNotFoundError` if the table has not been made.
     """
     if not (DATA / TABLE).exists():
         raise FileNotFoundError(f"{TABLE} is not there; make it: python -m envs_tests.physics.cases.rotor_convergence")

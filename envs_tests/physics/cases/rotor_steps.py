@@ -271,14 +271,8 @@ def gust_response(options: AeroOptions, wind: float, settling: float = 40.0, dur
              frequencies=FREQUENCIES) -> np.ndarray:  # fmt: skip
     """Complex thrust of the lattice by the amplitude of the wind [N s/m] at each frequency.
 
-    Parameters
-    ----------
-    wind : float
-        One of `STATES` [m/s].
-    settling, duration : float
-        Time before the fit and of the fit [s]; the wind oscillates in both.
-    frequencies : ndarray, shape (n,)
-        [Hz].
+    ``wind``: one of `STATES` [m/s]; ``settling``, ``duration``: time before the fit and of the fit [s]; the wind
+    oscillates in both; ``frequencies`` (n,) [Hz].
     """
     speed, pitch = STATES[wind]
     phases = PHASES[: len(frequencies)]
@@ -416,20 +410,9 @@ def disc_mean_of_cells(edges, n_part: int = 40):
 def ring_wake_step(rotor: DynamicRotor, wind: Ramp, speed: float, carried: float, duration: float = 100.0, dt=0.1):
     """Thrust [N] after a step of the wind at constant rotor speed, by transport of rings.
 
-    Parameters
-    ----------
-    rotor : DynamicRotor
-        Gives the thrust before the step and its slopes with wind and induced velocity there.
-    speed : float
-        [rad/s].
-    carried : float
-        Speed with which the change is carried downstream [m/s].
-    duration, dt : float
-        [s].
-
-    Returns
-    -------
-    time, thrust : ndarray, shape (n,)
+    ``rotor``: gives the thrust before the step and its slopes with wind and induced velocity there; ``speed`` [rad/s];
+    ``carried``: speed with which the change is carried downstream [m/s]; ``duration``, ``dt`` [s]. Returns ``time``,
+    ``thrust`` (n,).
     """
     radius, density = rotor.rotor.radius, rotor.rotor.air_density
     before, induced, small = wind.before, rotor.equilibrium(wind.before, speed, 0.0), 0.01

@@ -83,17 +83,10 @@ class SmallTurbine:
 def small_turbine(tower="modal", blades="nodal", reference="cartesian", speed=0.0, tower_elements=6) -> SmallTurbine:
     """Assemble the rig.
 
-    Parameters
-    ----------
-    tower, blades : {"nodal", "modal", "rigid"}
-        Coordinates of the flexible bodies.
-    reference : {"cartesian", "joint"}
-        Nacelle and hub with Cartesian coordinates and Euler parameters, tied by a weld and a hinge (Lagrange
-        multipliers), or carried by joints whose constraints are eliminated.
-    speed : float
-        Rotor speed of the start state [rad/s].
-    tower_elements : int
-        Finite elements of the tower.
+    ``tower``, ``blades``: "nodal" or "modal" or "rigid": coordinates of the flexible bodies; ``reference``: "cartesian"
+    or "joint": nacelle and hub with Cartesian coordinates and Euler parameters, tied by a weld and a hinge (Lagrange
+    multipliers), or carried by joints whose constraints are eliminated; ``speed``: rotor speed of the start state
+    [rad/s]; ``tower_elements``: finite elements of the tower.
     """
     data = rig()["stand_in"]
     hub_data, blade_data = data["hub"], data["blade"]

@@ -32,18 +32,8 @@ def rate_jacobian(
 ) -> NDArray[np.float64]:
     """∂(u̇)/∂(q, u) by central differences.
 
-    Parameters
-    ----------
-    system : MultibodySystem
-        Without quaternion coordinates, so that q and u have the same meaning one by one.
-    y : array (n_state,)
-    inputs : Inputs, optional
-    step : float or array (n_u,)
-        Difference in each coordinate.
-
-    Returns
-    -------
-    array (n_u, 2 n_u)
+    ``system``: without quaternion coordinates, so that q and u have the same meaning one by one; ``y`` (n_state,);
+    ``step`` (n_u,): difference in each coordinate. Returns (n_u, 2 n_u).
     """
     n = system.n_u
     if system.n_q != n:
@@ -107,30 +97,11 @@ def static_balance(
 ) -> NDArray[np.float64]:
     """Newton's method for a state of rest whose accelerations vanish.
 
-    Parameters
-    ----------
-    system : MultibodySystem
-        Without quaternion coordinates.
-    y : array (n_state,)
-        Start; the rates in it stay as they are.
-    set_loads : callable, optional
-        ``set_loads(y, inputs, work)`` writes the loads for the state y; kinematics of y are up to date in ``work``.
-    locked : sequence of int
-        Coordinates that keep their value.
-    iterations, tolerance
-        Newton stops when the largest change of a coordinate is below the tolerance times the largest coordinate.
-    step : float
-        Difference for the Jacobian.
-
-    Returns
-    -------
-    array (n_state,)
-        The balanced state.
-
-    Raises
-    ------
-    NoBalance
-        When Newton's method does not settle.
+    ``system``: without quaternion coordinates; ``y`` (n_state,): start; the rates in it stay as they are;
+    ``set_loads``: ``set_loads(y, inputs, work)`` writes the loads for the state y; kinematics of y are up to date in
+    ``work``; ``locked``: coordinates that keep their value; ``iterations``, ``tolerance``: Newton stops when the
+    largest change of a coordinate is below the tolerance times the largest coordinate; ``step``: difference for the
+    Jacobian. Returns (n_state,): the balanced state. Raises `NoBalance` when Newton's method does not settle.
     """
     n = system.n_u
     inputs, work = system.new_inputs(), system.new_work()
@@ -185,13 +156,7 @@ def upward_crossings(x: ArrayLike, step: float) -> NDArray[np.float64]:
 class ChainPoints:
     """Points on the axis of a beam cut into bodies: where they are, and dead forces on them.
 
-    Parameters
-    ----------
-    sub_bodies : sequence of SubBody
-    bodies : sequence of int
-        Body index of each piece.
-    stations : array (n,)
-        Arc lengths of the points on the whole beam [m].
+    ``bodies``: body index of each piece; ``stations`` (n,): arc lengths of the points on the whole beam [m].
     """
 
     def __init__(

@@ -102,15 +102,8 @@ def parked_modes(fidelity, gravity=True):
     A mode is recognized by the modal assurance criterion with the mass matrix, (pᵀ M φ)² / (pᵀ M p)(φᵀ M φ) with the
     pattern p: a coordinate counts with all that it carries along. Each mode is used once.
 
-    Parameters
-    ----------
-    gravity : bool
-        Without it the structure is weightless.
-
-    Returns
-    -------
-    dict of str to Mode
-        None where the fidelity has no coordinate of the mode.
+    ``gravity``: without it the structure is weightless. Returns dict of None where the fidelity has no coordinate of
+    the mode.
     """
     simulator = Simulator("nrel_5mw", SteadyInflow(10.0), fidelity)
     system = simulator.structure.system
@@ -398,15 +391,8 @@ def free_vibration(simulator, rotor_speed, amplitude=1e-3, duration=3.0, interva
 
     The model is in multi-blade coordinates at the first azimuth; for an isotropic rotor it holds at all times.
 
-    Parameters
-    ----------
-    amplitude : float
-        Displacement of the rotor's points by each coordinate at the start [m], random in size.
-
-    Returns
-    -------
-    tuple of array (n_times, n_state)
-        Deviations of the state, non-linear and linear.
+    ``amplitude``: displacement of the rotor's points by each coordinate at the start [m], random in size. Returns
+    (n_times, n_state): deviations of the state, non-linear and linear.
     """
     model = linearize(simulator, rotor_speed=rotor_speed, aerodynamics="none", multiblade=True, n_azimuths=1)
     point = cast("SteadyPoint", model.operating_point)
@@ -480,10 +466,7 @@ TOLERANCES = {
 def step_responses(wind=18.0, pitch_deg=14.92, rpm=12.1, settle=60.0, duration=6.0):
     """Deviations after small steps from a settled run of the simulator, and what the linear model says.
 
-    Yields
-    ------
-    tuple
-        Name of the step, times [s], and {channel: (non-linear, linear)}; blade channels are means over the blades.
+    Yields name of the step, times [s], and {channel: (non-linear, linear)}; blade channels are means over the blades.
     """
     simulator = Simulator("nrel_5mw", inflow=SteadyInflow(wind))
     speed, pitch = rpm * RPM, np.radians(pitch_deg)
