@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from envs_tests.physics.cases.beams import BarChain, exact_rod
 from envs_tests.physics.cases.tools import frequencies
+from envs_tests.physics.refusals import refuses
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.multibody.system import Joint, MultibodySystem
@@ -33,7 +34,6 @@ from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import inertia_matrix
 
 # ---- beams ----------------------------------------------------------------------------------------------------------
-# Beam elements, modes and inertia integrals against beam theory and published blade frequencies.
 
 LENGTH = 12.0
 
@@ -50,30 +50,44 @@ def uniform(n_elements=3, **changes):
     return Beam(BeamSections.uniform(LENGTH, **properties), n_elements)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"station": [0.0, 2.0, 1.0]}, "ascending"),
-        ({"axis": np.zeros((2, 3))}, "BeamSections.axis"),
-        ({"inertia": -np.tile(np.eye(6), (3, 1, 1))}, "positive semidefinite"),
-    ],
-)
-def test_sections_that_are_no_beam_are_refused(changes, message):
+STIFF = np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6])
+SECTION = inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0)
+
+
+def prismatic(stiffness=STIFF, inertia=SECTION, station=(0.0, LENGTH), axis=None):
+    """Tables of one section along the z axis, or along another axis (n, 3)."""
+    n, s = len(station), np.asarray(station)
+    axis = np.column_stack([0.0 * s, 0.0 * s, s]) if axis is None else axis
+    return BeamSections(s, np.tile(stiffness, (n, 1, 1)), np.tile(inertia, (n, 1, 1)), axis)
+
+
+def test_beams_without_meaning_are_refused():
+    off_axis = np.diag([3.0, 3.0, 3.0, 0.4, 0.4, 0.8])  # without the moment of inertia that its center brings
+    off_axis[5, 1] = off_axis[1, 5] = 3.0 * 0.5
     s = np.array([0.0, 1.0, 2.0])
-    tables = {"station": s, "stiffness": np.tile(np.eye(6), (3, 1, 1)), "inertia": np.tile(np.eye(6), (3, 1, 1))}
-    tables |= {"axis": np.column_stack([0.0 * s, 0.0 * s, s])}
-    assert BeamSections(**tables).axis_at([0.5, 2.0])[:, 2] == pytest.approx([0.5, 2.0])
-    with pytest.raises(TurbineDefinitionError, match=message):
-        BeamSections(**(tables | changes))
+    assert prismatic(station=s).axis_at([0.5, 2.0])[:, 2] == pytest.approx([0.5, 2.0])
+    refuses(
+        TurbineDefinitionError,
+        ("ascending", lambda: prismatic(station=[0.0, 2.0, 1.0])),
+        ("BeamSections.axis", lambda: prismatic(station=s, axis=np.zeros((2, 3)))),
+        ("positive semidefinite", lambda: prismatic(inertia=-np.eye(6))),
+    )
+    refuses(
+        ValueError,
+        (r"section inertia at 0\.000 m is not positive", lambda: Beam(prismatic(inertia=off_axis), 1)),
+        ("must not run against its z axis", lambda: Beam(prismatic(axis=np.array([[0, 0, 0], [0, 0, -LENGTH]])), 1)),
+        ("at least two increasing arc lengths", lambda: Beam(uniform().sections, [0.0])),
+        ("increasing arc lengths", lambda: Beam(uniform().sections, [0.0, 3.0, 3.0])),
+        ("lie outside the section table", lambda: Beam(uniform().sections, [0.0, LENGTH + 0.1])),
+        ("lie outside the section table", lambda: Beam(uniform().sections, [-0.1, LENGTH])),
+    )
 
 
 def test_bend_twist_coupling_of_a_full_section_matrix():
     """A tip torque on a section with K₄₅ bends the beam: κ_y = C₄₅ T, δ = κ L²/2."""
-    s = np.array([0.0, LENGTH])
     k = np.diag([1e8, 1e8, 1e9, 5e6, 2e6, 1e6])
     k[4, 5] = k[5, 4] = 5e5
-    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
-    beam = Beam(BeamSections(s, np.tile(k, (2, 1, 1)), inertia, np.column_stack([0 * s, 0 * s, s])), 3)
+    beam = Beam(prismatic(k), 3)
     load = np.zeros(beam.n_dof)
     load[-1] = 1000.0
     curvature = np.linalg.inv(k)[4, 5] * 1000.0
@@ -84,12 +98,8 @@ def test_rigid_motions_strain_nothing_and_carry_the_right_mass():
     angle = np.linspace(0.0, 0.4, 9)
     s = 10.0 * angle
     axis = np.column_stack([-10.0 * (1.0 - np.cos(angle)), 0.0 * s, 10.0 * np.sin(angle)])
-    stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (9, 1, 1))
-    inertia = np.tile(inertia_matrix(3.0, 0.1, 0.2, 0.22, 0.33, 0.06), (9, 1, 1))
-    beam = Beam(BeamSections(s, stiffness, inertia, axis), 6)
-    rigid = np.zeros((beam.n_dof, 6))
-    for i, p in enumerate(beam.node_position):
-        rigid[6 * i : 6 * i + 6, :] = np.block([[np.eye(3), -skew(p)], [np.zeros((3, 3)), np.eye(3)]])
+    beam = Beam(prismatic(inertia=inertia_matrix(3.0, 0.1, 0.2, 0.22, 0.33, 0.06), station=s, axis=axis), 6)
+    rigid = np.concatenate([transport(p) for p in beam.node_position])
     assert np.abs(beam.stiffness @ rigid).max() < 1e-6 * np.abs(beam.stiffness).max()
     mass = rigid.T @ beam.mass @ rigid
     center = beam.particle_mass @ beam.particle_position / beam.particle_mass.sum()
@@ -100,10 +110,7 @@ def test_rigid_motions_strain_nothing_and_carry_the_right_mass():
 def test_mass_points_have_the_inertia_of_their_sections():
     """A rigid straight beam has ∫ Tᵀ I T ds, T = [[1, −(s z)~], [0, 1]], by quadrature that is exact for s²."""
     section = inertia_matrix(3.0, 0.1, 0.2, 0.22, 0.33, 0.09)
-    s = np.array([0.0, LENGTH])
-    stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
-    axis = np.column_stack([0.0 * s, 0.0 * s, s])
-    beam = Beam(BeamSections(s, stiffness, np.tile(section, (2, 1, 1)), axis), 3, lumps=[(2, 7.0)])
+    beam = Beam(prismatic(inertia=section), 3, lumps=[(2, 7.0)])
     rigid = np.concatenate([transport(p) for p in beam.node_position])
     x, w = np.polynomial.legendre.leggauss(2)
     expected = transport([0.0, 0.0, 8.0]).T[:, :3] @ (7.0 * transport([0.0, 0.0, 8.0])[:3])
@@ -115,39 +122,6 @@ def test_mass_points_have_the_inertia_of_their_sections():
 def transport(place):
     """Velocities (6, 6) of a section at a place, per rigid velocity of the origin."""
     return np.block([[np.eye(3), -skew(place)], [np.zeros((3, 3)), np.eye(3)]])
-
-
-def test_a_section_that_no_mass_makes_is_refused():
-    """A center 0.5 m off the axis without the moment of inertia that it brings."""
-    section = np.diag([3.0, 3.0, 3.0, 0.4, 0.4, 0.8])
-    section[5, 1] = section[1, 5] = 3.0 * 0.5
-    s = np.array([0.0, LENGTH])
-    stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
-    tables = BeamSections(s, stiffness, np.tile(section, (2, 1, 1)), np.column_stack([0.0 * s, 0.0 * s, s]))
-    with pytest.raises(ValueError, match=r"section inertia at 0\.000 m is not positive"):
-        Beam(tables, 1)
-
-
-def test_a_beam_does_not_run_against_its_axis():
-    s = np.array([0.0, LENGTH])
-    stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
-    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
-    with pytest.raises(ValueError, match="must not run against its z axis"):
-        Beam(BeamSections(s, stiffness, inertia, np.column_stack([0.0 * s, 0.0 * s, -s])), 1)
-
-
-@pytest.mark.parametrize(
-    ("nodes", "message"),
-    [
-        ([0.0], "at least two increasing arc lengths"),
-        ([0.0, 3.0, 3.0], "increasing arc lengths"),
-        ([0.0, LENGTH + 0.1], "lie outside the section table"),
-        ([-0.1, LENGTH], "lie outside the section table"),
-    ],
-)
-def test_nodes_without_meaning_are_refused(nodes, message):
-    with pytest.raises(ValueError, match=message):
-        Beam(uniform().sections, nodes)
 
 
 def test_signs_and_order_of_the_shapes():
@@ -335,9 +309,7 @@ class TestInertiaIntegrals:
         if angle:
             turned = np.linspace(0.0, angle, 13)
             axis = LENGTH / angle * np.column_stack([np.cos(turned) - 1.0, 0.0 * turned, np.sin(turned)])
-            stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (13, 1, 1))
-            inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (13, 1, 1))
-            beam = Beam(BeamSections(LENGTH / angle * turned, stiffness, inertia, axis), 6)
+            beam = Beam(prismatic(station=LENGTH / angle * turned, axis=axis), 6)
         loads = np.zeros((beam.n_dof, 3))
         loads[-3:] = np.diag([4e4, 3e4, 2e4])  # moments and a torque at the tip
         basis = np.column_stack([solve_static(beam, load) for load in loads.T])
@@ -453,7 +425,6 @@ class TestDamping:
 
 
 # ---- coordinates ----------------------------------------------------------------------------------------------------
-# Coordinates of one body.
 
 
 class TestCoordinates:
@@ -502,7 +473,6 @@ class TestCoordinates:
 
 
 # ---- cut beams and references ---------------------------------------------------------------------------------------
-# Fast validation cases, and fast parts of the slow ones, against exact and published numbers.
 
 
 class TestSubstructure:

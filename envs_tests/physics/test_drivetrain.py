@@ -29,7 +29,6 @@ from wt_gym.turbines.variants import electrical_power, shaft_damper_of, with_ele
 from wt_gym.wind import SteadyInflow
 
 # ---- gearbox --------------------------------------------------------------------------------------------------------
-# The generator turns at the speed of its own shaft: exact moments on the nacelle, in every formulation.
 
 RIGID = {"tower_coordinates": "rigid", "blade_coordinates": "rigid", "stiffest_shaft": 0.1}
 IMPLICIT = {"integrator": "generalized_alpha", "blade_elements": 6}
@@ -293,7 +292,6 @@ def test_roll_moment_of_a_damper(reverses):
 
 
 # ---- generator and converter ----------------------------------------------------------------------------------------
-# Generator and converter: lag, losses, damping of the shaft, dips of the voltage, against closed forms.
 
 TURBINE = load_turbine("nrel_5mw")
 DRIVE = TURBINE.drivetrain

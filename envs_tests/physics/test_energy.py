@@ -20,7 +20,6 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow
 
 # ---- conservation ---------------------------------------------------------------------------------------------------
-# Conservation laws of the whole turbine in every formulation: energy, momentum, angular momentum, power in the air.
 
 TIP = np.array([[0.0, 0.0, 61.0]])
 SPEED = 1.2  # [rad/s] of the rotor
@@ -200,7 +199,6 @@ def test_power_balance_in_the_air(changes, reverses, bound):
 
 
 # ---- balance in the air ---------------------------------------------------------------------------------------------
-# Energy from nothing: both balances close in hard operation, and end a run in which there is any.
 
 STEP = 0.1
 

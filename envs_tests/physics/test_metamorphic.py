@@ -1,14 +1,12 @@
 """Metamorphic tests of the simulator: a world that is turned about the vertical or seen in a mirror is the same."""
 
 import math
-import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, span_distribution
-from wt_gym.base.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.channels import channel_table, parities
 from wt_gym.simulation.turbine_structure import averaged_over_yaw
@@ -278,21 +276,6 @@ def test_it_turns_counter_clockwise():
         assert side * signals.tower_top_side_side > 0.0
         assert signals.aero_torque > 0.0
         assert signals.generator_power > 0.0
-
-
-def test_snapshots_and_copies_of_a_counter_clockwise_turbine(pair):
-    simulator = pair[1]
-    simulator.inflow = RIGHT
-    simulator.reset(1.1, pitch=0.1, yaw=0.2)
-    kept = simulator.state()
-    other = pickle.loads(pickle.dumps(simulator))
-    assert other.signals == simulator.signals
-    assert other.signals.yaw == pytest.approx(0.2, abs=1e-12)
-    first = simulator.advance(0.4, 0.1, 0.004, 40e3)
-    simulator.restore(kept)
-    assert simulator.advance(0.4, 0.1, 0.004, 40e3) == first == other.advance(0.4, 0.1, 0.004, 40e3)
-    with pytest.raises(SimulationError, match="another turbine"):
-        pair[0].restore(kept)
 
 
 def test_shapes_are_reflected(pair):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from envs_tests.physics.refusals import refuses
 from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.constraints.descriptor import descriptor_form
 from wt_gym.multibody.integrators.schemes import INTEGRATORS, HammingIntegrator, make_integrator
@@ -14,7 +15,6 @@ from wt_gym.structure.flexible_body import FlexibleBody, particle_fields
 from wt_gym.structure.modes import clamped_modes
 
 # ---- equations of motion --------------------------------------------------------------------------------------------
-# Equations of motion against exact results: energy, momentum, pendulum, heavy top, rotating beams.
 
 LENGTH, EI, MASS = 10.0, 1.4e4, 1.2
 
@@ -105,7 +105,6 @@ def test_divergence_that_spoils_the_mass_matrix_is_still_called_divergence():
 
 
 # ---- constraint equations -------------------------------------------------------------------------------------------
-# Constraint equations with Lagrange multipliers against the embedded form and exact results.
 
 PITCH = {"servo_frequency": 6.0, "servo_damping": 1.0}
 
@@ -330,15 +329,7 @@ def test_a_tied_top_moves_to_second_order(name, options, error):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_constraint_on_a_missing_marker_is_refused():
-    system = MultibodySystem()
-    body = system.add(FlexibleBody.rigid("a", 1.0, np.zeros(3), np.eye(3)), Joint("free"))
-    with pytest.raises(MultibodyError, match="nose"):
-        system.add_constraint(Constraint("ball"), None, body, second_marker="nose")
-
-
 # ---- refusals -------------------------------------------------------------------------------------------------------
-# What a multibody system refuses at the door, and what it says.
 
 REFLECTION = np.diag([1.0, 1.0, -1.0])
 
@@ -366,88 +357,56 @@ def tied():
 
 
 @pytest.mark.parametrize(
-    ("kwargs", "message"),
+    ("make", "kwargs", "message"),
     [
-        ({"rotation": 2.0 * np.eye(3)}, "not orthogonal"),
-        ({"rotation": REFLECTION}, "reflection"),
-        ({"rotation": "upright"}, "rotation must be numbers, got 'upright'"),
-        ({"offset": (0.0, 0.0)}, "offset must be three finite numbers, got "),
-        ({"kind": "revolute", "axis": (1.0, 1.0, 0.0)}, "not a unit vector"),
-        ({"stiffness": 5.0}, "stiffness must be 0, got 5.0: joint type 'fixed' does not support it; allowed: revolute"),
-        ({"kind": "servo"}, "servo_frequency must be a finite number > 0, got 0.0"),
-        ({"kind": "revolute", "stiffness": -1.0}, "stiffness must be a finite number >= 0, got -1.0"),
-        ({"kind": "glue"}, "must be one of fixed, revolute"),
+        (Joint, {"rotation": 2.0 * np.eye(3)}, "not orthogonal"),
+        (Joint, {"rotation": REFLECTION}, "reflection"),
+        (Joint, {"rotation": "upright"}, "rotation must be numbers, got 'upright'"),
+        (Joint, {"offset": (0.0, 0.0)}, "offset must be three finite numbers, got "),
+        (Joint, {"kind": "revolute", "axis": (1.0, 1.0, 0.0)}, "not a unit vector"),
+        (Joint, {"stiffness": 5.0}, "must be 0, got 5.0: joint type 'fixed' does not support it; allowed: revolute"),
+        (Joint, {"kind": "servo"}, "servo_frequency must be a finite number > 0, got 0.0"),
+        (Joint, {"kind": "revolute", "stiffness": -1.0}, "stiffness must be a finite number >= 0, got -1.0"),
+        (Joint, {"kind": "glue"}, "must be one of fixed, revolute"),
+        (Constraint, {"kind": "glue"}, "must be one of"),
+        (Constraint, {"axis": (0.0, 2.0, 0.0)}, "not a unit vector"),
+        (Constraint, {"second_rotation": REFLECTION}, "second_rotation is a reflection"),
+        (Constraint, {"second_offset": (1.0,)}, "second_offset must be"),
+        (Constraint, {"servo_frequency": -2.0}, "servo_frequency must be a finite number >= 0, got -2.0"),
+        (box, {"mass": -1.0}, "body 'box': mass must be a finite number >= 0, got -1.0"),
+        (box, {"mass": np.nan}, "body 'box': mass must be a finite number >= 0, got nan"),
+        (box, {"inertia": np.diag([1.0, 1.0, -1.0])}, "body 'box': its inertia is negative for a motion"),
+        (box, {"inertia": np.eye(3) + 3.0 * np.eye(3)[[1, 0, 2]] * [1, 1, 0]}, "its inertia is negative for a motion"),
+        (box, {"inertia": np.eye(3) + 0.5 * np.eye(3, k=1) * [0, 1, 0]}, "its inertia is not symmetric"),
     ],
 )
-def test_malformed_joints(kwargs, message):
+def test_malformed_parts(make, kwargs, message):
     with pytest.raises(MultibodyError, match=message):
-        Joint(name="elbow", **kwargs)
+        MultibodySystem().add(make(**kwargs), Joint("free"))
 
 
-@pytest.mark.parametrize(
-    ("kwargs", "message"),
-    [
-        ({"kind": "glue"}, "must be one of"),
-        ({"axis": (0.0, 2.0, 0.0)}, "not a unit vector"),
-        ({"second_rotation": REFLECTION}, "second_rotation is a reflection"),
-        ({"second_offset": (1.0,)}, "second_offset must be"),
-        ({"servo_frequency": -2.0}, "servo_frequency must be a finite number >= 0, got -2.0"),
-    ],
-)
-def test_malformed_constraints(kwargs, message):
-    with pytest.raises(MultibodyError, match=message):
-        Constraint(name="tie", **kwargs)
-
-
-@pytest.mark.parametrize(
-    ("mass", "inertia", "message"),
-    [
-        (-1.0, np.eye(3), "body 'box': mass must be a finite number >= 0, got -1.0"),
-        (np.nan, np.eye(3), "body 'box': mass must be a finite number >= 0, got nan"),
-        (1.0, np.diag([1.0, 1.0, -1.0]), "body 'box': its inertia is negative for a motion"),
-        (1.0, np.array([[1.0, 3.0, 0.0], [3.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "its inertia is negative for a motion"),
-        (1.0, np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "its inertia is not symmetric"),
-    ],
-)
-def test_bodies_with_negative_inertia(mass, inertia, message):
-    with pytest.raises(MultibodyError, match=message):
-        MultibodySystem().add(box(mass=mass, inertia=inertia), Joint("free"))
-
-
-def test_a_massless_body_is_allowed():
-    """It carries a joint; what moves no mass at all shows in the assembled mass matrix."""
-    MultibodySystem().add(box(mass=0.0, inertia=np.zeros((3, 3))), Joint("fixed"))
-
-
-def test_names_that_occur_twice():
-    system = MultibodySystem()
+def test_malformed_systems():
+    twice, missing, built = MultibodySystem(), MultibodySystem(), flying()
     for name in ("first", "second"):
-        system.add(box(name), Joint("revolute", name="swing"))
-    with pytest.raises(MultibodyError, match="occur twice: swing, swing_rate"):
-        system.build()
-
-
-def test_additions_to_a_built_system():
-    system = flying()
-    with pytest.raises(MultibodyError, match="'late' comes too late"):
-        system.add(box("late"), Joint("free"))
-    with pytest.raises(MultibodyError, match="'late' comes too late"):
-        system.add_constraint(Constraint(name="late"), None, 0)
+        twice.add(box(name), Joint("revolute", name="swing"))
+    missing.add(box(), Joint("free"))
+    missing.add(box("none", 0.0, np.zeros((3, 3))), Joint("fixed"), 0)  # a body without mass carries a joint
+    refuses(
+        MultibodyError,
+        ("occur twice: swing, swing_rate", twice.build),
+        ("nose", lambda: missing.add_constraint(Constraint("ball"), None, 0, second_marker="nose")),
+        ("'late' comes too late", lambda: built.add(box("late"), Joint("free"))),
+        ("'late' comes too late", lambda: built.add_constraint(Constraint(name="late"), None, 0)),
+    )
 
 
 def test_use_before_build():
     system = MultibodySystem()
     system.add(box(), Joint("free"))
-    for use in (
-        lambda: system.rates(np.zeros(13)),
-        lambda: system.energy(np.zeros(13)),
-        system.initial_state,
-        system.new_work,
-        system.new_inputs,
-        *(lambda name=name: make_integrator(name, system, 0.01) for name in INTEGRATORS),
-    ):
-        with pytest.raises(MultibodyError, match="not built yet"):
-            use()
+    uses = [lambda: system.rates(np.zeros(13)), lambda: system.energy(np.zeros(13)), system.initial_state]
+    uses += [system.new_work, system.new_inputs]
+    uses += [lambda name=name: make_integrator(name, system, 0.01) for name in INTEGRATORS]
+    refuses(MultibodyError, *(("not built yet", use) for use in uses))
 
 
 @pytest.mark.parametrize("factor", [1.1, 0.0, np.nan])
@@ -458,9 +417,8 @@ def test_quaternions_that_are_not_of_unit_length(factor):
     uses = [system.rates, system.energy, lambda y: descriptor_form(system, y)]
     uses += [make_integrator(name, system, 0.01).start for name in INTEGRATORS]
     uses += [lambda y: make_integrator("hamming", system, 0.01).start(y, check=False)]
-    for use in uses:
-        with pytest.raises(MultibodyError, match=f"body 'box': its quaternion .* has norm {factor:.9g}"):
-            use(y)
+    message = f"body 'box': its quaternion .* has norm {factor:.9g}"
+    refuses(MultibodyError, *((message, lambda use=use: use(y)) for use in uses))
 
 
 def test_states_of_wrong_length_or_not_finite():

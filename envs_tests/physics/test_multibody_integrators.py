@@ -145,29 +145,27 @@ def test_stored_rate_belongs_to_the_stored_state():
         np.testing.assert_allclose(integrator.state_rate, system.rates(integrator.state), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", list(INTEGRATORS))
-@pytest.mark.parametrize("step", [0.0, -0.1, np.nan])
-def test_step_must_be_positive(name, step):
-    with pytest.raises(MultibodyError, match="step must be positive"):
-        make_integrator(name, pendulum(), step)
-
-
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
+        *((name, {"step": step}, "step must be positive") for name in INTEGRATORS for step in (0.0, -0.1, np.nan)),
+        ("hamming", {"step": np.inf}, "step"),
+        ("hamming", {"n_corrections": 0}, "n_corrections"),
+        ("hamming", {"n_corrections": 1.5}, "n_corrections"),
         ("euler", {}, "integrator must be one of hamming, newmark, generalized_alpha"),
         ("newmark", {"rho_inf": 0.5}, "does not take"),
         ("hamming", {"starter": "euler"}, "must be one of adams, runge-kutta"),
         ("newmark", {"gamma": 0.4}, "gamma >= 1/2"),
         ("newmark", {"beta": -0.1}, "beta >= 0"),
+        ("newmark", {"tangent": "exact"}, "must be 'difference' or 'structure', got 'exact'"),
         ("generalized_alpha", {"rho_inf": 1.2}, "0 … 1"),
         ("newmark", {"tolerance": 0.0}, "tolerance must be positive"),
         ("newmark", {"max_iterations": 0}, "max_iterations"),
     ],
 )
 def test_options_without_meaning_are_refused(name, options, message):
-    with pytest.raises(MultibodyError, match=message):
-        make_integrator(name, pendulum(), 0.01, **options)
+    with pytest.raises(ValueError, match=message):
+        make_integrator(name, pendulum(), **({"step": 0.01} | options))
 
 
 def test_newton_that_does_not_converge_says_so():
@@ -213,12 +211,6 @@ def test_falling_pendulum_is_no_unstable_scheme():
     integrator = make_integrator("hamming", pendulum(), 0.02)
     integrator.start(np.array([np.pi - 1e-3, 0.0]))
     integrator.advance(100)
-
-
-@pytest.mark.parametrize("kwargs", [{"step": np.inf}, {"n_corrections": 0}, {"n_corrections": 1.5}])
-def test_hamming_options_out_of_range_are_refused(kwargs):
-    with pytest.raises(MultibodyError, match=r"step|n_corrections"):
-        make_integrator("hamming", pendulum(), **({"step": 0.01} | kwargs))
 
 
 def test_singular_mass_is_named():

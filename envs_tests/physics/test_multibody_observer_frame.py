@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from envs_tests.physics.cases import observer_frame as example
 from envs_tests.physics.cases import rotating_beams
 from envs_tests.physics.cases.beams import exact_rod
+from envs_tests.physics.refusals import refuses
 from wt_gym.base.constants import GRAVITY
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
@@ -294,13 +295,6 @@ def test_a_clamped_mode_obeys_the_difference_equations_of_the_scheme(radius, pha
         assert np.abs(np.linalg.eigvals(np.linalg.solve(now, past))).max() == pytest.approx(radius, abs=0.02)
 
 
-@pytest.mark.parametrize("radius", [-0.1, 1.1, np.nan])
-def test_a_spectral_radius_lies_between_nothing_and_one(radius):
-    body = Substructure.from_beam("beam", slender_beam(), "clamped", 0)
-    with pytest.raises(ObserverFrameError, match=f"spectral_radius must lie in 0 … 1, got {radius}"):
-        integrator(body, options={"spectral_radius": radius})
-
-
 def test_undeformed_rotation_modes_err_by_the_deflection():
     """With constant matrices the moment of the axial force about the deflection is missing: an error of order u/L."""
     angle, elastic = swinging_tree(0.5)
@@ -354,44 +348,37 @@ class TestFromSystem:
         np.testing.assert_allclose(run.position("other", "end"), position + rotation @ (0.0, 0.0, -1.0), atol=2e-5)
 
     def test_refusals(self):
-        def system(joint, body=None):
+        def made(joint, body=None, fields=None):
             tree = MultibodySystem()
             tree.add(body or FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), 0.01 * np.eye(3)), joint)
-            return tree.build()
+            return observer_frame_from_system(tree.build(), *([] if fields is None else [fields]))
 
-        with pytest.raises(ObserverFrameError, match="prismatic joint"):
-            observer_frame_from_system(system(Joint("prismatic", name="slide")))
-        beam = slender_beam()
-        body = FlexibleBody.from_beam("beam", beam, clamped_modes(beam, 3).shape)
-        with pytest.raises(ObserverFrameError, match="its beam and basis"):
-            observer_frame_from_system(system(Joint("revolute"), body))
-        with pytest.raises(ObserverFrameError, match="was not made from"):
-            observer_frame_from_system(system(Joint("revolute"), body), {"beam": (beam, clamped_modes(beam, 2).shape)})
-        with pytest.raises(ObserverFrameError, match=r"\['blade'\]"):
-            observer_frame_from_system(system(Joint("revolute"), body), {"blade": (beam, np.zeros((1, 1)))})
-        tree = MultibodySystem()
-        tree.add(FlexibleBody.rigid("bob", 1.0, np.zeros(3), np.eye(3)), Joint("free"))
-        tree.add_constraint(Constraint("hinge", servo_frequency=2.0, name="pitch"), None, 0)
-        with pytest.raises(ObserverFrameError, match="'pitch': only the weld"):
-            observer_frame_from_system(tree.build())
-
-    def test_refusals_behind_a_body_without_mass(self):
-        def system(joint):
+        def behind_gear(joint):
             tree = MultibodySystem()
             gear = FlexibleBody.rigid("gear", 0.0, np.zeros(3), np.zeros((3, 3)))
             gear = tree.add(gear, Joint("servo", (0.0, 0.0, 1.0), servo_frequency=2.0, name="drive"))
-            bob = FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), 0.01 * np.eye(3))
-            bob = tree.add(bob, joint, gear)
+            bob = tree.add(FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), 0.01 * np.eye(3)), joint, gear)
             tree.add(FlexibleBody.rigid("free", 1.0, np.zeros(3), np.eye(3)), Joint("spherical"), bob)
-            return tree.build()
+            return observer_frame_from_system(tree.build())
 
-        for joint, match in (
-            (Joint("servo", servo_frequency=1.0, name="second"), "'second': two servos"),
-            (Joint("fixed", offset=(0.0, 0.0, 0.1), name="arm"), "'arm': it must not be offset"),
-            (Joint("revolute", (1.0, 0.0, 0.0), stiffness=1.0, name="across"), "'across': a spring behind a servo"),
-        ):
-            with pytest.raises(ObserverFrameError, match=match):
-                observer_frame_from_system(system(joint))
+        beam, hinge = slender_beam(), Joint("revolute")
+        body = FlexibleBody.from_beam("beam", beam, clamped_modes(beam, 3).shape)
+        tied = MultibodySystem()
+        tied.add(FlexibleBody.rigid("bob", 1.0, np.zeros(3), np.eye(3)), Joint("free"))
+        tied.add_constraint(Constraint("hinge", servo_frequency=2.0, name="pitch"), None, 0)
+        two, arm = Joint("servo", servo_frequency=1.0, name="second"), Joint("fixed", offset=(0, 0, 0.1), name="arm")
+        across = Joint("revolute", (1.0, 0.0, 0.0), stiffness=1.0, name="across")
+        refuses(
+            ObserverFrameError,
+            ("prismatic joint", lambda: made(Joint("prismatic", name="slide"))),
+            ("its beam and basis", lambda: made(hinge, body)),
+            ("was not made from", lambda: made(hinge, body, {"beam": (beam, clamped_modes(beam, 2).shape)})),
+            (r"\['blade'\]", lambda: made(hinge, body, {"blade": (beam, np.zeros((1, 1)))})),
+            ("'pitch': only the weld", lambda: observer_frame_from_system(tied.build())),
+            ("'second': two servos", lambda: behind_gear(two)),
+            ("'arm': it must not be offset", lambda: behind_gear(arm)),
+            ("'across': a spring behind a servo", lambda: behind_gear(across)),
+        )
 
 
 class TestErrors:
@@ -400,65 +387,65 @@ class TestErrors:
     def body(self, **changes):
         return Substructure.from_beam("beam", slender_beam(), **({"n_modes": 3} | changes))
 
-    @pytest.mark.parametrize(
-        ("changes", "match"),
-        [
-            ({"reference": "welded"}, "welded"),
-            ({"n_modes": 500}, "500"),
-            ({"markers": {"far": 12.0}}, "far"),
-            ({"displacement": "cubic"}, "must be one of linear, second_order, got 'cubic'"),
-            ({"displacement": "second_order", "reference": "simply_supported"}, "needs the reference 'clamped'"),
-        ],
-    )
-    def test_substructure(self, changes, match):
-        with pytest.raises(ObserverFrameError, match=match):
-            self.body(**changes)
-
-    @pytest.mark.parametrize(
-        ("options", "match"),
-        [
-            ({"step": 0.0}, "time step"),
-            ({"step": float("nan")}, "time step"),
-            ({"step": 0.1, "n_iterations": 0}, "n_iterations"),
-            ({"step": 0.1, "update": -1.0}, "update"),
-            ({"step": 0.1, "prediction": "wild"}, "wild"),
-        ],
-    )
-    def test_integrator(self, options, match):
+    def system(self):
         system = ObserverFrameSystem()
         system.add(self.body())
-        with pytest.raises(ObserverFrameError, match=match):
-            ObserverFrameIntegrator(system, **options)
+        return system
 
-    def test_second_order_displacements(self):
-        body = self.body(displacement="second_order")
-        with pytest.raises(ObserverFrameError, match="need the rigid_modes 'deformed'"):
-            integrator(body, options={"rigid_modes": "undeformed"})
-        with pytest.raises(ObserverFrameError, match="'deformed' adds the moment of the deflection"):
-            integrator(body, load=(np.ones(6), "deformed"))
+    def test_substructures_options_and_names(self):
+        def integrated(step=0.1, **options):
+            return lambda: ObserverFrameIntegrator(self.system(), step, **options)
 
-    def test_redundant_constraints(self):
-        system = ObserverFrameSystem()
-        system.add(self.body())
-        system.clamp("beam", "root")
-        system.hinge("beam", "root", (1.0, 0.0, 0.0))
-        with pytest.raises(ObserverFrameError, match=r"inconsistent constraints: support of beam\.root repeats"):
-            ObserverFrameIntegrator(system, 0.01)
+        second, system = self.body(displacement="second_order"), self.system()
+        refuses(
+            ObserverFrameError,
+            ("welded", lambda: self.body(reference="welded")),
+            ("500", lambda: self.body(n_modes=500)),
+            ("far", lambda: self.body(markers={"far": 12.0})),
+            ("must be one of linear, second_order, got 'cubic'", lambda: self.body(displacement="cubic")),
+            (
+                "needs the reference 'clamped'",
+                lambda: self.body(displacement="second_order", reference="simply_supported"),
+            ),
+            ("time step", integrated(0.0)),
+            ("time step", integrated(float("nan"))),
+            ("n_iterations", integrated(n_iterations=0)),
+            ("update", integrated(update=-1.0)),
+            ("wild", integrated(prediction="wild")),
+            ("spectral_radius must lie in 0 … 1, got -0.1", integrated(spectral_radius=-0.1)),
+            ("spectral_radius must lie in 0 … 1, got 1.1", integrated(spectral_radius=1.1)),
+            ("spectral_radius must lie in 0 … 1, got nan", integrated(spectral_radius=np.nan)),
+            (
+                "need the rigid_modes 'deformed'",
+                lambda: integrator(second, options={"rigid_modes": "undeformed"}),
+            ),
+            (
+                "'deformed' adds the moment of the deflection",
+                lambda: integrator(second, load=(np.ones(6), "deformed")),
+            ),
+            ("exists already", lambda: system.add(self.body())),
+            ("no marker 'elbow'", lambda: system.support("beam", "elbow")),
+            ("no substructure is named 'arm'", lambda: system.load("arm", "tip", np.zeros(6))),
+            (r"load axes must be one of .*, got 'wind'", lambda: system.load("beam", "tip", np.zeros(6), "wind")),
+        )
 
-    def test_violated_constraints(self):
-        system = ObserverFrameSystem()
-        system.add(self.body())
-        system.add(Substructure.from_beam("other", slender_beam(), n_modes=3), position=(0.0, 0.1, 0.0))
-        system.join("beam", "root", "other", "root")
-        with pytest.raises(ObserverFrameError, match=r"violated by -0\.1"):
-            ObserverFrameIntegrator(system, 0.01)
-
-    def test_singular_mass_matrix(self):
-        sections = BeamSections.uniform(LENGTH, EA=1e6, EIx=EI, EIy=EI, GJ=2e3, mass=1.0, Ix=0.0, Iy=0.0)
-        system = ObserverFrameSystem()
-        system.add(Substructure.from_beam("thread", Beam(sections, 2), n_modes=0))
-        with pytest.raises(ObserverFrameError, match="'thread': the mass matrix is singular"):
-            ObserverFrameIntegrator(system, 0.01)
+    def test_constraints_and_masses(self):
+        redundant, violated, light = self.system(), self.system(), ObserverFrameSystem()
+        redundant.clamp("beam", "root")
+        redundant.hinge("beam", "root", (1.0, 0.0, 0.0))
+        violated.add(Substructure.from_beam("other", slender_beam(), n_modes=3), position=(0.0, 0.1, 0.0))
+        violated.join("beam", "root", "other", "root")
+        thread = BeamSections.uniform(LENGTH, EA=1e6, EIx=EI, EIy=EI, GJ=2e3, mass=1.0, Ix=0.0, Iy=0.0)
+        light.add(Substructure.from_beam("thread", Beam(thread, 2), n_modes=0))
+        refuses(
+            ObserverFrameError,
+            (
+                r"inconsistent constraints: support of beam\.root repeats",
+                lambda: ObserverFrameIntegrator(redundant, 0.01),
+            ),
+            (r"violated by -0\.1", lambda: ObserverFrameIntegrator(violated, 0.01)),
+            ("'thread': the mass matrix is singular", lambda: ObserverFrameIntegrator(light, 0.01)),
+        )
 
     def test_divergence(self):
         """A follower load far beyond the tip's stiffness."""
@@ -466,15 +453,3 @@ class TestErrors:
         run = integrator(self.body(), 0.01, hold=hold, load=(np.array([1e5, 0, 0, 0, 0, 0.0]), "deformed"))
         with pytest.raises(ObserverFrameError, match=r"diverged|too long"):
             run.advance(5000)
-
-    def test_names(self):
-        system = ObserverFrameSystem()
-        system.add(self.body())
-        with pytest.raises(ObserverFrameError, match="exists already"):
-            system.add(self.body())
-        with pytest.raises(ObserverFrameError, match="no marker 'elbow'"):
-            system.support("beam", "elbow")
-        with pytest.raises(ObserverFrameError, match="no substructure is named 'arm'"):
-            system.load("arm", "tip", np.zeros(6))
-        with pytest.raises(ObserverFrameError, match=r"load axes must be one of .*, got 'wind'"):
-            system.load("beam", "tip", np.zeros(6), "wind")

@@ -6,8 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from envs_tests.physics.cases.airfoils import theodorsen
-from envs_tests.physics.cases.dynamic_inflow import loewy, oye_filter, oye_times
 from envs_tests.physics.cases.operation import GENERATOR_EFFICIENCY, steady_point
 from envs_tests.physics.cases.rotor import WIND, RigidRotor, UniformWind, tilted_element, wake_options
 from envs_tests.physics.cases.rotor_steps import (
@@ -29,7 +27,6 @@ from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 
 # ---- a rotor on the lattice -----------------------------------------------------------------------------------------
-# A three-bladed rotor: power bookkeeping, momentum limits, far-wake closure, corners that must not give power.
 
 RADIUS, DENSITY = 60.0, 1.225
 ANGLES = -np.pi + 2 * np.pi * np.arange(720) / 720
@@ -217,7 +214,6 @@ def test_reset_without_wake_and_induced_velocity_far_away():
 
 
 # ---- parts of the validation cases ----------------------------------------------------------------------------------
-# Fast parts of the rotor validation: blade-element theory, rigid rotors on the lattice, one point of the curve.
 
 RPM = np.pi / 30.0
 
@@ -272,21 +268,6 @@ def test_operating_point_above_rated(turbine):
     assert point.power == pytest.approx(GENERATOR_EFFICIENCY * power, rel=0.01)
     assert point.thrust == pytest.approx(thrust, rel=0.08)
     assert point.pitch == pytest.approx(pitch, abs=0.8)
-
-
-def test_time_constants_of_dynamic_inflow():
-    """Published table of Øye's model: Tjæreborg and the 5-MW at 8 m/s."""
-    slow, fast = oye_times(0.30, 30.56, 8.7, [0.3, 0.7, 0.95])
-    assert slow == pytest.approx(6.3, abs=0.05)
-    np.testing.assert_allclose(fast, [2.3, 1.7, 1.0], atol=0.06)
-    slow, fast = oye_times(0.33, 63.0, 8.0, [0.3, 0.7, 0.95])
-    assert slow == pytest.approx(15.2, abs=0.05)
-    np.testing.assert_allclose(fast, [5.6, 4.0, 2.4], atol=0.06)
-    assert abs(oye_filter(1e-6, slow, fast) - 1.0).max() < 1e-4
-
-
-def test_layers_far_away_leave_theodorsens_function():
-    np.testing.assert_allclose(loewy(0.3, 1e3, 1.0), theodorsen(0.3), rtol=1e-9)
 
 
 def test_lag_of_the_thrust_in_oscillating_wind():

@@ -13,7 +13,7 @@ from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.experiment.run import run_baseline
 from wt_gym.multibody.tree.tree_kernels import OK
-from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
+from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.models import blade_planform, turbine_bodies
 from wt_gym.simulation.step.coupled_step_kernels import OVERSPEED, check_range
@@ -79,19 +79,6 @@ def test_powers_are_torque_times_speed(running):
     assert signals.aero_power == pytest.approx(signals.aero_torque * signals.rotor_speed)
     expected = signals.generator_torque * signals.generator_speed * running.turbine.drivetrain.generator_efficiency
     assert signals.generator_power == pytest.approx(expected, rel=1e-12)
-
-
-def test_snapshot_continues_bit_for_bit(running, tmp_path):
-    command = {"pitch": (0.03, 0.0, 0.1), "yaw_rate": 0.001, "generator_torque": 40e3}
-    running.state().save(tmp_path / "state.npz")
-    start = running.state()
-    first = running.advance(1.0, **command).values
-    end = running.state()
-    running.restore(SimulatorState.load(tmp_path / "state.npz"))
-    assert running.state() == start
-    again = running.advance(1.0, **command).values
-    assert np.array_equal(first, again)
-    assert running.state() == end
 
 
 def test_snapshot_of_another_turbine_or_fidelity_is_refused(running):
@@ -514,22 +501,6 @@ def test_nacelle_speeds_up_the_flow_at_the_roots(shrouded):
     np.testing.assert_allclose(speeds[1][3:], speeds[0][3:], rtol=1e-3)
     assert 0.0 < power[1] / power[0] - 1.0 < 1e-3
     assert 0.0 < thrust[1] / thrust[0] - 1.0 < 1e-3
-
-
-@pytest.mark.slow
-def test_snapshot_with_a_turning_nacelle_continues_bit_for_bit(shrouded):
-    command = {"pitch": 0.01, "yaw_rate": 0.005, "generator_torque": 20e3}
-    shrouded.reset(rotor_speed=9.16 * RPM, yaw=0.1)
-    shrouded.advance(1.0, **command)
-    middle, placed = shrouded.state(), shrouded.lattice.bodies.control_points
-    first = shrouded.advance(2.0, **command).values
-    end = shrouded.state()
-    assert np.abs(shrouded.lattice.bodies.control_points - placed).max() > 0.02
-    other = with_nacelle(yaw=-0.3)
-    for sim in (shrouded, other):
-        sim.restore(middle)
-        assert np.array_equal(sim.advance(2.0, **command).values, first)
-        assert sim.state() == end
 
 
 def test_tower_body_ends_below_the_nacelle():

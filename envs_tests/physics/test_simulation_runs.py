@@ -15,7 +15,6 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurningInflow
 
 # ---- extremes between samples ---------------------------------------------------------------------------------------
-# Extremes between two samples: nothing slips through a control step.
 
 START_SPEED = 1.2
 RADIUS = 2.5
@@ -168,7 +167,6 @@ def test_an_interval_goes_on_from_a_snapshot_and_not_over_a_reset():
 
 
 # ---- records --------------------------------------------------------------------------------------------------------
-# Recorded signals: Lagrange multipliers beside the channels where constraint equations hold the blades.
 
 CONSTRAINED = replace(FIDELITIES["training"], formulation="constrained")
 NAMES = ["root_multiplier_force", "root_multiplier_moment"]
@@ -251,7 +249,6 @@ def test_without_constraint_equations_nobody_asks_for_multipliers(formulation, m
 
 
 # ---- start amid motion ----------------------------------------------------------------------------------------------
-# The start of a simulation amid motion: tower top where and as fast as asked, blades that turn with their weight.
 
 SPEED, PITCH = 1.267, 0.07
 SWING = np.array([0.2, -0.1, 0.3, 0.15])

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 
 # ---- wings as inviscid vortex lattices ------------------------------------------------------------------------------
-# Wings as inviscid vortex lattices, for the cases that compare the lattice with lifting-surface theory.
-#
 # Wings lie in the y–z plane with the chord along +y and the span along +z; the lift points along +x.
 
 INVISCID: dict[str, Any] = {
@@ -202,8 +200,6 @@ class WingFlow:
 
 
 # ---- Wagner and Theodorsen ------------------------------------------------------------------------------------------
-# Thin airfoils in unsteady flow: Wagner's step response and Theodorsen's oscillations, with the vortex lattice.
-#
 # The airfoil is the first strip of a very long half wing that the ground mirrors. Chord, stream and density are 1, so
 # that a step of one panel chord is 1 / n_chord and the reduced frequency is k = ω / 2.
 
@@ -220,21 +216,11 @@ AMPLITUDE = 1e-4
 """Of the angle of attack [rad]: small, so that the linear theory applies."""
 
 
-def wagner_response(
-    n_chord: int, distance: float, steps_per_panel: float = 1.0, shed_fraction: float = 0.25
-) -> tuple[np.ndarray, np.ndarray]:
-    """Lift after a sudden start, over its final value.
-
-    ``n_chord``: panels along the chord; ``distance``: travel in semi-chords; ``steps_per_panel``: steps in which the
-    stream passes one panel; ``shed_fraction`` where the newest wake row lies on the path of the last step. Returns
-    ``travel``, ``lift`` (n_steps,).
-    """
-    dt = 1.0 / (n_chord * steps_per_panel)
+def wagner_response(n_chord: int, distance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Travel in semi-chords, up to a distance, and lift over its final value after a sudden start, both (n_steps,)."""
+    dt = 1.0 / n_chord
     n_steps = round(0.5 * distance / dt)
-    flow = WingFlow(
-        two_dimensional_planform(n_chord), UniformStream.at_incidence(AMPLITUDE), n_steps, dt,
-        shed_fraction=shed_fraction,
-    )  # fmt: skip
+    flow = WingFlow(two_dimensional_planform(n_chord), UniformStream.at_incidence(AMPLITUDE), n_steps, dt)
     flow.start_from_rest()
     lift = np.array([flow.section_lift(flow.step()) for _ in range(n_steps)])
     return 2.0 * dt * np.arange(1, n_steps + 1), lift / (2.0 * np.pi * AMPLITUDE)
@@ -418,8 +404,6 @@ def theodorsen_convergence() -> CaseResult:
 
 
 # ---- Küssner and Sears ----------------------------------------------------------------------------------------------
-# A thin airfoil that flies through gusts: Küssner's sharp edge and Sears' waves, with the vortex lattice.
-#
 # The gust is at rest in the air and carried over the chord by the stream: every collocation point meets it at its own
 # time. (A gust that the whole chord feels at once is a plunging motion, with Wagner's and Theodorsen's functions.)
 # Chord, stream and density are 1; s counts semi-chords, and the reduced frequency is k = ω / 2.

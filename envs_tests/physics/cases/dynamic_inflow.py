@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 
 # ---- steps on the lattice -------------------------------------------------------------------------------------------
-# Steps of wind and pitch on a rigid rotor: overshoot of the loads and the time constants of the wake.
-#
 # A wake takes several rotor radii of travel to follow a change of the rotor's thrust. Until then the rotor works in the
 # induction of before: its loads overshoot, and come back with two time constants.
 #
@@ -282,8 +280,6 @@ def long_wake(
 
 
 # ---- blade elements with memory -------------------------------------------------------------------------------------
-# Blade-element theory with memory: Øye's filter for the wake and Loewy's function for the sections.
-#
 # An engineering model that shares nothing with the lattice but the polars, to compare the lattice's memory with. The
 # induced velocity of momentum theory, W_qs, passes two first-order filters (Øye 1991; the form of AeroDyn's DBEMT),
 #

@@ -247,8 +247,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 # ---- comparison -----------------------------------------------------------------------------------------------------
-# What the cheap fidelities cost in accuracy: the coupled turbine at each of them against fidelity "reference".
-#
 # The reference comes from the table. Runs last until the wake of the start has left
 # every fidelity, and 320 s more in turbulence.
 

@@ -35,8 +35,6 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 # ---- linear lattice in the frequency domain -------------------------------------------------------------------------
-# A flat oscillating half wing as a linear vortex lattice in the frequency domain: an independent reference.
-#
 # Nothing is shared with the lattice of the package: double precision, vortices without core, the wake summed as a
 # geometric series of its rows, and Kutta-Joukowski loads with the vorticity of the last quarter panel taken into
 # account. The wing lies in the plane x = 0, chord along y, span along z from the plane of symmetry z = 0.
@@ -121,8 +119,6 @@ class LinearLattice:
 
 
 # ---- Goland's wing --------------------------------------------------------------------------------------------------
-# Flutter of Goland's wing: the beam and the multibody system coupled with the vortex lattice.
-#
 # A uniform cantilever, clamped at its root in the plane of symmetry, in a steady stream without incidence. Data:
 # Goland, J. Appl. Mech. 12 (1945) A197, in SI units as in the later literature: half span 6.096 m (20 ft), chord 1.8288
 # m (6 ft), 35.71 kg/m (0.746 slug/ft), elastic axis at 33 % and mass center at 43 % of the chord, EI = 9.77e6 N m², GJ
@@ -457,8 +453,6 @@ def goland_flutter() -> CaseResult:
 
 
 # ---- rotors in overspeed --------------------------------------------------------------------------------------------
-# Classical flutter of rotors in overspeed: how small motions of turning blades grow or die on the lattice.
-#
 # The rotor is held at a speed, on a rigid tower and shaft, in a wind of the same tip-speed ratio at all speeds and
 # pitched so that the air hardly bends the blades. Two runs that differ by a short kick of all pitch angles give a
 # difference that obeys the linear equations about the motion of the rotor, gravity, tilt and shed wake included. What

@@ -24,8 +24,6 @@ from wt_gym.turbine_records import RECORDS
 from wt_gym.wind.steady import SteadyInflow
 
 # ---- joints against multipliers -------------------------------------------------------------------------------------
-# Blades on joints against blades held by Lagrange multipliers: the same turbine twice.
-#
 # The NREL 5-MW turns under the air loads of one instant of a simulation at 11 m/s, which the blades carry in their own
 # frames, while its pitch and yaw drives follow moving commands. The generator holds the rotor near its speed by a
 # torque that rises with it (slip).
@@ -264,8 +262,6 @@ def gain() -> CaseResult:
 
 
 # ---- coupled turbines -----------------------------------------------------------------------------------------------
-# Every formulation, integrator and set of coordinates as the coupled turbine of an environment.
-#
 # Each combination runs an episode in turbulence under the baseline controller, random actions, and a snapshot; what it
 # costs and how far it is from the default of the same turbine is a table (docs/formulations.md). Nodal blades are also
 # compared with modal ones, both with torsion: deflection in steady wind and frequencies at rest.

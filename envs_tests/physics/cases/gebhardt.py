@@ -28,8 +28,6 @@ def boundary_layer(wind_speed, reference_height=None):
 
 
 # ---- results --------------------------------------------------------------------------------------------------------
-# The results of Gebhardt, Preidikman, Jørgensen & Massa 2012, figure by figure and statement by statement.
-#
 # The turbine starts from rest at a fixed pitch in a land-surface boundary layer, over flat ground (images) and with the
 # tower in the flow, and loads a generator that is a linear damper. The pitch, which the paper does not give, is found
 # once: at 15 m/s the rotor must turn at 7.4 rpm, which makes the published 1.2 MW. The case at 20 m/s is then
@@ -179,11 +177,12 @@ def calibrate(
 
 
 @cache
-def solved(reference_height=None, lattice=LATTICE, fidelity="gebhardt", tower=1.0):
+def solved(reference_height=None, fidelity="gebhardt"):
     """Calibrated pitch [rad] and the runs at 15 and 20 m/s."""
-    pitch = calibrate(reference_height, lattice=lattice, fidelity=fidelity)
-    choice = {"tower": tower, "lattice": lattice, "fidelity": fidelity}
-    runs = [simulate(make_simulator(v, published(v)[0], reference_height, **choice), pitch) for v in (15.0, 20.0)]
+    pitch = calibrate(reference_height, fidelity=fidelity)
+    runs = [
+        simulate(make_simulator(v, published(v)[0], reference_height, fidelity=fidelity), pitch) for v in (15.0, 20.0)
+    ]
     return pitch, *runs
 
 
@@ -573,8 +572,6 @@ def with_polars():
 
 
 # ---- everything at once ---------------------------------------------------------------------------------------------
-# Everything of Gebhardt, Preidikman, Jørgensen & Massa 2012 at once: the fidelity "gebhardt-full".
-#
 # Free blades with quaternions held by multipliers, 22 nodes a blade, wakes from trailing edges and tips, tower and
 # nacelle as closed bodies that move with the structure and load the tower, the ground; in the paper's two winds. The
 # same statements are asked of it as of the leaner configuration.
@@ -587,7 +584,7 @@ PITCHES = (-5.0, 0.0, 3.0, 6.0, 9.0, 12.5)
 @case("gebhardt-2012-full", "45 m / 68 m turbine, everything together: Figures 1–10", GEBHARDT, slow=True)
 def everything() -> CaseResult:
     """Reference wind at the gradient height, all parts of the model at once."""
-    pitch, low, high = solved(None, LATTICE, FULL)
+    pitch, low, high = solved(None, FULL)
     rpm = published(15.0)[0]
     floating = make_simulator(15.0, rpm, None, "embedded", gravity=False, fidelity=FULL)
     weightless = simulate(floating, pitch, 5.0, rpm * RPM)

@@ -19,7 +19,6 @@ from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 
 # ---- rigid-body benchmarks ------------------------------------------------------------------------------------------
-# Rigid-body benchmarks with exact solutions: pendulum, heavy top, spatial slider-crank.
 
 
 def trajectory(system, y, step, times):
@@ -313,7 +312,6 @@ def spatial_slider_crank() -> CaseResult:
 
 
 # ---- time integrators -----------------------------------------------------------------------------------------------
-# Time integrators: stability limits, order of accuracy and energy behavior against exact values.
 
 GROWTHS = (1e-8, 1e-6)
 """Growths in a step above which a scheme counts as unstable: a published limit, whose growth is not told, must lie

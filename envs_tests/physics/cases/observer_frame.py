@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import eigh
 
+from envs_tests.physics.cases.tools import eigenfrequencies
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table
 from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
 from wt_gym.multibody.observer_frame.observer_frame_body import REFERENCE_CONDITIONS, ObserverFrameError, Substructure
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 
 # ---- load case 1 ----------------------------------------------------------------------------------------------------
-# The blade-and-shaft example of Holm-Jørgensen, Nielsen & Rubak in local observer frames, and what the method gives.
-#
 # A 46-m, 10-t blade on a 4-m shaft in two bearings, 20 + 4 elements, loaded at its tip. The section tables of the
 # paper's blade are not public: a stand-in of the same length and mass is used, with straight axes (no twist, no offset
 # of the mass center), so that flap, edge and torsion are uncoupled as in the paper's figures. Load amplitudes are not
@@ -96,14 +95,21 @@ def rotor(load, axes, reference="clamped", n_modes=None, step=STEP, **options):
     blade; None for finite elements. The shaft is always finite elements; ``step`` [s]; ``options`` of
     :class:`ObserverFrameIntegrator`.
     """
-    system = ObserverFrameSystem()
-    system.add(Substructure.from_beam("blade", blade_beam(), reference, n_modes))
-    system.add(Substructure.from_beam("shaft", shaft_beam(), markers={"front bearing": 2.0}), rotation=BACKWARDS)
+    blade = Substructure.from_beam("blade", blade_beam(), reference, n_modes)
+    return ObserverFrameIntegrator(on_bearings(blade, load, axes), step, **options)
+
+
+def on_bearings(blade, load, axes, speed=0.0):
+    """System of the blade on the shaft in its bearings, turning at a speed [rad/s], loaded at the tip."""
+    system, spin = ObserverFrameSystem(), (speed, 0.0, 0.0)
+    system.add(blade, angular_velocity=spin)
+    shaft = Substructure.from_beam("shaft", shaft_beam(), markers={"front bearing": 2.0})
+    system.add(shaft, rotation=BACKWARDS, angular_velocity=spin)
     system.weld("blade", "root", "shaft", "root")
     system.support("shaft", "front bearing", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
     system.support("shaft", "tip")
     system.load("blade", "tip", load, axes)
-    return ObserverFrameIntegrator(system, step, **options)
+    return system
 
 
 def ramp(flap: float, edge: float, duration: float) -> Callable[[float], np.ndarray]:
@@ -290,10 +296,9 @@ def _frequencies(body, stiffness, gyroscopic, plane):
     """Circular frequencies, ascending, of the modes of a body that move in one plane (0 along x, 1 along y)."""
     moves = np.abs(body.marker_shape("tip")[:2, : body.n_elastic])
     chosen = np.flatnonzero(moves[plane] > 1e-6 * moves.max())
-    n, block = len(chosen), np.ix_(chosen, chosen)
+    block = np.ix_(chosen, chosen)
     inverse = np.linalg.inv(body.mass_matrix[block])
-    a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ stiffness[block], -inverse @ gyroscopic[block]]])
-    return np.sort(np.abs(np.linalg.eigvals(a).imag))[::2]
+    return eigenfrequencies(np.hstack([-inverse @ stiffness[block], -inverse @ gyroscopic[block]]))
 
 
 @case("observer-frame-spin", "A spinning clamped beam without geometric stiffness", "eqs (6)–(7) at constant speed")
@@ -318,8 +323,6 @@ def spinning_frequencies() -> CaseResult:
 
 
 # ---- load case 2 ----------------------------------------------------------------------------------------------------
-# Loads in the deformed state, and the three reference conditions: load case 2 of the blade-and-shaft example.
-#
 # Equation (4) refers a load p that acts on the deformed blade to its undeformed axis by the moment u × p. Two readings:
 #
 # - *printed*: the couple u × p acts at the loaded section. Every section then has the moment (s + u(s) − σ) × p of a
@@ -647,8 +650,6 @@ def references() -> CaseResult:
 
 
 # ---- updates of the frame -------------------------------------------------------------------------------------------
-# Updates of the local observer frame: equations (9)–(12) as printed, and updates on demand.
-#
 # Both on the blade-and-shaft example.
 
 SLOW = 0.2
@@ -662,15 +663,8 @@ THRESHOLDS = (0.01, 0.1, 0.3, 2.0)
 
 def turning(speed, n_modes, prediction):
     """Integrator of the example turning freely at a speed [rad/s] while its tip is pushed flapwise."""
-    system = ObserverFrameSystem()
-    spin = (speed, 0.0, 0.0)
-    system.add(Substructure.from_beam("blade", blade_beam(), n_modes=n_modes), angular_velocity=spin)
-    shaft = Substructure.from_beam("shaft", shaft_beam(), markers={"front bearing": 2.0})
-    system.add(shaft, rotation=BACKWARDS, angular_velocity=spin)
-    system.weld("blade", "root", "shaft", "root")
-    system.support("shaft", "front bearing", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
-    system.support("shaft", "tip")
-    system.load("blade", "tip", ramp(PUSH, 0.0, 1.0), "undeformed")
+    blade = Substructure.from_beam("blade", blade_beam(), n_modes=n_modes)
+    system = on_bearings(blade, ramp(PUSH, 0.0, 1.0), "undeformed", speed)
     return ObserverFrameIntegrator(system, STEP, prediction=prediction)
 
 

@@ -21,7 +21,6 @@ from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 # ---- NREL 5-MW ------------------------------------------------------------------------------------------------------
-# The operating curve of the NREL 5-MW turbine: the complete simulator under the baseline controller in steady wind.
 
 FIG_9_1 = "Jonkman et al. 2009, NREL/TP-500-38060, Figure 9-1 (FAST, blade-element momentum theory)"
 FIDELITY = "training"
@@ -180,8 +179,6 @@ def _percent(found, expected):
 
 
 # ---- IEA 22-MW ------------------------------------------------------------------------------------------------------
-# The IEA 22-MW under its own controller in steady wind against the steady states published with it.
-#
 # Two sets are published, of OpenFAST and of HAWC2, both without tilt and gravity and with blades that bend far and
 # twist: their tips turn by up to 5.7 deg. The turbine is therefore simulated without tilt (gravity stays: over a turn
 # of a rotor without tilt it adds no mean moment about the shaft), and each blade is a chain of bodies, so that bending
@@ -274,7 +271,6 @@ def _iea22_percent(found, expected):
 
 
 # ---- controllers ----------------------------------------------------------------------------------------------------
-# What the controllers of the library do in turbulence, each against the published baseline in the same winds.
 
 WINDS = (12.0, 15.0, 18.0)
 SEEDS = tuple(range(1001, 1007))
@@ -369,7 +365,6 @@ def wind_estimate(winds=(8.0, 12.0, 16.0), duration=200.0) -> CaseResult:
 
 
 # ---- pitch drive ----------------------------------------------------------------------------------------------------
-# The bandwidth of the pitch drive: what a servo adds to the way of the pitch and to the loads in turbulence.
 
 DRIVE_WINDS = ((12.0, 3), (12.0, 5), (16.0, 3))
 """Mean wind [m/s] and seed of the turbulence, class B."""

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 
 # ---- the rotor ------------------------------------------------------------------------------------------------------
-# A rigid rotor in a uniform wind, straight on the vortex lattice: no structure, no tower.
 
 
 @dataclass(frozen=True)
@@ -275,8 +274,6 @@ def turn(axis: str, angle: float) -> np.ndarray:
 
 
 # ---- NREL 5-MW ------------------------------------------------------------------------------------------------------
-# The rigid NREL 5-MW rotor: power and thrust coefficients against tip-speed ratio and pitch.
-#
 # The published numbers come from blade-element momentum theory (BEM) with the same blade and the same polars. They are
 # no truth for a lifting surface: BEM takes the induction of an annulus from its own thrust alone, with Prandtl's factor
 # for the tips, where a lattice sees the whole wake. What must agree is the level, the place of the optimum and the
@@ -411,8 +408,6 @@ def vertex(x: np.ndarray, y: np.ndarray) -> float:
 
 
 # ---- IEA 15-MW ------------------------------------------------------------------------------------------------------
-# The rigid IEA 15-MW rotor up to light winds, where its least speed of 5 rpm is tip-speed ratios of 11 to 16.
-#
 # Such a rotor is heavily loaded (thrust coefficients from 0.9 to 1.3): the annuli outboard are beyond the induction of
 # one half, where momentum theory is an empirical thrust, and wakes roll up within a diameter. So this compares what two
 # theories make of it. Up to a ratio of 11 the cheap fidelities, in the steps of the environments and at that least
@@ -481,8 +476,6 @@ def _run(turbine, options, speed, steps_per_turn):
 
 
 # ---- inboard loads --------------------------------------------------------------------------------------------------
-# Loads of the inner blade of the NREL 5-MW rotor, where lift sets in at the end of a cylindrical root.
-#
 # The published turbine changes from cylinder to airfoil from one blade element to the next, 9.7 m from the axis. A
 # lattice with strips several meters wide must still carry the load that blade-element theory finds behind that step.
 

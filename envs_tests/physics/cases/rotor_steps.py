@@ -39,8 +39,6 @@ from wt_gym.wind.iec import turbulence_sigma
 from wt_gym.wind.kaimal import kaimal_spectrum
 
 # ---- a step of the wind ---------------------------------------------------------------------------------------------
-# A whole-field wind step on the rigid 5-MW rotor: overshoot of thrust and rotor speed, the far wake's memory.
-#
 # The rotor turns with its inertia against a torque that grows with the square of its speed, as below rated power. While
 # it speeds up, the wake keeps the induction of before, and takes half a minute to follow.
 
@@ -101,8 +99,6 @@ def wind_step() -> CaseResult:
 
 
 # ---- a step of the pitch --------------------------------------------------------------------------------------------
-# The Tjæreborg 2-MW turbine as a rigid rotor: the classic measurement of dynamic inflow, a step of the pitch.
-#
 # Three blades of 30.56 m, chord and twist linear along the span, NACA 4412 to 4424 (Øye 1991; Snel & Schepers 1995,
 # ECN-C--94-107). All sections have one polar, linear up to the angles that occur: c_l = 0.105 (α/deg + 4), c_d = 0.01.
 
@@ -238,8 +234,6 @@ def tjaereborg() -> CaseResult:
 
 
 # ---- oscillating wind -----------------------------------------------------------------------------------------------
-# A rotor in wind that oscillates everywhere at once: the lag of its thrust against blade-element theory with memory.
-#
 # A small sum of sines on the mean wind shows all frequencies in one run of the lattice. Beside it stands an independent
 # theory of the same polars: blade elements whose sections lag with Loewy's function and whose induced velocity lags
 # with Øye's filter (`dynamic_inflow`). Both fall below what quasi-steady sections would do, by the same share.
@@ -357,8 +351,6 @@ def rotor_gust() -> CaseResult:
 
 
 # ---- a step that is carried along -----------------------------------------------------------------------------------
-# A step of the wind that is carried downstream: its front overtakes the rings that the rotor has shed.
-#
 # The rows of a wake move with the air about them, which the rotor has slowed; a frozen wind field moves with the mean
 # speed. Behind the front of a faster wind the rows move faster than those ahead of it, so that it drives them together.
 # The wake is stronger there for a while, and the thrust gains less than in a wind that changes everywhere at once.
@@ -493,8 +485,6 @@ def carried_gust(names=("training", "engineering", "8 turns, open")) -> CaseResu
 
 
 # ---- the tower before the blades ------------------------------------------------------------------------------------
-# The tower in front of which the blades pass: third harmonic of the thrust against strip theory.
-#
 # The cylinder of the tower disturbs a wind that the rotor has slowed by its induced velocity. Each section of a blade
 # meets that disturbance once a turn; its harmonics add up where they are multiples of the number of blades. Sections
 # answer with Loewy's function, since all blades do the same a passing time apart (`dynamic_inflow`), and the induced

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from envs_tests.physics.cases.tools import body_pose, upward_crossings
+from envs_tests.physics.cases.tools import body_pose, crossing_frequency
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
@@ -20,8 +20,6 @@ from wt_gym.turbines.catalogue import nada_data, nada_speed
 from wt_gym.wind import SteadyInflow
 
 # ---- mixed coordinates ----------------------------------------------------------------------------------------------
-# Mixed coordinates in one model: the small turbine of Nada & Al-Shahrani.
-#
 # Rigid nacelle and hub in Cartesian coordinates with Euler parameters, tied by constraint equations; blades in nodal
 # coordinates with the geometric stiffness of their rotation; a tower of circular section in modal coordinates. Every
 # body can be made nodal, modal or rigid, and the reference coordinates Cartesian or those of the joints.
@@ -220,11 +218,9 @@ def oscillation(times, signal, frequency, start):
     return 2.0 * np.sum(window * s * np.exp(-2j * np.pi * frequency * t)) / window.sum()
 
 
-def crossing_frequency(times, signal):
-    """Mean frequency [Hz] of a signal from its upward crossings of its mean."""
-    centered = signal - signal.mean()
-    crossing = upward_crossings(centered, times[1] - times[0])
-    return float((len(crossing) - 1) / (crossing[-1] - crossing[0]))
+def mean_frequency(times, signal):
+    """Mean frequency [Hz] of a signal about its mean."""
+    return crossing_frequency(signal - signal.mean(), times[1] - times[0]) / (2.0 * np.pi)
 
 
 @case(
@@ -288,7 +284,7 @@ def mixed_coordinates(short=0.3, long=1.2) -> CaseResult:
     late = times > 0.2
     _, stiff_blades, speed_stiff, _ = simulate(small_turbine(blades="rigid", speed=disc.speed), long)
     _, _, rigid_speed, _ = simulate(small_turbine(tower="rigid", speed=disc.speed), long)
-    frequency = crossing_frequency(times[late], stiff_blades[late, 0])
+    frequency = mean_frequency(times[late], stiff_blades[late, 0])
     point_mass = data["computed"]["tower_with_top_mass_Hz"][0]
     lean = float(nacelle[late, 0].mean())
     near = "beam theory with a point mass; weight, lever and rotor inertia change it by some percent"
@@ -345,8 +341,6 @@ def nodal_geometric_stiffness() -> CaseResult:
 
 
 # ---- coupled simulation ---------------------------------------------------------------------------------------------
-# The small turbine of Nada & Al-Shahrani in the coupled simulation: what the flexibility of its tower does.
-#
 # Modal tower, rigid nacelle and hub, nodal blades whose frames carry Euler parameters (fidelity "mixed"), in the wake
 # of the vortex lattice instead of the disc of ``mixed-coordinates``. The wind generator is turned up from 7 to 8 m/s:
 # the nacelle swings and the rotor spins up. The paper's curves are not legible in the copies at hand, so that its
@@ -396,7 +390,7 @@ def nada_small_turbine() -> CaseResult:
     tower = data["stand_in"]["tower"]
     bending = 3.0 * tower["youngs_modulus_Pa"] * np.pi * tower["diameter_m"] ** 4 / 64.0 / tower["length_m"] ** 3
     swing = nacelle - np.polyval(np.polyfit(times, nacelle, 2), times)
-    frequency = crossing_frequency(times, swing)
+    frequency = mean_frequency(times, swing)
     point_mass = data["computed"]["tower_with_top_mass_Hz"][0]
     near = "beam theory with a point mass; weight, lever and rotor inertia change it by some percent"
     last = times > times[-1] - 2.0 / point_mass

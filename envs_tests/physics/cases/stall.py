@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 
 # ---- NREL UAE Phase VI ----------------------------------------------------------------------------------------------
-# The NREL Unsteady Aerodynamics Experiment, Phase VI: a stiff two-bladed rotor of 10 m diameter in a wind tunnel.
-#
 # At 7 m/s the flow is attached over most of the blade, so that lifting-surface theory with the polars of its S809
 # airfoil should give the measured torque; from 10 m/s on the rotor stalls and becomes a test of stall delayed by
 # rotation.
@@ -287,8 +285,6 @@ def uae_phase_vi_stall() -> CaseResult:
 
 
 # ---- dynamic stall --------------------------------------------------------------------------------------------------
-# Dynamic stall of the S809 airfoil that pitches far: Øye's model alone, with a shed wake, and in the lattice.
-#
 # Chord and speed are 1, so that the reduced frequency is k = ω / 2. The airfoil pitches about its quarter chord.
 
 OYE_SOURCE = "Øye 1991; Hansen, Gaunaa & Madsen 2004, Risø-R-1354; polar: Ramsay et al. 1995, NREL/TP-442-7817"

@@ -30,8 +30,6 @@ from wt_gym.simulation.models import TOWARDS_ENDS, TOWARDS_TIP
 from wt_gym.turbines import load_turbine
 
 # ---- wings ----------------------------------------------------------------------------------------------------------
-# Finite wings with the vortex lattice: lift slopes, induced drag, sudden acceleration, conservation of circulation.
-#
 # Every wing is a half wing mirrored in the plane of symmetry z = 0, in a stream of speed and density one.
 
 RECTANGULAR = {4.0: (3.6120, 0.3152), 6.0: (4.2146, 0.3678), 8.0: (4.5861, 0.4002), 12.0: (5.0217, 0.4382),
@@ -299,8 +297,6 @@ def vortex_conservation() -> CaseResult:
 
 
 # ---- other methods than the lattice ---------------------------------------------------------------------------------
-# Wings and rotors in potential flow by other methods than the lattice: what its strips at the tip are compared with.
-#
 # All circulations are linear: they stand for unit angle of attack, or for unit angle against the helices of the wake.
 
 
@@ -428,8 +424,6 @@ def optimum_circulation(root: float, pitch: float, n_blades: int, n: int = 80) -
 
 
 # ---- strips at tips -------------------------------------------------------------------------------------------------
-# Loads of single strips at tips of wings and rotors, with the panels of the fidelities, against exact and fine ones.
-#
 # Totals hide what happens at a tip. Here every strip outboard of 0.85 of the span is compared at its middle. Wakes are
 # prescribed, so that nothing but the lattice and its planform counts.
 
