@@ -251,13 +251,9 @@ def wagner(distance=41.0) -> CaseResult:
         f"{n}: {100 * (np.interp(2.0, *wagner_response(n, 3.0)) / WAGNER[2][1] - 1):.2f}" for n in (4, 8, 16, 32)
     )
     notes = (
-        "What the lattice sheds in a step stands for a piece of the sheet one step long, and so does the starting "
-        "vortex: the lift is Wagner's half a step ago, an error of first order in the step, and 1 % at s = 0.5 takes "
-        f"32 panels. Error at s = 2 in % by panels along the chord: {at_two}. Counted from the middle of the first "
-        "step, 16 panels are within 0.3 % from s = 0.5 and within 0.01 % from s = 2 to 10. (Counting the last ring in "
-        "full in the added mass adds ρ Γ̇ p/4, p = panel chord, which happens to cancel the half step after a sudden "
-        "start, but spoils the lift of oscillations: theodorsen-convergence.) The first step has no force of the "
-        "changing circulation, the second one from a difference of first order; both are left out of the picture."
+        "The lift is Wagner's half a step ago, an error of first order in the step. Error at s = 2 in % by panels "
+        f"along the chord: {at_two}. Counted from the middle of the first step, 16 panels are within 0.3 % from s = "
+        "0.5 and within 0.01 % from s = 2 to 10. The first two steps are left out of the picture."
     )
     return CaseResult(checks, {"lift after a sudden start": Figure(tuple(curves), "s [semi-chords]", "φ")}, notes)
 
@@ -365,7 +361,6 @@ def theodorsen_case(frequencies=FREQUENCIES) -> CaseResult:
     "theodorsen-convergence",
     "Convergence of the unsteady lift in panels, step and wake",
     THEODORSEN_SOURCE,
-    quick=False,
 )
 def theodorsen_convergence() -> CaseResult:
     """Extrapolated lift at k = 0.5 and 1, and what coarse chords, other steps and shed positions cost."""
@@ -390,14 +385,10 @@ def theodorsen_convergence() -> CaseResult:
     )
     notes = (
         f"Error of the lift amplitude at k = 1 in % by panels along the chord: {size}; of second order. A step is one "
-        "panel chord, so that one or two panels have no more than three or six steps in a period here. The bound "
-        "vortices hold the circulation only up to the middle between the last of them and the first of the wake, a "
-        "quarter panel before the trailing edge; the Kutta-Joukowski sum misses the vorticity -Γ̇/V of that quarter "
-        "panel, ρ Γ̇ p/4 of lift per span (p = panel chord). Half of the last ring in the added mass takes it into "
-        "account; with the whole ring the error would be of first order, 3 % with 16 panels at k = 1. The wake must "
-        "continue the quarter points of the plate: steps of one panel with the newest row a quarter of the way. Steps "
-        "of half a panel, or a row further behind, converge with the square root of the panel size only; with steps of "
-        "two panels errors happen to cancel here."
+        "panel chord. The Kutta-Joukowski sum misses the vorticity -Γ̇/V of the last quarter panel, ρ Γ̇ p/4 of lift "
+        "per span (p = panel chord); half of the last ring in the added mass takes it into account, with the whole "
+        "ring the error would be of first order, 3 % with 16 panels at k = 1. Steps of half a panel, or a newest row "
+        "further behind than a quarter of the way, converge with the square root of the panel size only."
     )
     figure = Figure(tuple(curves), "panels along the chord", "|cl / exact - 1|", log_x=True, log_y=True)
     return CaseResult(checks, {"error of the unsteady lift": figure}, notes)

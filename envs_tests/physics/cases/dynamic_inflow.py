@@ -27,10 +27,6 @@ if TYPE_CHECKING:
 # ---- steps on the lattice -------------------------------------------------------------------------------------------
 # A wake takes several rotor radii of travel to follow a change of the rotor's thrust. Until then the rotor works in the
 # induction of before: its loads overshoot, and come back with two time constants.
-#
-# >>> from envs_tests.physics.cases.dynamic_inflow import five_megawatt_step                    # doctest: +SKIP
-# >>> run = five_megawatt_step(options, coupled=True)                                # any AeroOptions
-# >>> run.overshoot("thrust"), run.overshoot("rotor_speed"), run.fit("thrust")       # doctest: +SKIP
 
 INERTIA = 38_759_228.0 + 97.0**2 * 534.116
 """Of rotor and generator of the NREL 5-MW turbine about the slow shaft [kg m^2] (NREL/TP-500-38060)."""
@@ -280,21 +276,19 @@ def long_wake(
 
 
 # ---- blade elements with memory -------------------------------------------------------------------------------------
-# An engineering model that shares nothing with the lattice but the polars, to compare the lattice's memory with. The
-# induced velocity of momentum theory, W_qs, passes two first-order filters (Øye 1991; the form of AeroDyn's DBEMT),
+# An engineering model that shares nothing with the lattice but the polars. The induced velocity of momentum theory,
+# W_qs, passes two first-order filters with the mean induction a of the rotor (Øye 1991; the form of AeroDyn's DBEMT),
 #
 #     W_int + τ1 W_int' = W_qs + k τ1 W_qs',   W + τ2 W' = W_int,   k = 0.6,
-#     τ1 = 1.1 R / (V (1 − 1.3 min(a, ½))),    τ2 = (0.39 − 0.26 (r/R)²) τ1,
+#     τ1 = 1.1 R / (V (1 − 1.3 min(a, ½))),    τ2 = (0.39 − 0.26 (r/R)²) τ1.
 #
-# with the mean induction a of the rotor. A gust that a whole section feels at once acts like a plunging motion: its
-# lift is that of steady flow times C(k) + ik/2, the circulatory part and the apparent mass (Theodorsen 1935). Behind a
-# rotor the vortices that the blades before have shed lie in layers under the section; if all blades do the same, C
-# becomes
+# The lift in a gust that a whole section feels at once is that of steady flow times C(k) + ik/2, circulatory part and
+# apparent mass (Theodorsen 1935). Over the vortices that the blades before have shed in layers, C becomes
 #
 #     C' = [H₁ + 2 J₁ W] / [H₁ + i H₀ + 2 (J₁ + i J₀) W],   W = 1 / (e^{kh + iωT} − 1),
 #
 # H the Hankel functions of the second kind, T the time from blade to blade and h the distance of two layers in
-# semi-chords (Loewy 1957, J. Aeronaut. Sci. 24:81). Near the passing frequency of the blades the layers add up.
+# semi-chords (Loewy 1957, J. Aeronaut. Sci. 24:81).
 
 FAST_SHARE = 0.6
 """Øye's k: the part of a change that only the faster filter delays."""

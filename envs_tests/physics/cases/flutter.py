@@ -441,29 +441,23 @@ def goland_flutter() -> CaseResult:
     )
     notes = (
         f"No growth at {found}; the checked values are extrapolated from 4 and 8 panels along the chord (second "
-        "order, see theodorsen-convergence). The converged potential flow "
-        f"flutters at about {linear_flutter(8, 32)[0]:.0f} m/s, beyond 165 ± 4 m/s; time marching and the linear "
-        "frequency-domain lattice agree on it, though their aerodynamics share no code. Even lattices that run up to "
-        "the tips act as a wing that is longer by a quarter strip at each tip and flutter earlier: "
+        f"order). The converged potential flow flutters at about {linear_flutter(8, 32)[0]:.0f} m/s, beyond 165 ± 4 "
+        "m/s. Even lattices up to the tips act as a wing longer by a quarter strip at each tip and flutter earlier: "
         f"{to_tip[2]:.1f}, {to_tip[3]:.1f}, {to_tip[4]:.1f}, {to_tip[6]:.1f} m/s with 8, 12, 16, 32 strips (linear). "
-        "So 165 m/s is the value of a coarse lattice. Halving a wake of 20 chords changes 0.05 m/s, two more modes "
-        "0.01 m/s."
+        "Halving a wake of 20 chords changes 0.05 m/s, two more modes 0.01 m/s."
     )
     return CaseResult(checks, figures, notes)
 
 
 # ---- rotors in overspeed --------------------------------------------------------------------------------------------
-# The rotor is held at a speed, on a rigid tower and shaft, in a wind of the same tip-speed ratio at all speeds and
-# pitched so that the air hardly bends the blades. Two runs that differ by a short kick of all pitch angles give a
-# difference that obeys the linear equations about the motion of the rotor, gravity, tilt and shed wake included. What
-# is left of it once the kick's own response has died is the least damped mode of the blades. The same marching and the
-# same reading of the modes find the flutter of a clamped wing (case ``goland-flutter``).
+# The rotor is held at a speed, on a rigid tower and shaft, in a wind of one tip-speed ratio, pitched so that the air
+# hardly bends the blades. The difference of two runs, one with a short kick of all pitch angles, obeys the linear
+# equations about the motion of the rotor; what is left of it after the kick's own response is the least damped mode.
 #
 # Beside it stands an independent calculation for one clamped, untwisted blade in still air: four flapwise and two
-# torsional modes with the section tables of the same files, strips with Jones's two-lag lift of slope 2 pi,
-# centrifugal, propeller and center-of-mass terms; it gives Goland's wing its published 137 m/s. A lattice should come
-# out later, since the lift of its tips falls off. The critical speeds that are quoted for the NREL 5-MW, 24 to 25 rpm,
-# could not be traced to printed tables.
+# torsional modes of the same section tables, strips with Jones's two-lag lift of slope 2 pi, centrifugal, propeller and
+# center-of-mass terms; it gives Goland's wing its published 137 m/s. The critical speeds that are quoted for the NREL
+# 5-MW, 24 to 25 rpm, could not be traced to printed tables.
 
 ROTOR_SPEEDS = {"nrel_5mw": (18.0, 19.5, 20.5, 21.5), "iea_15mw": (10.0, 11.5, 12.5)}
 """Rotor speeds [rpm]. Further below flutter the motion dies so fast that its least damped part cannot be told from what

@@ -28,18 +28,11 @@ def boundary_layer(wind_speed, reference_height=None):
 
 
 # ---- results --------------------------------------------------------------------------------------------------------
-# The turbine starts from rest at a fixed pitch in a land-surface boundary layer, over flat ground (images) and with the
-# tower in the flow, and loads a generator that is a linear damper. The pitch, which the paper does not give, is found
-# once: at 15 m/s the rotor must turn at 7.4 rpm, which makes the published 1.2 MW. The case at 20 m/s is then
-# predicted.
-#
-# The paper does not say at which height the wind has its reference value. Both readings are run: at the gradient height
-# of the profile (275 m, so that 12.1 and 16.1 m/s blow at the hub), and at the hub.
-#
-# The generator's torque acts on the hub, whose inertia (2.5e4 kg m²) is small against the blades'. A damper that is
-# held over an aerodynamic step Δt multiplies deviations of the hub's speed by k Δt/I ≈ 10 and drives the collective
-# edgewise motion unstable. It is therefore what it is called, a damper in the azimuth joint, which acts at every stage
-# of the integration.
+# The turbine starts from rest at a fixed pitch in a land-surface boundary layer, with ground and tower in the flow. Its
+# generator is a linear damper in the azimuth joint: held over an aerodynamic step Δt, it would multiply deviations of
+# the light hub's speed by k Δt/I ≈ 10. The paper gives neither the pitch, which is found from the 7.4 rpm at 15 m/s, so
+# that 20 m/s is predicted, nor the height of the reference wind: the gradient height of the profile (275 m, so that
+# 12.1 and 16.1 m/s blow at the hub) and the hub are both run.
 
 GEBHARDT = "Gebhardt, Preidikman, Jørgensen & Massa 2012, Int. J. Hydrogen Energy 37, 14719–14724"
 RPM = np.pi / 30.0

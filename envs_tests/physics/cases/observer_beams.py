@@ -26,12 +26,10 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 # ---- several frames a beam ------------------------------------------------------------------------------------------
-# Within a body the formulation of Holm-Jørgensen, Nielsen & Rubak is linear and knows no geometric stiffness (case
-# `observer-second-order` has what brings it), but the frames of a beam that is cut into bodies turn with it, and what
-# acts along them acts along the deformed beam. Of the second-order work ½ ∫ N (u')² ds of an axial force N only the
-# part ½ ∫ N (u' − ū')² ds is left out, ū' being the slope of the root of each body: a quarter with twice as many
-# bodies. Two beams show it in time, each released with the velocities of its first mode: a rotating blade, which
-# centrifugal tension stiffens, and a tower, which the weight on its top softens (P-Δ).
+# A body in one frame is linear and knows no geometric stiffness, but the frames of a beam that is cut into bodies turn
+# with it. Of the second-order work ½ ∫ N (u')² ds of an axial force N only ½ ∫ N (u' − ū')² ds is left out, ū' being
+# the slope of the root of each body: a quarter with twice as many bodies. Two beams show it, released with the
+# velocities of their first mode: a rotating blade, which tension stiffens, and a tower, which its top softens (P-Δ).
 
 PIECES = (1, 2, 4, 8)
 ELEMENTS, INTERIOR = 16, 3
@@ -115,7 +113,6 @@ def period(what, n_sub_bodies, speed=0.0, displacement="linear"):
     "observer-substructures",
     "Rotating blade and loaded tower in several local observer frames: the geometric stiffness comes back",
     "the same beams in one body with second-order displacements; Southwell's coefficient of the uniform blade",
-    quick=False,
 )
 def substructures() -> CaseResult:
     """First frequency of one to eight bodies against that of one body with geometric stiffness."""
@@ -141,10 +138,8 @@ def substructures() -> CaseResult:
 
 
 # ---- second-order displacements -------------------------------------------------------------------------------------
-# As published the displacement from a moving frame is linear, and the strain energy knows no axial force. With the
-# second-order displacement ½ qᵀ H q the centrifugal tension of a rotating blade stiffens it and the weight on a tower
-# softens it (:mod:`wt_gym.multibody.observer_frame.frame`). Both are seen in time, released with the velocities of the
-# first mode, and on the turbine in the wind.
+# With the second-order displacement ½ qᵀ H q the centrifugal tension of a rotating blade stiffens one body too, and the
+# weight on a tower softens it (:mod:`wt_gym.multibody.observer_frame.frame`).
 
 TABLE = {0.0: (3.5160, 3.5160), 2.0: (4.1373, 3.6218), 4.0: (5.5850, 3.8977), 8.0: (9.2568, 4.6571)}
 """ω √(m L⁴/EI) of the first flap and lag mode of a rotating cantilever without hub, by Ω √(m L⁴/EI)."""
@@ -232,11 +227,8 @@ def second_order(etas=tuple(TABLE), winds=(("nrel_5mw", 8.0), ("nrel_5mw", 11.4)
 
 
 # ---- a whole turbine ------------------------------------------------------------------------------------------------
-# Their blade under a follower load needs ten modes at a deflection of 0.15 of its length, while three suffice for its
-# free vibration. Displacements from the frames are linear, as theirs. Here the blades of the IEA 15-MW turbine, which
-# bend by 0.14 of their length near rated wind, are reduced to 3, 5, 10 and 16 modes in bending and compared with all
-# displacements and rotations in bending of their finite elements, under the baseline controller in the same turbulent
-# wind.
+# Their blade under a follower load needs ten modes at a deflection of 0.15 of its length, three in free vibration. The
+# blades of the IEA 15-MW turbine bend by 0.14 of their length near rated wind.
 
 REDUCED_TURBINE, REDUCTION_WIND, REDUCTION_SEED, TURBULENCE_CLASS = "iea_15mw", 10.0, 1, "B"
 REDUCTION_SKIP, REDUCTION_DURATION = 20.0, 120.0

@@ -180,16 +180,10 @@ def _percent(found, expected):
 
 # ---- IEA 22-MW ------------------------------------------------------------------------------------------------------
 # Two sets are published, of OpenFAST and of HAWC2, both without tilt and gravity and with blades that bend far and
-# twist: their tips turn by up to 5.7 deg. The turbine is therefore simulated without tilt (gravity stays: over a turn
-# of a rotor without tilt it adds no mean moment about the shaft), and each blade is a chain of bodies, so that bending
-# twists it. The pitch at 24 m/s, the most sensitive number, less that of OpenFAST:
-#
-# - one body: +0.52 deg with 2 + 1 + 1 modes (flap, edge, torsion; `training-torsion`), +0.43 with 3 + 2 + 1, -0.29
-#   with 4 + 3 + 2, -0.43 with 5 + 4 + 3, -0.45 with 7 + 5 + 4;
-# - four, six and eight bodies: -0.13, -0.31 and -0.38 deg.
-#
-# Both ways end at about -0.45 deg; few modes that come nearer owe it to what they leave out. With rigid blades the
-# lattice needs 0.38 deg less than blade elements with the same polars (22.58 for 22.96 deg).
+# twist: their tips turn by up to 5.7 deg. The turbine is simulated without tilt (over a turn gravity then adds no mean
+# moment about the shaft), its blades as chains of bodies. The pitch at 24 m/s less that of OpenFAST is, for one body,
+# +0.52 deg with 2 + 1 + 1 modes (flap, edge, torsion), -0.29 with 4 + 3 + 2 and -0.45 with 7 + 5 + 4; for four, six and
+# eight bodies -0.13, -0.31 and -0.38 deg. With rigid blades the lattice needs 0.38 deg less than blade elements.
 
 IEA22 = "IEA-22-280-RWT, outputs/01_steady_states (OpenFAST with ROSCO and BeamDyn)"
 IEA22_FIDELITY = replace(

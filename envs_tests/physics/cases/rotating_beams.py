@@ -292,15 +292,10 @@ def spin_up_case() -> CaseResult:
 
 
 # ---- one rotor in three formulations --------------------------------------------------------------------------------
-# A flexible shaft turns in a bearing at its rear end and carries a rigid hub with three flexible blades. The bodies,
-# their joints and their loads are described once; the constrained form hangs the blades on the hub by Lagrange
-# multipliers, and both descriptions are translated to local observer frames.
-#
-# What may differ: the observer frame has a linear strain energy. Without the second-order displacement of the blades it
-# lacks the geometric stiffness K Ω² of rotation, K = 1.193 for the first flap mode of a uniform blade (Southwell). The
-# frequency ω₀ is then too low by K Ω²/2ω₀, the phase after a time t by K Ω² t/2ω₀, and so is the response relative to
-# its amplitude. Leaving the second-order displacement out of the embedded form as well gives the same equations at any
-# speed.
+# A flexible shaft in a bearing at its rear end carries a rigid hub with three flexible blades, which the constrained
+# form hangs on the hub by Lagrange multipliers; both descriptions are translated to local observer frames. Without the
+# second-order displacement these lack the geometric stiffness K Ω² of rotation, K = 1.193 for the first flap mode of a
+# uniform blade (Southwell): the frequency ω₀ is too low by K Ω²/2ω₀, the phase after a time t by K Ω² t/2ω₀.
 
 SHAFT = 2.0
 PUSH, TORQUE, RAMP, STRIKE = 0.4, 12.0, 1.0, 0.2

@@ -274,10 +274,8 @@ def turn(axis: str, angle: float) -> np.ndarray:
 
 
 # ---- NREL 5-MW ------------------------------------------------------------------------------------------------------
-# The published numbers come from blade-element momentum theory (BEM) with the same blade and the same polars. They are
-# no truth for a lifting surface: BEM takes the induction of an annulus from its own thrust alone, with Prandtl's factor
-# for the tips, where a lattice sees the whole wake. What must agree is the level, the place of the optimum and the
-# slopes.
+# The published numbers come from blade-element momentum theory with the same blade and polars, which takes the
+# induction of an annulus from its own thrust alone: level, place of the optimum and slopes must agree.
 
 TABLE = "CCBlade (blade-element momentum theory), table of the ROSCO toolbox, 2019"
 N_SPAN, STEPS_PER_TURN, WIND = 12, 30, 11.4
@@ -408,10 +406,9 @@ def vertex(x: np.ndarray, y: np.ndarray) -> float:
 
 
 # ---- IEA 15-MW ------------------------------------------------------------------------------------------------------
-# Such a rotor is heavily loaded (thrust coefficients from 0.9 to 1.3): the annuli outboard are beyond the induction of
-# one half, where momentum theory is an empirical thrust, and wakes roll up within a diameter. So this compares what two
-# theories make of it. Up to a ratio of 11 the cheap fidelities, in the steps of the environments and at that least
-# speed, are held to the lattice with three turns of wake.
+# At its least speed of 5 rpm in light winds this rotor is heavily loaded (thrust coefficients from 0.9 to 1.3), where
+# momentum theory is an empirical thrust. Up to a ratio of 11 the cheap fidelities, in the steps of the environments and
+# at that least speed, are held to the lattice with three turns of wake.
 
 IEA_RATIOS, IEA_WIND, IEA_TURNS = (8.0, 9.0, 11.0, 13.0, 16.0), 5.0, 12.0
 CHEAP, HIGHEST_RATIO, CHEAP_TOLERANCE = ("training", "engineering"), 11.0, 0.02

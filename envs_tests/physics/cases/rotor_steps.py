@@ -351,26 +351,17 @@ def rotor_gust() -> CaseResult:
 
 
 # ---- a step that is carried along -----------------------------------------------------------------------------------
-# The rows of a wake move with the air about them, which the rotor has slowed; a frozen wind field moves with the mean
-# speed. Behind the front of a faster wind the rows move faster than those ahead of it, so that it drives them together.
-# The wake is stronger there for a while, and the thrust gains less than in a wind that changes everywhere at once.
-#
-# The theory that the lattice is compared with has no blades: rings of a cylinder of the rotor's radius are shed at the
-# rate of the thrust, F = T / (ρ A) (the jump of the pressure head), and carried with the wind and what they induce on
-# each other,
+# Behind the front of a faster wind, carried downstream, the rows of the wake move faster than those ahead of it and
+# drive them together: the thrust gains less than in a wind that changes everywhere at once (measured on a rotor of 1.8
+# m: Berger et al., Wind Energ. Sci. 7 (2022) 1827). The lattice is compared with rings of a cylinder of the rotor's
+# radius that are shed at the rate of the thrust, F = T / (ρ A), and carried with the wind and what they induce on each
+# other,
 #
 #     ∂g/∂t + ∂(c g)/∂z = 0,   c g = F at z = 0,   c = V + v(z, t) + u(z),
 #
 # g the circulation per length, v the change of the wind, u the velocity at the cylinder's own radius (complete elliptic
 # integral, Branlard & Gaunaa, Wind Energ. 18 (2015)). The disc feels the mean over its area of what the rings induce
-# (the mutual inductance of two rings, Maxwell), and the thrust follows wind and induced velocity with the slopes of the
-# blade elements. For a small sinusoidal gust carried with V the solution is
-#
-#     g' = g/(V − c) (exp(−iωz/V) − exp(−iωz/c)) + (F' − g)/c exp(−iωz/c);
-#
-# the first term is missing in a gust that is felt everywhere at once. It was measured on a rotor of 1.8 m in gusts from
-# an active grid, and found with a free wake: the induced velocity amplified, the load less than that of blade elements
-# with Øye's filter (Berger et al., Wind Energ. Sci. 7 (2022) 1827).
+# (the mutual inductance of two rings, Maxwell); the thrust follows wind and induced velocity as in blade elements.
 
 RING_SOURCE = "transport of the rings of a vortex cylinder, own calculation"
 ELEMENTS = "blade elements with Øye's filter, own calculation"

@@ -21,13 +21,10 @@ from wt_gym.wind import SteadyInflow
 
 # ---- mixed coordinates ----------------------------------------------------------------------------------------------
 # Rigid nacelle and hub in Cartesian coordinates with Euler parameters, tied by constraint equations; blades in nodal
-# coordinates with the geometric stiffness of their rotation; a tower of circular section in modal coordinates. Every
-# body can be made nodal, modal or rigid, and the reference coordinates Cartesian or those of the joints.
-#
-# The paper's own numbers are not legible in the copies at hand, so that its statements become criteria on a stand-in
-# rig of the same kind (``wt_gym/turbines/data/nada_small.json``). The air is a quasi-steady disc: thrust ½ρA V²C_T and
-# torque ½ρAR V² (a − b λ) with the wind relative to the nacelle, V = 8 m/s − ẋ, which is how tower motion reaches the
-# rotor speed.
+# coordinates with the geometric stiffness of their rotation; a tower of circular section in modal coordinates. The
+# paper's numbers are not legible in the copies at hand: its statements become criteria on a stand-in rig of the same
+# kind (``wt_gym/turbines/data/nada_small.json``). The air is a quasi-steady disc: thrust ½ρA V²C_T and torque
+# ½ρAR V² (a − b λ) with the wind relative to the nacelle, V = 8 m/s − ẋ.
 
 NADA = "Nada & Al-Shahrani 2019, Mech. Sci. 10, 35–46"
 STEP = 5e-5
@@ -311,10 +308,8 @@ def mixed_coordinates(short=0.3, long=1.2) -> CaseResult:
         (Curve(times, speed, "flexible tower"), Curve(times, rigid_speed, "rigid tower", "--")), "t [s]", "rad/s"
     )
     notes = (
-        "The paper's measured and computed curves are not legible in the stored copies; its statements are checked on\n"
-        "a stand-in rig. Blades bend across their flat side only. On this rig the regressive flap mode (32.7 − 25.5 =\n"
-        "7.2 Hz seen from the ground) meets the first tower mode: with flexible blades the nacelle swings at 6.4 and\n"
-        "8.3 Hz and beats (at 20 rad/s it swings at 7.3 Hz alone). The two checks against linear theory therefore use\n"
+        "The regressive flap mode (32.7 − 25.5 = 7.2 Hz seen from the ground) meets the first tower mode: with "
+        "flexible blades the nacelle swings at 6.4 and 8.3 Hz and beats. The two checks against linear theory use "
         "rigid blades."
     )
     return CaseResult(checks, figures, notes)
@@ -341,11 +336,8 @@ def nodal_geometric_stiffness() -> CaseResult:
 
 
 # ---- coupled simulation ---------------------------------------------------------------------------------------------
-# Modal tower, rigid nacelle and hub, nodal blades whose frames carry Euler parameters (fidelity "mixed"), in the wake
-# of the vortex lattice instead of the disc of ``mixed-coordinates``. The wind generator is turned up from 7 to 8 m/s:
-# the nacelle swings and the rotor spins up. The paper's curves are not legible in the copies at hand, so that its
-# statements are asked of the stand-in rig: the motion of the nacelle, the effect of the tower on the rotor speed, a
-# reduced set of tower modes in place of the nodes, and the speed of the test.
+# Modal tower and nodal blades whose frames carry Euler parameters (fidelity "mixed"), in the wake of the vortex
+# lattice. The wind is turned up from 7 to 8 m/s: the nacelle swings and the rotor spins up.
 
 BEFORE, SLOW = 7.0, 150.0
 """Wind [m/s] and rotor speed [rad/s] at the start: slower, the plates of the blades stall in 8 m/s."""
@@ -434,8 +426,6 @@ def nada_small_turbine() -> CaseResult:
     notes = (
         f"nacelle {1e3 * nacelle.min():.2f} to {1e3 * nacelle.max():.2f} mm; rotor from {speed[0]:.1f} to "
         f"{speed[-1]:.2f} rad/s, {stiff_speed[-1]:.2f} with a rigid tower; ripple {moved:.3g} against {still:.3g} "
-        f"rad/s. Nacelle and hub hang on the tower by joints, in all forms; free bodies with Euler parameters are the "
-        "blades, which turn by 3.7 degrees in a structural step. The paper's measured speeds are not legible; that of "
-        "the stand-in is tip-speed ratio 5."
+        "rad/s."
     )
     return CaseResult(checks, figures, notes)
