@@ -184,17 +184,6 @@ def test_the_tower_bears_the_force_on_its_body(full):
 
 
 @pytest.mark.slow
-def test_snapshots_of_everything(full):
-    simulator, _ = full
-    kept = simulator.state()
-    first = [simulator.advance(simulator.time_step, pitch=PITCH + 0.01).values for _ in range(3)]
-    simulator.restore(kept)
-    again = [simulator.advance(simulator.time_step, pitch=PITCH + 0.01).values for _ in range(3)]
-    simulator.restore(kept)
-    np.testing.assert_array_equal(first, again)
-
-
-@pytest.mark.slow
 def test_tangent_of_a_straight_spinning_blade(full):
     """Without deformation the tangent has the spinning modes, whose stiffening the rotating-beam cases have proved."""
     beam, _ = full[0].structure.blade_field
@@ -269,18 +258,6 @@ def test_gain_and_projection_reach_the_system():
     assert (system.tree.stabilization, system.tree.projection) == (25.0, 0)
 
 
-@pytest.mark.parametrize(("changes", "text"), [
-    ({"stabilization": -1.0}, "stabilization"),
-    ({"stabilization": float("nan")}, "stabilization"),
-    ({"moving_bodies": True}, "needs a tower_body or a nacelle_body"),
-    ({"blade_basis": "curved"}, "blade_basis"),
-    ({"blade_basis": "deformed", "blade_coordinates": "nodal"}, "needs blade_coordinates 'modal'"),
-])  # fmt: skip
-def test_choices_without_meaning_are_refused(changes, text):
-    with pytest.raises(SimulationError, match=text):
-        replace(FIDELITIES["training"], **changes)
-
-
 def test_a_gain_beyond_the_stability_limit_is_refused():
     fidelity = replace(FIDELITIES["gebhardt"], stabilization=200.0)
     simulator = Simulator("gebhardt_45m", SteadyInflow(12.0), fidelity)
@@ -297,7 +274,6 @@ def test_multipliers_need_constraints():
 
 
 # ---- formulations as environments -----------------------------------------------------------------------------------
-# What the case of all formulations in the environment compares, and how it judges.
 
 KNOWN = {combination.label: combination for combination in module.COMBINATIONS}
 IDS = {"NREL5MW": "nrel_5mw", "IEA15MW": "iea_15mw"}
@@ -319,31 +295,3 @@ def test_nodal_blades_vibrate_as_modal_ones(pair):
     nodal, modal = (module.parked_frequencies(turbine, KNOWN[f"{pair[0]}, {name}"].fidelity) for name in pair[1:])
     np.testing.assert_allclose(nodal, modal, rtol=5e-3)
     assert np.abs(nodal / modal - 1.0).max() > 1e-5  # other elements, other coordinates
-
-
-def test_frequencies_that_no_tree_describes_are_left_out():
-    turbine = load_turbine("nrel_5mw")
-    training = FIDELITIES["training"]
-    for change in ({"formulation": "constrained"}, {"formulation": "observer", "reference_condition": "three_quarter"}):
-        assert module.parked_frequencies(turbine, replace(training, **change)) is None
-
-
-@pytest.mark.parametrize(
-    ("ending", "change", "failed"),
-    [
-        (None, {}, ["power against"]),
-        (None, {"failure": "overspeed"}, ["end early", "power against"]),
-        ("tower_strike", {"failure": "tower_strike"}, ["power against"]),
-        ("tower_strike", {}, ["end otherwise than by tower_strike", "power against"]),
-        (None, {"repeats": False, "power": 100.4}, ["do not repeat"]),
-    ],
-)
-def test_what_passes(ending, change, failed):
-    default = {"failure": None, "repeats": True, "ms": 1.0, "power": 100.0, "flap_DEL": 1.0, "tip": 1.0,
-               "frequencies": None}  # fmt: skip
-    combination = module.Combination("NREL5MW", "some", FIDELITIES["training"], ending=ending)
-    checks, line = module.compare(combination, default | {"power": 101.0} | change, default)
-    found = [check.quantity for check in checks if not check.passed]
-    assert len(found) == len(failed)
-    assert all(text in quantity for text, quantity in zip(failed, found, strict=True))
-    assert line.startswith("NREL5MW, some: 1.00, +")

@@ -9,9 +9,7 @@ import pytest
 
 from envs_tests.physics.cases.tools import mass_matrix, rate_jacobian
 from envs_tests.physics.cases.turbine_modes import (
-    rigid_support,
     weightless_simulator,
-    whirl_frequencies,
 )
 from wt_gym.base.errors import SimulationError
 from wt_gym.commands import parse as parse_command
@@ -19,7 +17,6 @@ from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.campbell import campbell
 from wt_gym.simulation.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
 from wt_gym.simulation.linearization import linearize
-from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow
 
 RPM = np.pi / 30.0
@@ -105,13 +102,6 @@ def test_parked_frequencies_are_those_of_the_mass_damping_and_stiffness_matrices
     obtained = np.sort([mode.natural_frequency for mode in model.modes()])
     np.testing.assert_allclose(obtained, exact, rtol=1e-5)
     assert {mode.name for mode in model.modes()} >= {"flap_1 yaw", "flap_1 tilt", "fore_aft_1", "shaft_torsion"}
-
-
-def test_rotation_stiffens_the_blades():
-    """Southwell: f² = f0² + c (Ω/2π)², 1.5 < c < 2 for the first flap mode of a tapered blade clamped near the axis."""
-    rotor = weightless_simulator(rigid_support(load_turbine("nrel_5mw")))
-    still, turning = (whirl_frequencies(rotor, speed)["flap_1 collective"] for speed in (0.0, RATED))
-    assert 1.5 < (turning**2 - still**2) / (RATED / (2.0 * np.pi)) ** 2 < 2.0
 
 
 def test_modes_of_the_turbine_in_operation(operating):

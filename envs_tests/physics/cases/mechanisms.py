@@ -19,7 +19,6 @@ from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 
 # ---- rigid-body benchmarks ------------------------------------------------------------------------------------------
-# Rigid-body benchmarks with exact solutions: pendulum, heavy top, spatial slider-crank.
 
 
 def trajectory(system, y, step, times):
@@ -165,7 +164,6 @@ def heavy_top_precession() -> CaseResult:
     "heavy-top-spherical",
     "Heavy top on a ball joint, horizontal start, spin 150 rad/s",
     "Géradin & Cardona 2001; Brüls & Cardona 2010, J. Comput. Nonlinear Dyn. 5; exact by Lagrange's integrals",
-    quick=False,
 )
 def heavy_top_spherical() -> CaseResult:
     """Mass 15 kg, center at 1 m, J = diag(0.234375, 0.46875, 0.234375) about it, Ω₀ = (0, 150, −4.61538) rad/s.
@@ -313,7 +311,6 @@ def spatial_slider_crank() -> CaseResult:
 
 
 # ---- time integrators -----------------------------------------------------------------------------------------------
-# Time integrators: stability limits, order of accuracy and energy behavior against exact values.
 
 GROWTHS = (1e-8, 1e-6)
 """Growths in a step above which a scheme counts as unstable: a published limit, whose growth is not told, must lie
@@ -347,16 +344,8 @@ def _line_system(line):
 def amplification(integrator, step):
     """Matrix that one step applies to everything the integrator carries, for a linear system without loads.
 
-    Parameters
-    ----------
-    integrator : any of the family
-    step : float
-        [s].
-
-    Returns
-    -------
-    array (n, n)
-        n = 9 n_state for the Hamming scheme (four states, four rates, error estimate), else 2 n_state + n_velocity.
+    ``step`` [s]. Returns (n, n): n = 9 n_state for the Hamming scheme (four states, four rates, error estimate), else 2
+    n_state + n_velocity.
     """
     integrator.step = step
     history = integrator.history
@@ -503,9 +492,8 @@ def order() -> CaseResult:
         curves.append(Curve(2.0 / np.array(counts), errors, label, "o-"))
     figure = Figure(tuple(curves), "step [s]", "error of the angle at 2 s [rad]", True, True)
     notes = (
-        "The first of the published starters, a trapezoidal step, leaves an error of order h³ that stays: a run from "
-        "its start converges with order 3. The corrector alone has order 4; with the final correction and a smooth "
-        "motion it is 5, from exact starting values as from three Runge–Kutta steps (starter='runge-kutta')."
+        "The first of the published starters, a trapezoidal step, leaves an error of order h³ that stays. The "
+        "corrector alone has order 4; with the final correction it is 5."
     )
     return CaseResult(checks, {"Convergence": figure}, notes)
 

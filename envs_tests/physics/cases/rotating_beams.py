@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag, eigh, null_space
 from scipy.spatial.transform import Rotation
 
-from envs_tests.physics.cases.tools import body_pose, frequencies, rate_jacobian
+from envs_tests.physics.cases.tools import body_pose, eigenfrequencies, frequencies, rate_jacobian
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table, worst
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_frame_from_system
@@ -20,8 +20,6 @@ from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines.blade import inertia_matrix
 
 # ---- rotating cantilevers -------------------------------------------------------------------------------------------
-# Rotating cantilevers: frequencies over the speed of rotation, Southwell coefficients, and the spin-up maneuver.
-#
 # A beam clamped to a hub that turns at constant speed about x: flap is motion along x (along the spin axis), lag along
 # y (in the plane of rotation). Frequencies are made dimensionless with √(m L⁴/EI) and the speed η = Ω √(m L⁴/EI).
 
@@ -48,30 +46,34 @@ def tapered_sections(n=161):
     return BeamSections(s, stiffness, inertia, np.column_stack([0.0 * s, 0.0 * s, s]))
 
 
-def bending_basis(beam, coordinates, n_modes=16):
+def bending_basis(beam, coordinates):
     """Modes of the clamped beam, or unit vectors of the bending coordinates of every node but the root.
 
     Axial coordinates are left out: the second-order field already keeps the axis inextensible, as the tables assume.
     """
     if coordinates == "modal":
-        return np.hstack([clamped_modes(beam, n_modes // 2, node_dofs=plane).shape for plane in ((0, 4), (1, 3))])
+        return np.hstack([clamped_modes(beam, 8, node_dofs=plane).shape for plane in ((0, 4), (1, 3))])
     keep = [6 * node + k for node in range(1, beam.n_dof // 6) for k in (0, 1, 3, 4)]
     return np.eye(beam.n_dof)[:, keep]
 
 
-def spinning_beam(sections, coordinates, delta=0.0, n_elements=None):
-    """System of one beam on a hub of radius δ L driven about x, with the scale and the plane of its coordinates."""
-    beam = Beam(sections, n_elements or (8 if coordinates == "nodal" else 16))
-    basis = bending_basis(beam, coordinates)
-    body = FlexibleBody.from_beam("blade", beam, basis)
+def on_spinning_hub(body, delta):
+    """System of a body on a hub of radius δ L driven about x."""
     system = MultibodySystem(gravity=(0.0, 0.0, 0.0))
     turned = FlexibleBody.rigid("hub", 1.0, np.zeros(3), np.eye(3))
     drive = Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, servo_damping=0.0, name="spin")
-    hub = system.add(turned, drive)
-    system.add(body, Joint("fixed", offset=(0.0, 0.0, delta * LENGTH)), hub)
+    system.add(body, Joint("fixed", offset=(0.0, 0.0, delta * LENGTH)), system.add(turned, drive))
+    return system.build()
+
+
+def spinning_beam(sections, coordinates, delta=0.0):
+    """System of one beam on a hub of radius δ L driven about x, with the scale and the plane of its coordinates."""
+    beam = Beam(sections, 8 if coordinates == "nodal" else 16)
+    basis = bending_basis(beam, coordinates)
     moves = np.abs(basis).reshape(-1, 6, basis.shape[1]).max(axis=0)
     planes = [np.flatnonzero(moves[0] + moves[4] > 0.0), np.flatnonzero(moves[1] + moves[3] > 0.0)]
-    return system.build(), 1e-4 / np.maximum(moves.max(axis=0), 1e-3), planes
+    system = on_spinning_hub(FlexibleBody.from_beam("blade", beam, basis), delta)
+    return system, 1e-4 / np.maximum(moves.max(axis=0), 1e-3), planes
 
 
 def spinning_frequencies(model, eta):
@@ -83,9 +85,7 @@ def spinning_frequencies(model, eta):
     jacobian = rate_jacobian(system, y, step=scale)
     out = []
     for chosen in planes:
-        both, m = np.concatenate([chosen, n + chosen]), len(chosen)
-        a = np.block([[np.zeros((m, m)), np.eye(m)], [jacobian[np.ix_(chosen, both)]]])
-        out.append(np.sort(np.abs(np.linalg.eigvals(a).imag))[::2] * UNIT)
+        out.append(eigenfrequencies(jacobian[np.ix_(chosen, np.concatenate([chosen, n + chosen]))]) * UNIT)
     return out
 
 
@@ -199,12 +199,8 @@ def southwell() -> list[Check]:
         body = FlexibleBody.from_beam("blade", beam, mode[:, None])
         squared = {}
         for delta, eta in ((0.0, 0.0), (0.0, 10.0), (1.0, 10.0)):
-            system = MultibodySystem(gravity=(0.0, 0.0, 0.0))
-            turned = FlexibleBody.rigid("hub", 1.0, np.zeros(3), np.eye(3))
-            drive = Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, servo_damping=0.0, name="spin")
-            hub = system.add(turned, drive)
-            system.add(body, Joint("fixed", offset=(0.0, 0.0, delta * LENGTH)), hub)
-            y = system.build().initial_state()
+            system = on_spinning_hub(body, delta)
+            y = system.initial_state()
             y[-1] = eta / UNIT
             squared[delta, eta] = (frequencies(system, y, step=1e-3)[0] * UNIT) ** 2
         k = (squared[0.0, 10.0] - squared[0.0, 0.0]) / 100.0
@@ -296,17 +292,10 @@ def spin_up_case() -> CaseResult:
 
 
 # ---- one rotor in three formulations --------------------------------------------------------------------------------
-# One rotor in the embedded, the constrained and the observer-frame form.
-#
-# A flexible shaft turns in a bearing at its rear end and carries a rigid hub with three flexible blades. The bodies,
-# their joints and their loads are described once; the constrained form hangs the blades on the hub by Lagrange
-# multipliers, and both descriptions are translated to local observer frames.
-#
-# What may differ: the observer frame has a linear strain energy. Without the second-order displacement of the blades it
-# lacks the geometric stiffness K Ω² of rotation, K = 1.193 for the first flap mode of a uniform blade (Southwell). The
-# frequency ω₀ is then too low by K Ω²/2ω₀, the phase after a time t by K Ω² t/2ω₀, and so is the response relative to
-# its amplitude. Leaving the second-order displacement out of the embedded form as well gives the same equations at any
-# speed.
+# A flexible shaft in a bearing at its rear end carries a rigid hub with three flexible blades, which the constrained
+# form hangs on the hub by Lagrange multipliers; both descriptions are translated to local observer frames. Without the
+# second-order displacement these lack the geometric stiffness K Ω² of rotation, K = 1.193 for the first flap mode of a
+# uniform blade (Southwell): the frequency ω₀ is too low by K Ω²/2ω₀, the phase after a time t by K Ω² t/2ω₀.
 
 SHAFT = 2.0
 PUSH, TORQUE, RAMP, STRIKE = 0.4, 12.0, 1.0, 0.2
@@ -484,8 +473,7 @@ def collective_flap(geometric, speed):
     for b in range(2, 5):
         together[system.index(b, "elastic_u") + np.arange(3), np.arange(3)] = 1.0 / np.sqrt(3.0)
     jacobian = together.T @ rate_jacobian(system, y, step=1e-4) @ block_diag(together, together)
-    a = np.block([[np.zeros((3, 3)), np.eye(3)], [jacobian]])
-    return float(np.sort(np.abs(np.linalg.eigvals(a).imag))[0])
+    return float(eigenfrequencies(jacobian)[0])
 
 
 def flap_history(time, frequency):

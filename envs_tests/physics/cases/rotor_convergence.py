@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 
 # ---- panels, steps and wake -----------------------------------------------------------------------------------------
-# Convergence of the rigid NREL 5-MW rotor: span, chord, time step, length of the wake and its closure.
 
 WIND, ROTOR_SPEED = 8.0, 9.15 * np.pi / 30.0
 """[m/s], [rad/s]; pitch 0, tip-speed ratio 7.55."""
@@ -150,8 +149,6 @@ def rigid_helix_length() -> CaseResult:
 
 
 # ---- a converged lattice --------------------------------------------------------------------------------------------
-# Cp and Ct of the rigid NREL 5-MW rotor against tip-speed ratio: a converged lattice, and the fidelities against it.
-#
 # The converged lattice has a free wake with an open end: nothing continues it, merges its rows or leaves them without a
 # new velocity in a step, so that it rests on no model of the far wake. What its length, panels and time step leave is
 # extrapolated. `python -m envs_tests.physics.cases.rotor_convergence` makes the table again.
@@ -219,10 +216,7 @@ def converged(ratio):
 def converged_table():
     """Rows of the table: tip-speed ratio, Cp, Ct and their uncertainties.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the table has not been made.
+    Raises `FileNotFoundError` if the table has not been made.
     """
     if not (DATA / TABLE).exists():
         raise FileNotFoundError(f"{TABLE} is not there; make it: python -m envs_tests.physics.cases.rotor_convergence")
@@ -328,7 +322,6 @@ def power_curve_ladder() -> CaseResult:
 
 
 # ---- fast pitch -----------------------------------------------------------------------------------------------------
-# Fast pitch: what the rows of the wake that are not computed anew in every step cost when the loads change.
 
 WINDS = {8.0: 7.55, 11.4: 7.0}
 """Wind [m/s] and tip-speed ratio, which is held."""

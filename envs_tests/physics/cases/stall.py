@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 
 # ---- NREL UAE Phase VI ----------------------------------------------------------------------------------------------
-# The NREL Unsteady Aerodynamics Experiment, Phase VI: a stiff two-bladed rotor of 10 m diameter in a wind tunnel.
-#
 # At 7 m/s the flow is attached over most of the blade, so that lifting-surface theory with the polars of its S809
 # airfoil should give the measured torque; from 10 m/s on the rotor stalls and becomes a test of stall delayed by
 # rotation.
@@ -63,15 +61,10 @@ ASPECT_RATIO = 11.0
 class PhaseSixBlade:
     """Planform, camber and polars of the blade; positions are distances from its root [m].
 
-    Parameters
-    ----------
-    polars : str
-        "model": with stall delay along the span, from the certification model; "measured": one two-dimensional polar,
-        continued by Viterna's method up to 90 degrees and beyond by the certification model's outermost one.
-    augmentation : str, optional
-        Model of the delay of stall by rotation, for two-dimensional polars, at the tip-speed ratio of ``wind``.
-    wind : float, optional
-        [m/s].
+    ``polars``: "model": with stall delay along the span, from the certification model; "measured": one two-dimensional
+    polar, continued by Viterna's method up to 90 degrees and beyond by the certification model's outermost one;
+    ``augmentation``: model of the delay of stall by rotation, for two-dimensional polars, at the tip-speed ratio of
+    ``wind``; ``wind`` [m/s].
     """
 
     def __init__(self, polars: str = "model", augmentation: str | None = None, wind: float = 7.0):
@@ -292,8 +285,6 @@ def uae_phase_vi_stall() -> CaseResult:
 
 
 # ---- dynamic stall --------------------------------------------------------------------------------------------------
-# Dynamic stall of the S809 airfoil that pitches far: Øye's model alone, with a shed wake, and in the lattice.
-#
 # Chord and speed are 1, so that the reduced frequency is k = ω / 2. The airfoil pitches about its quarter chord.
 
 OYE_SOURCE = "Øye 1991; Hansen, Gaunaa & Madsen 2004, Risø-R-1354; polar: Ramsay et al. 1995, NREL/TP-442-7817"
@@ -416,14 +407,8 @@ def lattice_loop(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Angle [deg] and lift coefficient of the vortex lattice over the last period, (n + 1,) each.
 
-    Parameters
-    ----------
-    polar : ndarray, shape (n_alpha, 3), optional
-        Of the section; a flat plate's if not given.
-    n_chord : int
-        Panels along the chord; a step is one panel.
-    **options
-        `AeroOptions`.
+    ``polar`` (n_alpha, 3) of the section; a flat plate's if not given; ``n_chord``: panels along the chord; a step is
+    one panel; ``options``: `AeroOptions`.
     """
     dt, n = motion.steps(1.0 / n_chord)
     start, n_steps = round((periods % 1.0) * n), round(periods * n)
