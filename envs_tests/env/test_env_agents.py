@@ -19,7 +19,7 @@ from wt_gym.analysis.statistics import WindClimate
 from wt_gym.analysis.summary import summarize
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.commands import main
-from wt_gym.control.controllers import BaselineController
+from wt_gym.control.controllers import DisconController
 from wt_gym.experiment.agents import ConstantAgent, ControllerAgent, load_agent
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.names import BASELINE, named_choices
@@ -46,16 +46,16 @@ def demands(env, agent, steps=25, **options):
 @pytest.mark.parametrize("pitch", ["collective", "individual"])
 def test_baseline_demands_what_its_controller_commands(mode, pitch):
     env = gym.make(TURBULENT, wind_speed=13.0, action_mode=mode, pitch=pitch)
-    agent, controller = ControllerAgent.from_env(env), BaselineController()
+    agent, controller = ControllerAgent.from_env(env), DisconController()
     observation, _ = env.reset(seed=1)
     raw = env.unwrapped
-    controller.start(raw.signals["generator_speed"], raw.demand.pitch, raw.demand.generator_torque)
+    controller.start(raw.signals, raw.demand)
     for _ in range(40):
-        expected_pitch, expected_torque = controller.step(raw.signals["generator_speed"], raw.control_dt)
+        expected = controller.step(raw.signals, raw.control_dt)
         action, _ = agent.predict(observation)
         observation, *_ = env.step(action)
-        np.testing.assert_allclose(raw.demand.pitch, expected_pitch, atol=2e-5)
-        assert raw.demand.generator_torque == pytest.approx(expected_torque, rel=2e-5)
+        np.testing.assert_allclose(raw.demand.pitch, expected.pitch, atol=2e-5)
+        assert raw.demand.generator_torque == pytest.approx(expected.generator_torque, rel=2e-5)
 
 
 def test_baseline_starts_afresh_in_a_new_episode():

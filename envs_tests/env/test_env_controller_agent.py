@@ -88,7 +88,7 @@ class _Tilt:
 
     def start(self, signals, demand):
         self.demand = demand
-        self.addition = IndividualPitch.of_turbine(
+        self.addition = IndividualPitch(
             self.turbine, bandwidth=1.0, limit=0.02, rate_limit=0.06, fade=False, simulator_step=self.simulator_step
         )
         self.addition.start(signals)

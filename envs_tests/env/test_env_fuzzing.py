@@ -21,7 +21,7 @@ from fuzzing import (
 )
 from fuzzing.energy import EnergyAccount
 from fuzzing.policies import Policy
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

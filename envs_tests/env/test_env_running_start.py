@@ -175,7 +175,7 @@ def test_controllers_with_other_parameters_start_from_the_present_demand(turbine
     result, form, rows = brief
     memory = form.memory(form.numbers(result.memories)[0])
     other = make_controller("discon", turbine)
-    other.law.parameters = replace(other.parameters, corner_frequency=2.0)
+    other.parameters = replace(other.parameters, corner_frequency=2.0)
     signals = Signals(np.zeros(69), 3)
     other.start(signals, start_demand(Record(3, 45, np.array([15.0]), rows, form).at(turbine, 0)))
     before = memory_of(other).values

@@ -521,11 +521,11 @@ def test_environments_do_not_share_a_controller():
     first, second = (WindTurbineEnv(inflow=SteadyInflow(15.0), controller=own, **RESIDUAL) for _ in range(2))
     first.reset(seed=0)
     first.step(np.zeros(5))
-    before = copy.deepcopy(first.controller.law.state)
+    before = copy.deepcopy(first.controller)
     second.reset(seed=0, options={"pitch": 0.3})
     assert first.controller is not second.controller
-    assert first.controller.law.state.filtered_speed == before.filtered_speed
-    np.testing.assert_array_equal(first.controller.law.state.pitch, before.pitch)
+    assert first.controller.filtered_speed == before.filtered_speed
+    np.testing.assert_array_equal(first.controller.pitch, before.pitch)
 
 
 def test_groups_that_are_empty_with_an_action_are_refused():

@@ -32,7 +32,8 @@ from envs_tests.physics.validation import (
     run_case,
     worst,
 )
-from wt_gym.control.controllers.discon import BaselineController, nrel_5mw_parameters
+from wt_gym.control import Demand
+from wt_gym.control.controllers.discon import DisconController, nrel_5mw_parameters
 from wt_gym.simulation.fidelity import fidelity
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
@@ -222,8 +223,10 @@ def test_stamps_know_wind_and_control_and_ignore_the_last_bits_of_numbers():
 
 @pytest.mark.parametrize("speed", [20.0, 90.0, 130.0, 300.0])
 def test_the_law_of_the_gain_sweep_is_the_square_of_the_speed_everywhere(speed):
-    controller = BaselineController(constant_gain(nrel_5mw_parameters(), 0.7))
-    controller.start(speed, 0.0)
-    pitch, torque = controller.step(speed, 0.2)
-    assert torque == pytest.approx(min(0.7 * 2.332287 * speed**2, nrel_5mw_parameters().max_torque), rel=1e-9)
-    assert np.all(pitch == 0.0)
+    controller = DisconController(constant_gain(nrel_5mw_parameters(), 0.7))
+    controller.start({"generator_speed": speed}, Demand(np.zeros(3), 0.0, np.nan))
+    demand = controller.step({"generator_speed": speed}, 0.2)
+    assert demand.generator_torque == pytest.approx(
+        min(0.7 * 2.332287 * speed**2, nrel_5mw_parameters().max_torque), rel=1e-9
+    )
+    assert np.all(demand.pitch == 0.0)

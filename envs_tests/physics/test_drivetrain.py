@@ -9,7 +9,8 @@ from scipy.optimize import curve_fit
 from scipy.spatial.transform import Rotation
 
 from wt_gym.base.errors import ActionError, SimulationError, TurbineDefinitionError, WtGymError
-from wt_gym.control.operating_point import operating_point, rotor_inertia
+from wt_gym.control.design import rotor_inertia
+from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError

@@ -15,7 +15,7 @@ from wt_gym.analysis.metrics import (
     power_spectral_density,
     run_metrics,
 )
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.turbines import load_turbine
 
 

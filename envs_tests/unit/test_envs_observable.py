@@ -45,7 +45,7 @@ def signals(step=0):
 
 def turning():
     """A yaw drive that has just started to the right, by an error of -0.2 rad behind the slow filter."""
-    drive = YawByDeadBand(0.005, slow=0.0)
+    drive = YawByDeadBand(TURBINE, slow=0.0)
     drive.start({"yaw_error": -0.2})
     drive.step({"yaw_error": -0.2}, 0.1, Demand(np.zeros(3), 0.0, 0.0))
     return drive

@@ -95,7 +95,7 @@ def test_energies_of_the_image_are_those_of_the_turbine():
 
 def test_rules_for_the_rotor_are_those_of_the_clockwise_turbine():
     assert rotor_table(CLOCKWISE.with_site(rotation="counter-clockwise")) is rotor_table(CLOCKWISE)
-    assert SideSideDamper.of_turbine(OTHER).gain == -SideSideDamper.of_turbine(CLOCKWISE).gain
+    assert SideSideDamper(OTHER).gain == -SideSideDamper(CLOCKWISE).gain
 
 
 def test_clearance_of_a_straight_blade_by_hand():

@@ -43,7 +43,7 @@ def test_thresholds_are_the_controller():
     parameters = {"dead_band": 0.1, "stop": 0.03, "slow": 12.0, "fast": 3.0}
     energy = travel = 0.0
     for vane, rotor, speed in zip(found.vane, found.rotor, found.speed, strict=True):
-        controller, yaw = YawByDeadBand(RATE, **parameters), 0.0
+        controller, yaw = YawByDeadBand(TURBINE, **parameters), 0.0
         controller.start({"yaw_error": vane[0]})
         for read, met, blown in zip(vane, rotor, speed, strict=True):
             rate = controller.step({"yaw_error": read - yaw}, found.dt, Demand(np.zeros(3), 0.0, 0.0)).yaw_rate

@@ -53,21 +53,22 @@ LIDAR_OBSERVATION = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", 
 
 def measure_simulator(fidelity: str, wall: float) -> dict[str, Any]:
     """Real-time factor and memory of the simulator under the baseline controller."""
-    from wt_gym.control.controllers.discon import BaselineController
+    from wt_gym.control import Demand
+    from wt_gym.control.controllers import DisconController
 
     box = TurbulenceBox.kaimal(12.0, 90.0, 126.0, "B", seed=1)
     simulator = Simulator("nrel_5mw", TurbulentInflow(box, SteadyInflow(12.0, shear_exponent=0.2)), fidelity)
     signals = simulator.reset(rotor_speed=1.267, pitch=np.radians(3.8))
-    controller = BaselineController()
-    controller.start(signals.generator_speed, signals.pitch, signals.generator_torque)
+    controller = DisconController()
+    controller.start(signals, Demand(signals.pitch, 0.0, signals.generator_torque))
     dt = 0.2
 
     def run(seconds: float) -> float:
         nonlocal signals
         steps, start = 0, time.perf_counter()
         while time.perf_counter() - start < seconds:
-            pitch, torque = controller.step(signals.generator_speed, dt)
-            signals = simulator.advance(dt, pitch=pitch, generator_torque=torque)
+            demand = controller.step(signals, dt)
+            signals = simulator.advance(dt, pitch=demand.pitch, generator_torque=demand.generator_torque)
             steps += 1
         return steps * dt / (time.perf_counter() - start)
 

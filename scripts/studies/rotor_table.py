@@ -16,8 +16,8 @@ import numpy as np
 
 import wt_gym
 from wt_gym.commands.program import FIDELITIES_HELP
-from wt_gym.control.design import fine_pitch, rotor_inertia
-from wt_gym.control.rotor import RotorTable
+from wt_gym.control.design import rotor_inertia
+from wt_gym.control.rotor import RotorTable, fine_pitch
 from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import TorqueCommand

@@ -13,7 +13,7 @@ import numpy as np
 import rainflow
 from scipy import signal as scipy_signal
 
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "RESIDUAL_FORMS", "ActionMap", "AgentSetpoint", "Demand",
-]  # fmt: skip
-
 ACTION_MODES = ("rate", "absolute", "residual")
 RESIDUAL_FORMS = ("rate", "offset")
 PITCH_FORMS = ("collective", "individual", "fixed-frame", "cyclic")

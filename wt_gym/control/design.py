@@ -66,13 +66,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Support, Tower, Turbine
 
-__all__ = [
-    "DesignPoint", "DriveMode", "SpeedLoop", "TowerTop", "aerodynamic_rated_power", "design_point", "drive_mode",
-    "fine_pitch", "flap_moment_sensitivity", "full_power_wind", "rated_mechanical_power", "reference_flap_moment",
-    "reference_tower_moment", "rotor_inertia", "same_rotor", "slower_than_reference", "speed_filter", "speed_loop",
-    "tower_top", "trim_pitch",
-]  # fmt: skip
-
 
 def reference_flap_moment(turbine: Turbine) -> float:
     """Root moment of a blade that carries its share of the Betz thrust at rated wind at 2/3 of the radius [N m].

@@ -20,25 +20,13 @@ from scipy.optimize import brentq
 
 from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.control.design import (
-    DesignPoint,
-    design_point,
-    fine_pitch,
-    rated_mechanical_power,
-    rotor_inertia,
-    trim_pitch,
-)
-from wt_gym.control.rotor import rotor_of, rotor_table
+from wt_gym.control.design import DesignPoint, design_point, rated_mechanical_power, trim_pitch
+from wt_gym.control.rotor import fine_pitch, rotor_of, rotor_table
 from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
-
-__all__ = [
-    "DesignPoint", "OperatingPoint", "TorqueCurve", "design_point", "least_pitch", "operating_point",
-    "rated_mechanical_power", "rotor_inertia", "starting_point", "torque_curve", "tracks_tip_speed_ratio",
-]  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -37,11 +37,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "Rotor", "RotorSlopes", "RotorTable", "blade_element_table", "fine_pitch", "measured_table_path",
-    "rotor_of", "rotor_table",
-]  # fmt: skip
-
 _N_SPAN = 30
 """Sections; the power changes by less than 0.3 % with twice as many."""
 _RATIOS = np.concatenate([np.arange(1.5, 6.0, 0.5), np.arange(6.0, 12.0, 0.4), np.arange(12.0, 22.1, 1.25)])

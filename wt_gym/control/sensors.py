@@ -34,12 +34,6 @@ if TYPE_CHECKING:
 
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "FIXED_FRAME", "AngleLowPass", "BandLimitedIntegrator", "Channel", "Lidar", "LowPass", "NacelleAnemometer",
-    "Notch", "SecondOrderLowPass", "from_harmonic", "harmonic_of_blades", "to_blades", "to_fixed_frame",
-    "to_harmonic", "within",
-]  # fmt: skip
-
 FIXED_FRAME = ("mean", "tilt", "yaw")
 
 

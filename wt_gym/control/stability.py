@@ -56,12 +56,6 @@ if TYPE_CHECKING:
     from wt_gym.control.operating_point import OperatingPoint
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "LEAST_DAMPING", "LEAST_GROWTH", "LoopMode", "LoopReport", "check_speed_loop", "check_torque_curve",
-    "checked_winds", "growing_mode", "growth", "gust_pitch_rate", "gust_speed_rise", "modes_of_loop",
-    "speed_loop_modes", "torque_loop_modes", "winds_below_rated",
-]  # fmt: skip
-
 LEAST_DAMPING = 0.15
 """Damping ratio of the rotor's mode below which a controller is warned of: a step then overshoots by more than 62 %
 [-]. The published controllers of the catalogue have 0.25 and more."""

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
 
-__all__ = ["OwnSetPoints", "ServedAgent", "answers_of", "check_expressible"]
-
 _log = logging.getLogger(__name__)
 _NOT_RUN = {
     "controller": "discon", "start": "steady", "sensor_noise": 0.0, "relative_reward": False, "episode_length": None,

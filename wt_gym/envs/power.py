@@ -28,7 +28,7 @@ def available_power(turbine: Turbine, wind_speed: float) -> float:
     """Electrical power that a turbine can make of a steady wind [W].
 
     ``min(rated, rho A Cp_max eta V^3 / 2)`` with the swept area of the coned rotor, the peak power coefficient of
-    `wt_gym.control.operating_point.design_point` and the efficiency of gearbox and generator.
+    `wt_gym.control.design.design_point` and the efficiency of gearbox and generator.
 
     Parameters
     ----------

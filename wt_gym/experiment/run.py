@@ -15,7 +15,8 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.control import Demand
 from wt_gym.control.controllers import checked_demand, make_controller, readings_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
-from wt_gym.control.operating_point import rotor_inertia, starting_point
+from wt_gym.control.design import rotor_inertia
+from wt_gym.control.operating_point import starting_point
 from wt_gym.envs.canary import canary_of, control_step
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.power import DiscWind, available_power

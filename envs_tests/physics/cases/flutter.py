@@ -20,7 +20,7 @@ from envs_tests.physics.cases.airfoils import (
 )
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.aerodynamics import AeroOptions, VortexLattice
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.system import Joint, MultibodySystem

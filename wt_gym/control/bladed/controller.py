@@ -55,8 +55,6 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["DEFAULT_FUNCTION", "BladedController", "BladedOptions", "Library", "check_library"]
-
 _log = logging.getLogger(__name__)
 
 DEFAULT_FUNCTION = "DISCON"

@@ -36,12 +36,6 @@ if TYPE_CHECKING:
     from wt_gym.control.sensors import Lidar
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "AZIMUTH", "FIRST_CALL", "LAST_CALL", "LIDAR_SENSOR", "LIDAR_SPEEDS", "MAX_BLADES", "MESSAGE_LENGTH",
-    "MOST_LIDAR_POINTS", "RECORDS", "SIZE", "STEP", "Record", "channels_read", "demand_of", "lidar_indices", "new_swap",
-    "write_demand", "write_lidar", "write_readings", "write_turbine",
-]  # fmt: skip
-
 SIZE = 3500
 """Length of ``avrSWAP``; OpenFAST's extended interface uses records up to 3300."""
 MAX_BLADES = 3

@@ -30,13 +30,8 @@ from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters
-from wt_gym.control.design import same_rotor, slower_than_reference
-from wt_gym.control.operating_point import (
-    operating_point,
-    rotor_inertia,
-    torque_curve,
-    tracks_tip_speed_ratio,
-)
+from wt_gym.control.design import rotor_inertia, same_rotor, slower_than_reference
+from wt_gym.control.operating_point import operating_point, torque_curve, tracks_tip_speed_ratio
 from wt_gym.control.rotor import RotorTable, rotor_of
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.openfast_text import TextFile
@@ -47,11 +42,6 @@ if TYPE_CHECKING:
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "RoscoController", "RoscoOptions", "performance_table", "rosco_library", "start_stop_values", "tuned_input",
-    "value_text", "write_rosco_input",
-]  # fmt: skip
 
 PERFORMANCE_FILE = "Cp_Ct_Cq.txt"
 _PITCH = np.radians(np.arange(-5.0, 41.0, 1.0))

@@ -32,15 +32,13 @@ from wt_gym.control.controllers.controller import (
     starting_part,
 )
 from wt_gym.control.controllers.discon import (
-    BaselineController,
     BaselineParameters,
-    BaselineState,
     DisconController,
     nrel_5mw_parameters,
 )
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import retuned_parameters
-from wt_gym.control.controllers.supervisor import STATES, Supervisor, SupervisorParameters, supervisor_of
+from wt_gym.control.controllers.supervisor import STATES, Supervisor, supervisor_of
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
 from wt_gym.control.rotor import RotorTable, rotor_table
 from wt_gym.control.sensors import from_harmonic, to_harmonic
@@ -65,10 +63,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ADDITIONS", "BASES", "COMPILED", "CONTROLLERS", "GUARDS", "STATES", "WRAPPERS", "AboveRated", "Addition",
-    "BaselineController", "BaselineParameters", "BaselineState", "Combined", "Controller", "DisconController",
+    "BaselineParameters", "Combined", "Controller", "DisconController",
     "FadeParameters", "FaultSupervisor", "ForeAftDamper", "HarmonicPitch", "HarmonicPitchParameters",
     "IndividualPitch", "LidarFeedforward", "Name", "Readings", "RepairedReadings", "RotorTable", "SideSideDamper",
-    "Supervisor", "SupervisorParameters", "TsrTrackingController", "TsrTrackingParameters", "WindEstimator",
+    "Supervisor", "TsrTrackingController", "TsrTrackingParameters", "WindEstimator",
     "WithDemandedPower", "WithLidar", "YawByDeadBand", "checked_demand", "controller_parameters",
     "controller_summary", "declared_parameters", "fault_supervisor_of", "from_harmonic", "lidar_of",
     "make_controller", "name_and_parameters", "nrel_5mw_parameters", "parse_name", "part_of", "parts_of",

@@ -36,14 +36,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "Addition", "AtSetPoint", "Combined", "Controller", "Memory", "Readings", "RepairedReadings", "StartsTurbine",
-    "WithDemandedPower", "WithLidar", "changing_parts", "checked_demand", "demanded_power_of", "is_addition",
-    "is_controller", "lidar_of", "memory_of", "part_of", "parts_of", "readings_of", "remember",
-    "starting_part",
-]  # fmt: skip
-
-
 T = TypeVar("T")
 
 # ---- the contract ----
@@ -351,7 +343,7 @@ class Combined:
     --------
     >>> from wt_gym.control.controllers import Combined, DisconController, YawByDeadBand
     >>> from wt_gym.turbines import load_turbine
-    >>> controller = Combined(DisconController(), YawByDeadBand.of_turbine(load_turbine("nrel_5mw")))
+    >>> controller = Combined(DisconController(), YawByDeadBand(load_turbine("nrel_5mw")))
     >>> controller.channels
     ('generator_speed', 'yaw_error')
     """

@@ -55,13 +55,6 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Controller, Readings
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "FIT_TIME", "FORMAT", "LEAST_CHANGE", "OUTPUTS", "SHIPPED", "LinearDesign", "LinearOptimalPitch",
-    "LinearOptions", "ModelFit", "PitchOffsets", "bin_means", "channels_read", "default_limits", "delay_bins",
-    "linear_part", "load_design", "measured_outputs", "offset_fade", "recorded_outputs", "save_design", "seen_bins",
-    "side_sign", "spread_over_bins", "without_lasting",
-]  # fmt: skip
-
 OUTPUTS = ("flap_mean", "flap_tilt", "flap_yaw", "acceleration_fore_aft", "acceleration_side_side", "rotor_speed")
 """Flapwise root moments [N m], accelerations of the nacelle [m/s^2] and rotor speed [rad/s]."""
 

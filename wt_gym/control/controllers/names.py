@@ -65,13 +65,6 @@ from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTr
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "ADDITIONS", "ALIASES", "BASELINE", "BASES", "COMPILED", "CONTROLLERS", "GUARDS", "PREFIX", "SHORT_FOR", "WRAPPERS",
-    "Name", "call_maker", "compiled_files", "controller_parameters", "controller_summary", "declared_parameters",
-    "default_text", "is_agent_class", "load_class", "make_controller", "name_and_parameters", "parse_name",
-    "source_digest",
-]  # fmt: skip
-
 # ---- the catalogue ----
 
 
@@ -110,55 +103,55 @@ CATALOGUE = {
     "bladed": Entry("base", "A compiled controller with the Bladed interface.", BladedController, BladedOptions),
     "derate_speed": Entry(
         "wrapper", "No more power than is demanded, by a lower rotor speed.",
-        partial(PowerTracking.of_turbine, way="speed"), DerateOptions,
+        partial(PowerTracking, way="speed"), DerateOptions,
     ),
     "derate_torque": Entry(
         "wrapper", "No more power than is demanded, by a lower torque at rated speed.",
-        partial(PowerTracking.of_turbine, way="torque"), DerateOptions,
+        partial(PowerTracking, way="torque"), DerateOptions,
     ),
     "derate_pitch": Entry(
         "wrapper", "No more power than is demanded, by a higher least pitch that keeps a reserve.",
-        partial(PowerTracking.of_turbine, way="pitch"), DerateOptions,
+        partial(PowerTracking, way="pitch"), DerateOptions,
     ),
     "derate_kinetic": Entry(
         "wrapper", "The demanded power, by torque, with the rotor as a store where the wind is too weak.",
-        partial(PowerTracking.of_turbine, way="kinetic"), KineticOptions,
+        partial(PowerTracking, way="kinetic"), KineticOptions,
     ),
     "lidar": Entry(
-        "wrapper", "Collective pitch ahead of the wind that a lidar sees.", LidarFeedforward.of_turbine, LidarOptions
+        "wrapper", "Collective pitch ahead of the wind that a lidar sees.", LidarFeedforward, LidarOptions
     ),
     "supervisor": Entry(
-        "wrapper", "Start-up, shut-down, soft or hard cut-out and restart around a base.", Supervisor.of_turbine,
+        "wrapper", "Start-up, shut-down, soft or hard cut-out and restart around a base.", Supervisor,
         SupervisorOptions,
     ),
     "ipc": Entry(
-        "addition", "Individual pitch against the load once per revolution.", IndividualPitch.of_turbine,
+        "addition", "Individual pitch against the load once per revolution.", IndividualPitch,
         IndividualPitchOptions,
     ),
     "ipc_2p": Entry(
-        "addition", "Individual pitch against the loads once and twice per revolution.", IndividualPitch.of_turbine,
+        "addition", "Individual pitch against the loads once and twice per revolution.", IndividualPitch,
         IndividualPitchOptions, {"second_harmonic": 0.5},
     ),
     "constrained_ipc": Entry(
         "addition", "Individual pitch that acts only where the moment in the fixed frame leaves a band of this level.",
-        IndividualPitch.of_turbine, IndividualPitchOptions, {"level": 0.1},
+        IndividualPitch, IndividualPitchOptions, {"level": 0.1},
     ),
     "linear_pitch": Entry(
         "addition", "Mean, tilt and yaw pitch that a least-squares design made, beside a side-side damper.",
         LinearOptimalPitch.of_turbine, LinearOptions,
     ),
     "fore_aft_damper": Entry(
-        "addition", "Damper of the tower's fore-aft motion by collective pitch.", ForeAftDamper.of_turbine,
+        "addition", "Damper of the tower's fore-aft motion by collective pitch.", ForeAftDamper,
         ForeAftOptions,
     ),
     "side_side_damper": Entry(
-        "addition", "Damper of the tower's side-side motion by generator torque.", SideSideDamper.of_turbine,
+        "addition", "Damper of the tower's side-side motion by generator torque.", SideSideDamper,
         SideSideOptions,
     ),
-    "yaw": Entry("addition", "Yaw by dead-band.", YawByDeadBand.of_turbine, YawOptions),
+    "yaw": Entry("addition", "Yaw by dead-band.", YawByDeadBand, YawOptions),
     "fault_supervisor": Entry(
         "guard", "Watches drives and sensors, repairs readings, falls back to collective pitch.",
-        FaultSupervisor.of_turbine, FaultSupervisorOptions,
+        FaultSupervisor, FaultSupervisorOptions,
     ),
 }  # fmt: skip
 """Parts by name; wrappers in the order in which they stand around a base, the first within the others."""

@@ -30,8 +30,8 @@ from wt_gym.base.options import Options, option, option_record
 from wt_gym.base.warn_once import warn_once
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController, GainTable
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
-from wt_gym.control.design import same_rotor
-from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
+from wt_gym.control.design import design_point, same_rotor
+from wt_gym.control.operating_point import tracks_tip_speed_ratio
 from wt_gym.control.rotor import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.stability import check_speed_loop, check_torque_curve, growing_mode, growth
 from wt_gym.turbine_records import RECORDS
@@ -42,11 +42,6 @@ if TYPE_CHECKING:
 
     from wt_gym.control.controllers.controller import Controller
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "FOUND", "TUNED", "OwnOptions", "RetunedOptions", "own_controller", "own_law", "own_parameters", "record_of",
-    "retuned_controller", "retuned_parameters", "tuned_parameters",
-]  # fmt: skip
 
 
 def _field(name: str) -> Callable[[Turbine], float]:

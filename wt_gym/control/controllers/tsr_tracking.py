@@ -43,8 +43,8 @@ from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.controller import AtSetPoint
 from wt_gym.control.controllers.discon import PITCH_OF_REGION_3, BaselineParameters
-from wt_gym.control.design import rated_mechanical_power, slower_than_reference, tower_top
-from wt_gym.control.operating_point import least_pitch, rotor_inertia
+from wt_gym.control.design import rated_mechanical_power, rotor_inertia, slower_than_reference, tower_top
+from wt_gym.control.operating_point import least_pitch
 from wt_gym.control.rotor import RotorTable, blade_element_table, fine_pitch, rotor_table
 from wt_gym.control.sensors import LowPass, Notch
 
@@ -53,11 +53,6 @@ if TYPE_CHECKING:
 
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "SpeedExclusion", "TsrTrackingController", "TsrTrackingOptions", "TsrTrackingParameters", "WindEstimator",
-    "bandwidth_of", "pitch_schedule", "resonant_speed",
-]  # fmt: skip
 
 # ---- estimated wind ----
 

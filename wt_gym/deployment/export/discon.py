@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from wt_gym.deployment.export.parts import LinearPitch, Seen
     from wt_gym.deployment.export.policy import Network
 
-__all__ = ["PARAMETERS", "export_discon"]
-
 _MARK = "/* DATA */"
 _MAKER = "wt_gym "
 """First bytes of every checkpoint, whichever controller it belongs to."""
@@ -194,9 +192,9 @@ def _lidar(lidar: Lidar, turbine: Turbine, feedforward: LidarFeedforward | None)
         spacing = SPACING / feedforward.wavenumber
         lines += [
             f"static const double LIDAR_SPACING = {_number(spacing)};",
-            _enum([f"N_SEEN_AHEAD = {math.ceil(way / spacing) + 3}", f"N_WINDS = {feedforward._winds.size}"]),
-            _array("double", "STEADY_WIND", feedforward._winds),
-            _array("double", "STEADY_PITCH", feedforward._steady),
+            _enum([f"N_SEEN_AHEAD = {math.ceil(way / spacing) + 3}", f"N_WINDS = {feedforward.winds.size}"]),
+            _array("double", "STEADY_WIND", feedforward.winds),
+            _array("double", "STEADY_PITCH", feedforward.steady_pitch),
         ]
     return lines
 

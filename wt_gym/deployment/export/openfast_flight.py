@@ -54,8 +54,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["LARGEST_DIFFERENCE", "LOADS", "Flight", "Scene", "export_openfast", "fly", "scene_of"]
-
 
 @dataclass(frozen=True)
 class Scene:

@@ -27,7 +27,7 @@ from wt_gym.control.controllers.controller import parts_of
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, SCHEDULE_TIME, LinearOptimalPitch
 from wt_gym.control.controllers.power_tracking import WAYS, PowerTracking
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.envs.power import available_power
 from wt_gym.simulation.drivetrain.drives import pitch_delay
@@ -42,11 +42,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "FASTEST_LIDAR_WIND", "KINDS", "LONGEST_LIDAR_DELAY", "SUPPORTED", "LinearPitch", "Parts", "Seen", "add_agent",
-    "controller_parts", "seen_channels",
-]  # fmt: skip
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
              "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
@@ -239,14 +234,12 @@ def _feedforward(parts: Parts, wrapper: LidarFeedforward) -> None:
 
 def _supervision(parts: Parts, wrapper: Supervisor) -> None:
     """Supervisory control: its numbers, and the pitch law of its start-up."""
-    p = wrapper.parameters
     parts.supervisor = wrapper
     parts.take(
-        "supervisor", p, "cut_in", "restart", "derate_from", "cut_out", "least_speed", "least_power", "averaging",
+        "supervisor", wrapper, "cut_in", "restart", "derate_from", "cut_out", "least_speed", "least_power", "averaging",
         "restart_delay", "run_up", "gust", "overspeed", "stop_rate", "start_rate", "feather", "fine_pitch",
-        "cut_in_speed", "radius", "rated_speed", "rated_torque", prefix="supervisor_",
+        "cut_in_speed", "radius", "rated_speed", "rated_torque", "to_generator", prefix="supervisor_",
     )  # fmt: skip
-    parts.values["supervisor_to_generator"] = p.rated_speed * p.gear_ratio
     parts.take_gains(wrapper.pitch_law, "supervisor_", "START_GAIN_TABLE", "supervisor_")
     parts.reads["SUPERVISOR"] = {"rotor_speed", "wind"}
 
@@ -273,19 +266,18 @@ def _torque_curve(parts: Parts, base: DisconController | PowerTracking) -> None:
 def _power_tracking(parts: Parts, base: PowerTracking) -> None:
     """Torque curve that follows a demanded power."""
     _torque_curve(parts, base)
-    law = base.law
-    if law.way == "pitch" and parts.feedforward is not None:
+    if base.way == "pitch" and parts.feedforward is not None:
         raise ValueError(
             "a controller to be exported must have derate_pitch or lidar, not both: one moves the least pitch"
         )
-    parts.constants["DERATE"] = 1 + WAYS.index(law.way)
+    parts.constants["DERATE"] = 1 + WAYS.index(base.way)
     parts.groups.add("power")
     parts.values |= {"generator_efficiency": base.generator_efficiency, "power_level": base.level}
-    if law.way == "pitch":
+    if base.way == "pitch":
         parts.groups.add("power_pitch")
-        parts.values |= {"power_shares": law._shares.tolist(), "power_pitch": law._share_pitch.tolist()}
-    if law.way == "kinetic":
-        parts.take("power_store", law, "lowest_speed", "band", "raised", prefix="store_")
+        parts.values |= {"power_shares": base.shares.tolist(), "power_pitch": base.share_pitch.tolist()}
+    if base.way == "kinetic":
+        parts.take("power_store", base, "lowest_speed", "band", "raised", prefix="store_")
     parts.reads["BASE"] = {"pitch", "generator_speed", "demanded_power"}
 
 
@@ -378,14 +370,13 @@ def _yaw(parts: Parts, addition: YawByDeadBand, step: float) -> None:
 
 def _guard(parts: Parts, guard: FaultSupervisor) -> None:
     """A supervisor of faults around the controller."""
-    p = guard.parameters
     parts.constants["INDIVIDUAL_BLADES"] = 1
     parts.take(
-        "guard", p, "speed_tolerance", "moment_jump", "frozen_time", "vane_jump", "pitch_tolerance", "pitch_time",
+        "guard", guard, "speed_tolerance", "moment_jump", "frozen_time", "vane_jump", "pitch_tolerance", "pitch_time",
         "fade_time", "efficiency", "least_torque", prefix="guard_",
     )  # fmt: skip
     if "supervisor" in parts.groups:
-        parts.take("guard_stop", p, "stop_deviation", prefix="guard_")
+        parts.take("guard_stop", guard, "stop_deviation", prefix="guard_")
     parts.reads["GUARD"] = {
         "pitch", "out_of_plane", "in_plane", "rotor_speed", "generator_speed", "generator_torque", "power", "yaw_error",
         "wind", "azimuth",

@@ -38,11 +38,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.experiment.trained_agent import TrainedAgent
 
-__all__ = [
-    "INPUT", "OUTPUT", "Network", "check_onnx", "export_onnx", "network_of", "training_environment",
-    "write_onnx",
-]  # fmt: skip
-
 POLICY_FILE, CARD_FILE = "policy.onnx", "README.md"
 _KEPT = ("agent", "turbine", "control_step_s", "reading_delay_steps", "action_mode", "base_controller", "wt_gym")
 
