@@ -37,10 +37,8 @@ __all__ = ["canary_of", "control_step", "environment_canary"]
 
 MakeEnv: TypeAlias = "Callable[..., Any]"
 """Makes a `wt_gym.envs.turbine_env.WindTurbineEnv` of its arguments: that class, which stands above this module."""
-_STEP = 0.1
-"""Control step of the episodes of a large turbine [s]."""
-_SAMPLES = 4
-"""Samples of a signal in an episode."""
+_STEP = 0.1  # Control step of the episodes of a large turbine [s]
+_SAMPLES = 4  # Samples of a signal in an episode
 _SIGNALS = (
     "rotor_speed", "generator_power", "aero_thrust", "pitch", "root_flap_moment", "tower_base_fore_aft_moment",
     "tower_top_side_side",

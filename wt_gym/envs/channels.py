@@ -119,37 +119,19 @@ class FromSignals:
 
 @dataclass(frozen=True)
 class InFixedFrame:
-    """Coordinate of a signal of the blades in the frame that does not turn.
+    """Coordinate of a signal of the blades in the frame that does not turn."""
 
-    Attributes
-    ----------
-    signal : str
-        Without the number of the blade.
-    part : int
-        Place in `wt_gym.control.sensors.FIXED_FRAME`.
-    """
-
-    signal: str
-    part: int
+    signal: str  #: Without the number of the blade
+    part: int  #: Place in `wt_gym.control.sensors.FIXED_FRAME`
 
 
 @dataclass(frozen=True)
 class Computed:
-    """Value of a function of a `Situation`, or one of several values that it gives at once.
+    """Value of a function of a `Situation`, or one of several values that it gives at once."""
 
-    Attributes
-    ----------
-    function : callable
-        At the top level of a module, so that an observer can be pickled.
-    index : int, optional
-        Place among the values.
-    estimates : bool
-        It needs the wind estimator.
-    """
-
-    function: Callable[[Situation], Any]
-    index: int | None = None
-    estimates: bool = False
+    function: Callable[[Situation], Any]  #: At the top level of a module, so that an observer can be pickled
+    index: int | None = None  #: Place among the values
+    estimates: bool = False  #: It needs the wind estimator
 
 
 Reader: TypeAlias = FromSignals | InFixedFrame | Computed
@@ -157,20 +139,12 @@ Reader: TypeAlias = FromSignals | InFixedFrame | Computed
 
 @dataclass(frozen=True)
 class Observed:
-    """A channel with its reader.
-
-    Attributes
-    ----------
-    circular : bool
-        It is a direction: with noise it is wrapped around the circle.
-    washed : bool
-        It passes a high-pass filter.
-    """
+    """A channel with its reader."""
 
     channel: Channel
     reader: Reader
-    circular: bool = False
-    washed: bool = False
+    circular: bool = False  #: It is a direction: with noise it is wrapped around the circle
+    washed: bool = False  #: It passes a high-pass filter
 
 
 def _mean(of_blades: Sequence[float] | np.ndarray) -> float:

@@ -145,18 +145,10 @@ def dialed(terms: Mapping[str, float], factors: Sequence[float]) -> dict[str, fl
 
 @dataclass(frozen=True)
 class DialCourse:
-    """Factors over time, each row holding up to the next.
+    """Factors over time, each row holding up to the next."""
 
-    Attributes
-    ----------
-    times : tuple of float
-        Rising [s].
-    factors : tuple of tuple of float
-        In the order of `DIAL_NAMES`, a row a time, with the sum of their number.
-    """
-
-    times: tuple[float, ...]
-    factors: tuple[tuple[float, ...], ...]
+    times: tuple[float, ...]  #: Rising [s]
+    factors: tuple[tuple[float, ...], ...]  #: In the order of `DIAL_NAMES`, a row a time, with the sum of their number
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # never changes

@@ -54,13 +54,10 @@ RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
     "faults", "start_number", *FEATURE_OPTIONS,
 )  # fmt: skip
-_FIRST_START = 40_000_000
-"""Seed of the random numbers of a numbered beginning, beside its number."""
+_FIRST_START = 40_000_000  # Seed of the random numbers of a numbered beginning, beside its number
 _log = logging.getLogger(__name__)
-_STEADY = 1e-3
-"""Range of the wind before the start, over its mean, up to which it is steady."""
-_HIGHEST = 0.97
-"""Rotor speed over that at which an episode ends, beyond which none begins."""
+_STEADY = 1e-3  # Range of the wind before the start, over its mean, up to which it is steady
+_HIGHEST = 0.97  # Rotor speed over that at which an episode ends, beyond which none begins
 
 
 class EpisodeStarts:

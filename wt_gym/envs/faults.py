@@ -131,27 +131,13 @@ _CHANNELS = {
 
 @dataclass(frozen=True)
 class DrawnFault:
-    """Fault of an episode.
+    """Fault of an episode."""
 
-    Attributes
-    ----------
-    kind : str
-        Of `FAULT_KINDS`.
-    blade : int
-        From 1 on; means nothing for faults of no blade.
-    time : float
-        [s].
-    size : float
-        See `SIZE_RANGES`; 0 where a kind has none.
-    faults : tuple
-        Of `wt_gym.simulation.drivetrain.faults`.
-    """
-
-    kind: str
-    blade: int
-    time: float
-    size: float
-    faults: tuple[DriveFault | SensorBias, ...]
+    kind: str  #: Of `FAULT_KINDS`
+    blade: int  #: From 1 on; means nothing for faults of no blade
+    time: float  #: [s]
+    size: float  #: See `SIZE_RANGES`; 0 where a kind has none
+    faults: tuple[DriveFault | SensorBias, ...]  #: Of `wt_gym.simulation.drivetrain.faults`
 
     @property
     def ice(self) -> BladeIce | None:

@@ -60,8 +60,7 @@ REGULATION_STEP = 2.0
 """Time between values of a regulation signal [s]."""
 FAST, SLOW = 2.0 * math.pi / 60.0, 2.0 * math.pi / 900.0
 """Corner frequencies of a regulation signal [rad/s]: of its low-pass and its high-pass filter."""
-_DEVIATION = 0.5
-"""Standard deviation of a regulation signal before it is cut off, over the span [-]."""
+_DEVIATION = 0.5  # Standard deviation of a regulation signal before it is cut off, over the span [-]
 REFERENCE_KINDS = ("reserve", "steps", "ramps", "regulation")
 """Courses of the power reference that are drawn for each episode."""
 MOVING_KINDS = ("steps", "ramps", "regulation")
@@ -161,21 +160,11 @@ class GridOptions(Options):
 
 @dataclass(frozen=True)
 class PowerReference:
-    """Power over time, linear between its points; at a step the later value holds.
+    """Power over time, linear between its points; at a step the later value holds."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"series"`` for one of the user's.
-    times : tuple of float
-        Not falling [s].
-    powers : tuple of float
-        [W].
-    """
-
-    kind: str
-    times: tuple[float, ...]
-    powers: tuple[float, ...]
+    kind: str  #: ``"series"`` for one of the user's
+    times: tuple[float, ...]  #: Not falling [s]
+    powers: tuple[float, ...]  #: [W]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # never changes

@@ -72,37 +72,17 @@ _DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFi
 
 @dataclass(frozen=True)
 class StartFile:
-    """A record as it is stored.
+    """A record as it is stored."""
 
-    Attributes
-    ----------
-    turbine : str
-        Name.
-    dimensions : tuple of float
-        See `dimensions`.
-    controller : str
-        Name.
-    level : float
-        Demanded power over the available one [-].
-    kind : str
-        See `wt_gym.envs.running_record.ControllerForm`.
-    n_motion : int
-        Numbers of the motion of the structure.
-    canary : Canary
-        `record_canary` of the version of the package that recorded.
-    turbine_digest : str
-        Of a record of the user: `digest_of_turbine`.
-    """
-
-    turbine: str
-    dimensions: tuple[float, ...]
+    turbine: str  #: Name
+    dimensions: tuple[float, ...]  #: See `dimensions`
     fidelity: str
-    controller: str
-    level: float
-    kind: str
-    n_motion: int
-    canary: Canary
-    turbine_digest: str = ""
+    controller: str  #: Name
+    level: float  #: Demanded power over the available one [-]
+    kind: str  #: See `wt_gym.envs.running_record.ControllerForm`
+    n_motion: int  #: Numbers of the motion of the structure
+    canary: Canary  #: `record_canary` of the version of the package that recorded
+    turbine_digest: str = ""  #: Of a record of the user: `digest_of_turbine`
 
     @classmethod
     def of(cls, path: Path) -> StartFile:
@@ -322,12 +302,9 @@ def _packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.f
 
 
 _log = logging.getLogger(__name__)
-_SEED = 7_777_000
-"""First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s."""
-_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8}
-"""Winds at a wind speed: most for turbines of tasks."""
-_ATTEMPTS = 3
-"""Winds of a run: a gust may stop a turbine at cut-out by its overspeed."""
+_SEED = 7_777_000  # First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s
+_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8}  # Winds at a wind speed: most for turbines of tasks
+_ATTEMPTS = 3  # Winds of a run: a gust may stop a turbine at cut-out by its overspeed
 
 
 @dataclass(frozen=True)
@@ -336,23 +313,15 @@ class RecordedTurbine:
 
     Attributes
     ----------
-    turbine : str
-        Name or path.
-    controller : str
-        Name.
-    level : float
-        Demanded power over the available one [-]; 1: nothing is demanded.
     fidelity : str, optional
         Of the runs, by default that which suits the blades (`wt_gym.simulation.fidelity.suited_fidelity`).
-    runs : int
-        Winds at a wind speed.
     """
 
-    turbine: str
-    controller: str = "discon"
-    level: float = 1.0
+    turbine: str  #: Name or path
+    controller: str = "discon"  #: Name
+    level: float = 1.0  #: Demanded power over the available one [-]; 1: nothing is demanded
     fidelity: str | None = None
-    runs: int = 8
+    runs: int = 8  #: Winds at a wind speed
 
     @property
     def name(self) -> str:

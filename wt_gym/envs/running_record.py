@@ -46,37 +46,19 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Trail:
-    """Signals at times before the start of an episode, the latest last.
+    """Signals at times before the start of an episode, the latest last."""
 
-    Attributes
-    ----------
-    signals : numpy.ndarray, shape (n_times, n_channels)
-        Not a number where a signal is not recorded.
-    spacing : float
-        Between the times, and from the last one to the start [s].
-    """
-
-    signals: np.ndarray
-    spacing: float
+    signals: np.ndarray  #: shape (n_times, n_channels), not a number where a signal is not recorded
+    spacing: float  #: Between the times, and from the last one to the start [s]
 
 
 @dataclass(frozen=True)
 class ControllerMemory:
-    """Memory of a controller that ran before the start of an episode.
+    """Memory of a controller that ran before the start of an episode."""
 
-    Attributes
-    ----------
-    kind : str
-        Module and name of its class.
-    memory : Memory
-        Parameters included.
-    changing : numpy.ndarray, shape (n_parts,), bool
-        Parts that are no parameters.
-    """
-
-    kind: str
-    memory: Memory
-    changing: NDArray[np.bool_]
+    kind: str  #: Module and name of its class
+    memory: Memory  #: Parameters included
+    changing: NDArray[np.bool_]  #: shape (n_parts,), parts that are no parameters
 
     def put(self, controller: Controller) -> None:
         """Put it into a controller of that kind and with those parameters, or into such a base of it; into no other."""
@@ -105,39 +87,25 @@ class Start:
 
     Attributes
     ----------
-    rotor_speed : float
-        [rad/s].
-    pitch : numpy.ndarray, shape (n_blades,)
-        [rad].
-    generator_torque : float
-        High-speed shaft [N m].
-    azimuth : float
-        Of blade 1 [rad].
     tower_top : numpy.ndarray, shape (4,), optional
         As `wt_gym.simulation.Simulator.reset` takes it; None: at rest in balance.
     motion : numpy.ndarray, shape (n,), optional
         Of the structure, as `wt_gym.simulation.Simulator.reset` takes it, where fidelity and azimuth are those of the
         record.
-    wake_thrust : float, optional
-        Mean thrust of the air in the time before, to which the wake belongs [N].
     deviations : dict
         Of the running means of channels from their present values, by name.
-    memory : ControllerMemory, optional
-        Of the controller that ran before.
-    trail : Trail, optional
-        Signals before.
     """
 
-    rotor_speed: float
-    pitch: np.ndarray
-    generator_torque: float
-    azimuth: float
+    rotor_speed: float  #: [rad/s]
+    pitch: np.ndarray  #: shape (n_blades,), [rad]
+    generator_torque: float  #: High-speed shaft [N m]
+    azimuth: float  #: Of blade 1 [rad]
     tower_top: np.ndarray | None = None
     motion: np.ndarray | None = None
-    wake_thrust: float | None = None
+    wake_thrust: float | None = None  #: Mean thrust of the air in the time before, to which the wake belongs [N]
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
-    memory: ControllerMemory | None = None
-    trail: Trail | None = None
+    memory: ControllerMemory | None = None  #: Of the controller that ran before
+    trail: Trail | None = None  #: Signals before
 
     def mirrored(self, n_blades: int) -> Start:
         """Start of the mirror image of the turbine in the mirrored wind, see `wt_gym.simulation.channels`.
@@ -183,21 +151,11 @@ class Start:
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """Lengths of a recorded run; times of the pace of a large turbine [s].
+    """Lengths of a recorded run; times of the pace of a large turbine [s]."""
 
-    Attributes
-    ----------
-    settling : float
-        Left out at the start of a run: the side-side motion of the 5-MW decays by half in 100 s.
-    instants : int
-        Recorded of a run.
-    spacing : float
-        Between them.
-    """
-
-    settling: float = 220.0
-    instants: int = 16
-    spacing: float = 24.0
+    settling: float = 220.0  #: Left out at the start of a run: the side-side motion of the 5-MW decays by half in 100 s
+    instants: int = 16  #: Recorded of a run
+    spacing: float = 24.0  #: Between them
 
 
 PLAN = RecordingPlan()
@@ -208,24 +166,18 @@ WINDOWS = (0.0, 1.0, 3.0, 6.0, 12.0)
 """Times before the start between which the wind is averaged [s]; the first window is the instant itself."""
 FOLLOWS = ("rotor_speed", "pitch", "generator_torque", "aero_thrust", "tower_top_fore_aft")
 """Motion that decides which instants are alike, with the tilt and yaw moments of the rotor."""
-_LATEST = 3
-"""Place of the mean wind of the first window before an instant in the history of the wind."""
-_REMEMBERED = 3
-"""Windows over which the wind across the rotor counts: the bending of blades follows it within seconds."""
+_LATEST = 3  # Place of the mean wind of the first window before an instant in the history of the wind
+_REMEMBERED = 3  # Windows over which the wind across the rotor counts: the bending of blades follows it within seconds
 NEAREST = 8
 """Instants alike from which one is drawn."""
-_SPEED_SPREAD = 1.0
-"""Difference of the mean wind speed that counts like a standard deviation of the motion [m/s]."""
+_SPEED_SPREAD = 1.0  # Difference of the mean wind speed that counts like a standard deviation of the motion [m/s]
 _SLOW_TURN = 2.0 * math.pi / 1.267
 """Seconds a turn of a large turbine: times are shorter by as much as a small one turns faster."""
-_WASHOUT = 20.0
-"""Time constant of the means of signals with which a washout of observations starts [s]."""
-_MEAN_TIME = 10.0
-"""Time constant of the running means of loads [s], that of the rewards' filters."""
+_WASHOUT = 20.0  # Time constant of the means of signals with which a washout of observations starts [s]
+_MEAN_TIME = 10.0  # Time constant of the running means of loads [s], that of the rewards' filters
 _RECORDED = ("rotor_speed", "azimuth", "generator_speed", "generator_torque", "generator_power", "aero_thrust",
              "tower_top_fore_aft", "pitch", *AVERAGED)  # fmt: skip
-_FARTHEST = 0.3
-"""Difference of the winds just before two instants, over the wind, beyond which they are not alike."""
+_FARTHEST = 0.3  # Difference of the winds just before two instants, over the wind, beyond which they are not alike
 
 
 def time_scale(turbine: Turbine) -> float:
@@ -234,37 +186,17 @@ def time_scale(turbine: Turbine) -> float:
 
 
 class RowLayout(NamedTuple):
-    """Places of the parts of an instant.
+    """Places of the parts of an instant."""
 
-    Attributes
-    ----------
-    signals, lasting : slice
-        Signals `_RECORDED`, and their means over the time before.
-    tower_top : slice
-        As `wt_gym.simulation.Simulator.reset` takes it.
-    means : slice
-        Running means of the loads `AVERAGED`.
-    turning : slice
-        Azimuth and speed of the low-speed shaft.
-    history : slice
-        Wind before, see `_averaged`.
-    thrust : slice
-        Mean over the windows before [N].
-    motion : slice
-        Of the structure, nothing where the fidelity takes none.
-    memory : slice
-        Numbers of the controller that change; to the end.
-    """
-
-    signals: slice
-    lasting: slice
-    tower_top: slice
-    means: slice
-    turning: slice
-    history: slice
-    thrust: slice
-    motion: slice
-    memory: slice
+    signals: slice  #: Signals `_RECORDED`, and their means over the time before
+    lasting: slice  #: Signals `_RECORDED`, and their means over the time before
+    tower_top: slice  #: As `wt_gym.simulation.Simulator.reset` takes it
+    means: slice  #: Running means of the loads `AVERAGED`
+    turning: slice  #: Azimuth and speed of the low-speed shaft
+    history: slice  #: Wind before, see `_averaged`
+    thrust: slice  #: Mean over the windows before [N]
+    motion: slice  #: Of the structure, nothing where the fidelity takes none
+    memory: slice  #: Numbers of the controller that change; to the end
 
     @classmethod
     def of(cls, n_blades: int, n_motion: int) -> RowLayout:
@@ -277,18 +209,10 @@ class RowLayout(NamedTuple):
 
 
 class Instants(NamedTuple):
-    """Instants of a turbine in one wind.
+    """Instants of a turbine in one wind."""
 
-    Attributes
-    ----------
-    rows : numpy.ndarray, shape (n_instants, n_columns)
-        See `RowLayout`; without the memory of the controller.
-    memories : list of Memory
-        Of the controller.
-    """
-
-    rows: NDArray[np.float64]
-    memories: list[Memory]
+    rows: NDArray[np.float64]  #: shape (n_instants, n_columns), see `RowLayout`; without the memory of the controller
+    memories: list[Memory]  #: Of the controller
 
 
 class StartRecorder:
@@ -366,18 +290,12 @@ class ControllerForm(NamedTuple):
     ----------
     kind : str
         Module and name of its class; empty: nothing is recorded, and controllers start from the present demand.
-    values : numpy.ndarray, shape (n,)
-        All numbers at one instant.
-    sizes : numpy.ndarray, shape (n_parts,), int
-        As of a `Memory`.
-    changing : numpy.ndarray, shape (n_parts,), bool
-        Parts that differ between instants; the others are its parameters.
     """
 
     kind: str
-    values: NDArray[np.float64]
-    sizes: NDArray[np.int_]
-    changing: NDArray[np.bool_]
+    values: NDArray[np.float64]  #: shape (n,), all numbers at one instant
+    sizes: NDArray[np.int_]  #: shape (n_parts,), as of a `Memory`
+    changing: NDArray[np.bool_]  #: shape (n_parts,), parts that differ between instants; the others are its parameters
 
     @classmethod
     def of(cls, controller: Controller, memories: list[Memory]) -> ControllerForm:
@@ -521,8 +439,7 @@ def wind_history(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> N
     return _averaged(np.array(wind))
 
 
-_AGES = np.arange(0.0, WINDOWS[-1], 0.5)
-"""Times before an instant at which the wind counts [s]."""
+_AGES = np.arange(0.0, WINDOWS[-1], 0.5)  # Times before an instant at which the wind counts [s]
 
 
 def _averaged(wind: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -536,8 +453,7 @@ def _averaged(wind: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([mean[: 3 if k < _REMEMBERED else 1] for k, mean in enumerate(means)])
 
 
-_N_KNOWN = 3 * _REMEMBERED + len(WINDOWS) - _REMEMBERED
-"""Numbers of `_averaged`."""
+_N_KNOWN = 3 * _REMEMBERED + len(WINDOWS) - _REMEMBERED  # Numbers of `_averaged`
 
 
 def _linear_fit(history: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:

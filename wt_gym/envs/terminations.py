@@ -98,22 +98,12 @@ class LimitOptions(Options):
 
 @dataclass
 class Limits:
-    """Limits that terminate an episode.
+    """Limits that terminate an episode."""
 
-    Attributes
-    ----------
-    rated : float
-        Rotor speed [rad/s].
-    overspeed, standstill : float
-        Highest and lowest rotor speed over rated.
-    penalty : float
-        Subtracted from the reward on termination.
-    """
-
-    rated: float
-    overspeed: float
-    standstill: float
-    penalty: float
+    rated: float  #: Rotor speed [rad/s]
+    overspeed: float  #: Highest and lowest rotor speed over rated
+    standstill: float  #: Highest and lowest rotor speed over rated
+    penalty: float  #: Subtracted from the reward on termination
 
     def ending(self, signals: Signals, clearance: float) -> str | None:
         """Why the episode is terminated, if it is.

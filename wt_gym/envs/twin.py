@@ -53,8 +53,7 @@ MOST_NUMBERS = 8_000_000
 """Rewards in memory, 64 MB; the course that was asked for longest ago goes first."""
 MOST_FILES = 4096
 """Files on disk, of some 30 kB for a minute by steps of 0.1 s; the oldest go first."""
-_BETWEEN = 64
-"""Files written between two looks at how many there are."""
+_BETWEEN = 64  # Files written between two looks at how many there are
 _courses: OrderedDict[str, Course] = OrderedDict()
 _lock, _one_writes = threading.Lock(), threading.Lock()
 _written = 0
@@ -186,24 +185,12 @@ _OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")
 
 @dataclass(frozen=True)
 class TwinSnapshot:
-    """State of the controller alone.
+    """State of the controller alone."""
 
-    Attributes
-    ----------
-    beginning : Beginning
-        Of the episode.
-    course : Course
-        Rewards from there.
-    steps : int
-        That were simulated.
-    state : EnvSnapshot or None
-        Of the simulation; None where none runs.
-    """
-
-    beginning: Beginning
-    course: Course
-    steps: int
-    state: EnvSnapshot | None
+    beginning: Beginning  #: Of the episode
+    course: Course  #: Rewards from there
+    steps: int  #: That were simulated
+    state: EnvSnapshot | None  #: Of the simulation; None where none runs
 
 
 class Twin(Term):

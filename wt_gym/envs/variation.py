@@ -268,8 +268,7 @@ def _drives(pitch: PitchSystem, lag: float, rate: float) -> PitchSystem:
     return replace(pitch, **changes)
 
 
-_STREAM = 0x56415259
-"""Tells the stream of the variations from that of the episodes with the same seed."""
+_STREAM = 0x56415259  # Tells the stream of the variations from that of the episodes with the same seed
 _HYPERCUBE = 20261125
 _DRAWN = tuple(name for name in (*RANGES, *CHOICES) if name not in STRUCTURAL)
 _MOST_SEED = 2**63
@@ -325,15 +324,11 @@ class DrawnVariation:
     values : mapping
         Drawn quantities by name, as values of JSON: the number of the plant as "plant", the offset of each sensor in
         "sensor_offset".
-    turbine : Turbine
-        That is simulated.
-    noise_seed : int
-        Of the noise of the instruments.
     """
 
     values: Mapping[str, Any]
-    turbine: Turbine
-    noise_seed: int
+    turbine: Turbine  #: That is simulated
+    noise_seed: int  #: Of the noise of the instruments
 
     @property
     def faults(self) -> tuple[SensorBias, ...]:

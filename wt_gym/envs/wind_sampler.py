@@ -298,34 +298,16 @@ _WINDS_IN_MEMORY = 8
 
 @dataclass(frozen=True)
 class WindFile:
-    """A file of wind that was found whole.
+    """A file of wind that was found whole."""
 
-    Attributes
-    ----------
-    key : str
-        Its whole description, as JSON.
-    turbine_size : (float, float)
-        Hub height and rotor diameter of the turbine that it is for [m].
-    mean_speed : float
-        At the hub [m/s].
-    hub_height : float
-        [m].
-    duration : float
-        Length of the record [s].
-    periodic : bool
-        Its end leads smoothly to its beginning.
-    is_series : bool
-        It is the course of an event, which an episode meets from its beginning.
-    """
-
-    key: str
-    turbine_size: tuple[float, float]
-    mean_speed: float
-    hub_height: float
+    key: str  #: Its whole description, as JSON
+    turbine_size: tuple[float, float]  #: Hub height and rotor diameter of the turbine that it is for [m]
+    mean_speed: float  #: At the hub [m/s]
+    hub_height: float  #: [m]
     description: str
-    duration: float
-    periodic: bool
-    is_series: bool
+    duration: float  #: Length of the record [s]
+    periodic: bool  #: Its end leads smoothly to its beginning
+    is_series: bool  #: It is the course of an event, which an episode meets from its beginning
 
     @classmethod
     def found(
@@ -426,34 +408,21 @@ _BOX_SPEED_STEP = 6.0
 PATH_BOX = 12.0, 1200.0
 """Speed at which the turbulence of a path is synthesized [m/s], with harmonics up to 2 Hz, and for how long [s]: 14.4
 km of air with waves down to 6 m."""
-_LONGEST_PATH = 3600.0
-"""Length of the path of an episode without an end [s]; the mean speed then stays."""
-_PATH_SEED = 50_000_000
-"""Beside a chosen seed of the turbulence, of the path that goes with it."""
-_SLOWEST_NTM = 2.0
-"""Mean speed below which the turbulence of a path falls to none in still air [m/s]."""
+_LONGEST_PATH = 3600.0  # Length of the path of an episode without an end [s]; the mean speed then stays
+_PATH_SEED = 50_000_000  # Beside a chosen seed of the turbulence, of the path that goes with it
+_SLOWEST_NTM = 2.0  # Mean speed below which the turbulence of a path falls to none in still air [m/s]
 # As far may hub heights of a turbulence box and its mean wind differ.
 _HUB_HEIGHT_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
 class EpisodeWind:
-    """The wind of one episode.
-
-    Attributes
-    ----------
-    wind_speed : float
-        Mean speed at hub height [m/s]; of a path at its start.
-    wind_seed : int
-        Seed of the turbulence, -1 without.
-    time_offset : float
-        Time in the turbulence box at which the episode starts [s].
-    """
+    """The wind of one episode."""
 
     inflow: Inflow
-    wind_speed: float
-    wind_seed: int
-    time_offset: float
+    wind_speed: float  #: Mean speed at hub height [m/s]; of a path at its start
+    wind_seed: int  #: Seed of the turbulence, -1 without
+    time_offset: float  #: Time in the turbulence box at which the episode starts [s]
 
 
 class WindSampler:
