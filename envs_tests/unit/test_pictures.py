@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import validation_pictures as pictures
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, absolute, read_record
@@ -14,7 +13,7 @@ from envs_tests.physics.validation import Figure as CaseFigure
 from wt_gym.analysis.report import opening_agent, shown_agents
 from wt_gym.analysis.results import kept_filaments
 from wt_gym.analysis.scene import Camera, Scene, filament_weights, line_look, smooth_curves
-from wt_gym.base.picture_style import COLORS, LINE_STYLES, MARKERS, baseline, label_points
+from wt_gym.base.picture_style import COLORS, LINE_STYLES, MARKERS, baseline
 from wt_gym.simulation.campbell import FAMILIES, CampbellDiagram, campbell_figure, mode_family, mode_label, spread
 from wt_gym.turbines import load_turbine
 
@@ -264,22 +263,6 @@ def test_pictures_of_the_page_are_drawn_from_the_data_that_are_there():
         assert (f"data/{name}.svg" in page) == path.exists()
         if path.exists():
             assert path.stat().st_size < 200_000
-
-
-def test_names_of_points_do_not_cover_each_other():
-    figure = Figure(figsize=(6, 4))
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    points = [(1.0, 1.0), (1.05, 1.0), (1.0, 1.05), (3.0, 2.0)]
-    axes.plot(*zip(*points, strict=True), "o")
-    axes.set(xlim=(0, 4), ylim=(0, 3))
-    texts = ["controller one", "controller two", "controller three", "far"]
-    notes = label_points(axes, points, texts, ["k"] * 4)
-    boxes = [note.get_window_extent() for note in notes]
-    for k, box in enumerate(boxes):
-        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
-    at = axes.transData.transform(points)
-    assert all(not box.contains(*place) for box in boxes for place in at)
 
 
 def test_replay_opens_on_the_trained_agent_with_the_lowest_load(monkeypatch):
