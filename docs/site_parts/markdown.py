@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import inspect
 import re
+from dataclasses import fields
 
-__all__ = ["attributes_of", "first_sentence", "table", "value"]
+from sphinx.pycode import ModuleAnalyzer
+
+__all__ = ["field_texts", "first_sentence", "table", "value"]
 
 
 def table(headings, rows, kind=""):
@@ -32,6 +35,27 @@ def first_sentence(thing):
     """Of a docstring."""
     text = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
     return re.split(r"(?<=\.)\s", text)[0].replace("``", "`")
+
+
+def field_texts(cls):
+    """Type and text of the fields of a dataclass, from the docstring of the class or what stands beside each field."""
+    docstring = inspect.getdoc(cls)
+    texts = {
+        name: (kind.replace(" : ", ""), text)
+        for section in ("Parameters", "Attributes")
+        if f"\n{section}\n---" in docstring
+        for names, kind, text in attributes_of(docstring, section)
+        for name in names.split(", ")
+    }
+    if not texts:
+        said = ModuleAnalyzer.for_module(cls.__module__).find_attr_docs()
+        for field in fields(cls):
+            text = " ".join(" ".join(said.get((cls.__name__, field.name), ())).split()).replace("``", "`")
+            several = re.match(r"((?:\w+, )+\w+): ", text)  # one text for neighbors
+            text = text[several.end() :] if several else text
+            for name in several[1].split(", ") if several else (field.name,):
+                texts[name] = (cls.__annotations__[name], text[:1].upper() + text[1:])
+    return texts
 
 
 def attributes_of(docstring, section="Attributes"):

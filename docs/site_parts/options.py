@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import fields
 
-from site_parts.markdown import attributes_of, table, value
+from site_parts.markdown import field_texts, table, value
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.control.bladed import RECORDS
 from wt_gym.control.controllers import (
@@ -96,26 +95,17 @@ def fidelities():
 
 def lattices():
     """Presets of the air."""
-    return _presets(AeroOptions, {name: preset.aero for name, preset in FIDELITIES.items()}, section="Parameters")
+    return _presets(AeroOptions, {name: preset.aero for name, preset in FIDELITIES.items()})
 
 
-def _presets(cls, presets, skip=(), section="Attributes"):
+def _presets(cls, presets, skip=()):
     """Fields with their defaults and the presets' values where they differ, then what each means."""
-    said = {}
-    for names, kind, text in attributes_of(inspect.getdoc(cls), section):
-        for name in names.split(", "):
-            said[name] = (kind, text)
-    chosen = [field for field in fields(cls) if field.name not in skip]
-    default = {field.name: field.default for field in chosen}
-    rows = []
-    for field in chosen:
-        values = [getattr(preset, field.name) for preset in presets.values()]
-        if any(v != default[field.name] for v in values):
-            cells = ["" if v == default[field.name] else value(v) for v in values]
-            rows.append((f"`{field.name}`", value(default[field.name]), *cells))
+    said, rows = field_texts(cls), []
+    default = {field.name: field.default for field in fields(cls) if field.name not in skip}
+    for name in default:
+        values = [getattr(preset, name) for preset in presets.values()]
+        if any(v != default[name] for v in values):
+            rows.append((f"`{name}`", value(default[name]), *("" if v == default[name] else value(v) for v in values)))
     differing = table(("option", "default", *(f"`{name}`" for name in presets)), rows, "options")
-    listed = [
-        (f"`{field.name}`", said[field.name][0].replace(" : ", ""), value(default[field.name]), said[field.name][1])
-        for field in chosen
-    ]
+    listed = [(f"`{name}`", said[name][0], value(default[name]), said[name][1]) for name in default]
     return f"{differing}\n{table(('option', 'type', 'default', 'what it is'), listed, 'options')}"

@@ -9,18 +9,12 @@ import fuzz as command
 import numpy as np
 import pytest
 
-from fuzzing import (
-    POLICY_NAMES,
-    WINDS,
-    Contract,
-    ContractBroken,
-    MemoryRecord,
-    draw_case,
-    fuzz,
-    run_case,
-)
+from fuzzing.cases import POLICY_NAMES, WINDS, draw_case
+from fuzzing.contract import Contract, ContractBroken
 from fuzzing.energy import EnergyAccount
+from fuzzing.memory import MemoryRecord
 from fuzzing.policies import Policy
+from fuzzing.run import fuzz, run_case
 from wt_gym.control.design import rotor_inertia
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine

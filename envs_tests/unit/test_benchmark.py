@@ -8,15 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from load_travel_front import (
-    FAMILIES,
-    distance_table,
-    draw_front,
-    front_distance,
-    front_entries,
-    front_rows,
-    write_csv,
-)
 
 from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
@@ -386,24 +377,6 @@ def test_what_is_no_agent_is_refused(texts, message):
         entries_of(texts)
 
 
-def test_the_front_is_a_table_and_a_figure(tmp_path):
-    runs = {entry.name: results(TASK, agent=entry.name) for entry in front_entries()}
-    strongest = FAMILIES["individual pitch, gain"][-1]
-    runs[strongest] = results(TASK, {"blade_flap_del": 0.8, "pitch_duty_cycle": 4.0})
-    rows = front_rows(TASK, runs)
-    by_agent = {row["agent"]: row for row in rows}
-    assert by_agent["discon"]["blade_flap_del"] == 0.0
-    assert by_agent[strongest]["blade_flap_del"] == pytest.approx(-0.2)
-    assert by_agent[strongest]["flap_sem"] == pytest.approx(0.0, abs=1e-12)
-    assert by_agent[strongest]["pitch_duty_cycle"] == pytest.approx(4.0 * by_agent["discon"]["pitch_duty_cycle"])
-    lines = write_csv(rows, tmp_path / "front.csv").read_text(encoding="utf-8").splitlines()
-    assert len(lines) == 1 + len(runs)
-    assert "<svg" in draw_front(rows, tmp_path / "front.svg").read_text(encoding="utf-8")
-    runs[strongest] = results(TASK, ending="overspeed")
-    with pytest.raises(ValueError, match=r"must complete every wind of .*, it ended early in 15 m/s, seed 1007"):
-        front_rows(TASK, runs)
-
-
 @pytest.fixture
 def sweeps(monkeypatch):
     """The jobs of each sweep; nothing is simulated: whatever is not the baseline lowers the flap DEL by a tenth."""
@@ -463,45 +436,6 @@ def test_all_tasks_of_a_command_are_one_sweep(words, sweeps, monkeypatch, tmp_pa
         assert made.best_improvement == pytest.approx(before.best_improvement)
         assert set(made.improvements) == set(task.measures)
         assert made.fingerprint != PRINT
-
-
-def front_of(**more):
-    """Runs of a front in which twice the travel takes a tenth of the flap DEL, thrice two tenths, and no more."""
-    runs = {entry.name: results(TASK, agent=entry.name) for entry in front_entries()}
-    for family in FAMILIES.values():
-        for name, travel, load in zip(family, (2.0, 3.0, 4.0, 5.0, 6.0), (0.9, 0.8, 0.8, 0.8, 0.8), strict=True):
-            runs[name] = results(TASK, {"blade_flap_del": load, "pitch_duty_cycle": travel}, agent=name)
-    return runs | {name: results(TASK, changes, agent=name) for name, changes in more.items()}
-
-
-@pytest.mark.parametrize(
-    ("load", "travel", "points", "share"),
-    [
-        (0.9, 2.0, 0.0, 0.0),  # on the front
-        (0.8, 2.5, -0.05, 2.5 / 3.0 - 1.0),  # below
-        (0.95, 3.0, 0.15, 1.0),  # above: the front takes 1.5 times the baseline's travel for that
-        (0.7, 9.0, -0.1, -1.0),  # a load that no point of the front reaches
-        (1.1, 2.0, 0.2, 1.0),  # more load than the baseline, which travels half as far
-    ],
-)
-def test_an_agent_lies_below_on_or_above_the_front(load, travel, points, share):
-    found = front_distance(TASK, front_of(mine={"blade_flap_del": load, "pitch_duty_cycle": travel}), "mine")
-    assert found.flap == pytest.approx(load - 1.0)
-    assert found.load == pytest.approx(points, abs=1e-12)
-    assert found.travel == pytest.approx(share)
-    # every wind is the same here
-    assert found.load_interval == pytest.approx((points, points), abs=1e-12)
-    assert found.travel_interval == pytest.approx((share, share))
-    assert f"| mine | {100 * (load - 1.0):+.1f} % |" in distance_table([found])[2]
-
-
-def test_a_curve_that_turns_back_is_no_better_for_it():
-    runs = front_of(mine={"blade_flap_del": 0.95, "pitch_duty_cycle": 6.0})
-    for family in FAMILIES.values():
-        runs[family[-1]] = results(TASK, {"blade_flap_del": 1.2, "pitch_duty_cycle": 6.0}, agent=family[-1])
-    found = front_distance(TASK, runs, "mine")
-    assert found.load == pytest.approx(0.15)
-    assert found.travel == pytest.approx(6.0 / 1.5 - 1.0)
 
 
 def test_the_page_has_the_tasks_as_they_are():

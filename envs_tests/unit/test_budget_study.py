@@ -2,7 +2,7 @@
 
 import budget_study as study
 import pytest
-from scipy.stats import beta
+from study_pages import filled
 
 HEAD = {"limits": study.LIMITS}
 
@@ -63,13 +63,16 @@ def test_what_the_agent_adds_is_what_its_base_controller_does_not_violate_too():
     assert row in study.tables(sums).splitlines()
 
 
-def test_intervals_are_those_of_clopper_and_pearson():
-    low, high = study.interval(3, 1000)
-    assert low == pytest.approx(beta.ppf(0.025, 3, 998))
-    assert high == pytest.approx(beta.ppf(0.975, 4, 997))
-    assert study.interval(0, 1000) == (0.0, pytest.approx(1.0 - 0.025 ** (1 / 1000)))
+def test_shares_have_exact_intervals():
+    """Of Clopper and Pearson."""
     assert study.share(30, 1000) == "30 (30 ‰, 20 to 43 ‰)"
     assert study.share(3, 1000) == "3 (3 ‰, 0.62 to 8.7 ‰)"
+    assert study.share(0, 1000) == "0 (0 ‰, 0 to 3.7 ‰)"
+
+
+def test_the_page_has_the_tables_of_the_record():
+    text, tables = study.PAGE.read_text(encoding="utf-8"), study.tables(study.record_of(None))
+    assert filled(text, {"budget study": lambda _: tables}) == text
 
 
 def test_a_run_goes_on_where_it_ended_and_refuses_other_results(tmp_path, monkeypatch):

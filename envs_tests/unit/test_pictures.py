@@ -5,13 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import validation_pictures as pictures
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, absolute, read_record
 from envs_tests.physics.validation import Figure as CaseFigure
 from wt_gym.analysis.scene import Camera, Scene, filament_weights, smooth_curves
-from wt_gym.base.picture_style import label_points
 from wt_gym.simulation.campbell import FAMILIES, CampbellDiagram, campbell_figure, mode_family, mode_label, spread
 from wt_gym.turbines import load_turbine
 
@@ -227,19 +225,3 @@ def test_curves_are_few_points_and_keep_their_ends():
     assert (curve["x"][0], curve["x"][-1]) == (0.0, 10.0)
     assert pictures.look("o", 0, over_time=True)["marker"] is None  # markers of a time series hide each other
     assert pictures.look("o", 0)["linestyle"] == "none"
-
-
-def test_names_of_points_do_not_cover_each_other():
-    figure = Figure(figsize=(6, 4))
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    points = [(1.0, 1.0), (1.05, 1.0), (1.0, 1.05), (3.0, 2.0)]
-    axes.plot(*zip(*points, strict=True), "o")
-    axes.set(xlim=(0, 4), ylim=(0, 3))
-    texts = ["controller one", "controller two", "controller three", "far"]
-    notes = label_points(axes, points, texts, ["k"] * 4)
-    boxes = [note.get_window_extent() for note in notes]
-    for k, box in enumerate(boxes):
-        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
-    at = axes.transData.transform(points)
-    assert all(not box.contains(*place) for box in boxes for place in at)

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.simulation import Simulator
 
-__all__ = ["Contract", "ContractBroken", "StepResult"]
-
 _ENDINGS = ("overspeed", "standstill", "tower_strike", "failure")
 _INFO = {
     "time", "wind_speed", "wind_seed", "generator_power", "rotor_speed", "rotor_speed_max", "tip_clearance_min",

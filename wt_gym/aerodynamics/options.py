@@ -243,7 +243,7 @@ ENGINEERING = AeroOptions(
     sparse_stride=3, sparse_span=3, fresh_rows=1, refresh_stride=8, wind_stride=3, far_wake_rows=22, squire=1e-3,
 )  # fmt: skip
 # 11 turns at 9 rpm, 15 at 12 rpm, all of them free and recomputed every step; every second row beyond the first 200.
-# The tree code stays well below the error that it is allowed: 3e-3 gives less than 1e-3 (scripts/bench/induction.py).
+# The tree code stays well below the error that it is allowed: 3e-3 gives less than 1e-3 (test_tree_induction.py).
 REFERENCE = AeroOptions(
     n_chord=4, n_span=24, azimuth_step_deg=7.5, wake_rows=480, full_rows=200, coarse_stride=2, fresh_rows=480,
     refresh_stride=1, far_wake=False, squire=1e-3, induction="tree", tree_tolerance=3e-3,

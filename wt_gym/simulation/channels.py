@@ -38,25 +38,16 @@ from wt_gym.turbines.variants import REFLECTION, REFLECTION_6
 
 @dataclass(frozen=True)
 class Channel:
-    """One signal.
-
-    Attributes
-    ----------
-    openfast : str
-        OpenFAST's name of the same quantity (its unit may differ), or "".
-    parity : int
-        `EVEN` or `ODD`: sign with which the signal goes into that of the mirror image, in which y is −y and the rotor
-        turns the other way.
-    group : str
-        Name without the number of the blade.
-    """
+    """One signal."""
 
     name: str
     unit: str
-    openfast: str
+    openfast: str  #: OpenFAST's name of the same quantity (its unit may differ), or ""
     parity: int
+    """`EVEN` or `ODD`: sign with which the signal goes into that of the mirror image, in which y is −y and the rotor
+    turns the other way."""
     description: str
-    group: str
+    group: str  #: Name without the number of the blade
 
 
 EVEN, ODD = 1, -1

@@ -88,132 +88,92 @@ _OF_OBSERVERS = {"reference_condition": "clamped", "frame_update": "step", "fram
 
 @dataclass(frozen=True)
 class Fidelity:
-    """Resolution of a simulation.
-
-    Attributes
-    ----------
-    aero : AeroOptions
-        Lattice and wake. The strides of thinned rows belong to ``aero.azimuth_step_deg``; where the step turns the
-        rotor at rated speed by another angle they follow it, rounded down, see :meth:`aero_for`.
-    time_step : float or None
-        Aerodynamic step [s]. None: the largest step that divides `STEP_BASE` and turns the rotor at rated speed by no
-        more than ``aero.azimuth_step_deg``.
-    max_substep : float
-        Longest structural step [s]; the aerodynamic step is divided into equal sub-steps, short enough also for the
-        stability of the highest structural mode.
-    stiffest_shaft : float
-        A drivetrain whose torsional frequency [Hz] is higher than this is taken as rigid.
-    corrections : int
-        Corrector passes of the Hamming scheme in each sub-step.
-    starter : str
-        First three steps of the Hamming scheme: "adams", as published, or "runge-kutta", which leaves a smaller error.
-    coupling_iterations : int
-        Most passes of structure and loads through one aerodynamic step; more, up to 20, only where the loads of the
-        blades still change by more than a tenth.
-    coupling_tolerance : float
-        The passes end when the loads change by less than this fraction of their size.
-    tower_modes : (int, int, int)
-        Fore-aft, side-side and torsion modes.
-    blade_modes : (int, int, int)
-        Flap, edge and torsion modes of each blade.
-    tower_elements, blade_elements : int
-        Finite elements from which the modes come.
-    tower_coordinates, blade_coordinates : str
-        "modal": the modes counted above; "nodal": displacements and rotations of the finite-element nodes in the
-        directions of which at least one mode is counted (fore-aft or flap, side-side or edge, torsion; along a curved
-        blade too), which needs few elements and short steps; "rigid": no deformation.
-    tower_shapes : tuple or None
-        Prescribed bending shapes of the tower instead of its modes: two tuples (fore-aft, side-side) with the
-        coefficients of (z/H)², (z/H)³, … of each shape, as many as ``tower_modes`` counts, for example
-        :data:`ELASTODYN_NREL_5MW_TOWER`.
-    yaw_drive : str
-        "stiff": the nacelle follows the yaw drive; "spring": through the yaw spring and damper of the turbine.
-    blade_bodies : int
-        Floating-frame bodies of a blade, one behind the other: with several a blade may bend far, and its bending
-        twists it. Modal bodies have the static shapes of their tips as coordinates, in the directions of which
-        ``blade_modes`` counts at least one; nodal ones the displacements of their nodes. They need an implicit
-        ``integrator``.
-    integrator : str
-        A name of `wt_gym.multibody.integrators.schemes.INTEGRATORS`. Explicit ("hamming"): the structural steps are as
-        short as the highest frequency requires. Implicit ("newmark", with ¼ and ½, and "generalized_alpha", Chung &
-        Hulbert 1993): steps of ``max_substep`` whatever the frequencies, for nodal coordinates, torsion and blades of
-        several bodies.
-    spectral_radius : float, optional
-        Of the generalized-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
-        default 0.3 where blades twist (``blade_modes`` counts a torsion mode), else 0.8, see `scheme_radius`: the
-        period of the twist is about the aerodynamic step, and with 0.8 it begins to shake in turbulence after minutes,
-        which the balance of energy ends.
-    tower_shadow : bool
-        Potential flow round a cylinder acts on the blades near the tower: the cheap form of a tower in the flow.
-    tower_body : (int, int) or None
-        Panels around and along of the tower as a closed body in the lattice, which replaces the cheap form: blades,
-        wake and tower then answer each other, and the wake does not cut the tower.
-    nacelle_body : (int, int) or None
-        Panels around and along of hub and nacelle as one closed body of revolution about the shaft in the lattice, at
-        least 5 each; alone (the cheap form of the tower then stays) or with ``tower_body``, which ends a gap below it.
-        Its size is an estimate, see :func:`wt_gym.simulation.models.nacelle_surface`. It turns with the
-        nacelle, in steps of 0.25°, about the axis of the undeformed tower, unless bodies move with the tower. In
-        "training" (8, 8) takes half as much time again for a step, as much as a tower of (8, 8); the influence of all
-        panels on each other, about a millisecond for 100 of them, is inverted at each step of the yaw.
-    formulation : str
-        "embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
-        constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
-        embedded form is several times faster. "observer": all bodies in local observer frames, held together by
-        constraint equations (Holm-Jørgensen, Nielsen & Rubak), in implicit steps of at most ``max_substep`` by the
-        rule of ``integrator`` (`IntegratorEntry.rule`): of an explicit one, Newmark's.
-    stabilization : float
-        Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
-    projection : bool
-        Put the state back onto the constraint equations after each structural step; without it the stabilization alone
-        holds what steps drift by.
-    moving_bodies : bool
-        The closed bodies follow the deflected tower, and that of the tower bears the force of the air on it
-        (`wt_gym.simulation.step.coupling`). Otherwise they stand about the undeformed tower and feel nothing.
-    blade_basis : str
-        "fixed": the modes of the clamped blade at rest; "deformed": those of the blade as it turns, bent and loaded,
-        recomputed at each aerodynamic step (`wt_gym.simulation.deformed_basis`).
-    reference_condition : str
-        Of the flexible bodies in observer frames: "clamped", "simply_supported" or "three_quarter", see
-        :mod:`wt_gym.multibody.observer_frame.observer_frame_body`.
-    frame_update : str or float
-        When observer frames are moved onto their bodies: every "step", or beyond this displacement [m].
-    frame_displacement : str
-        From the observer frames: "second_order", N q + ½ qᵀ H q with the geometric stiffness of axial forces, as in the
-        other forms; or "linear", N q as published, without it: a turning blade then bends farther, a tower feels no
-        P-Δ.
-    """
+    """Resolution of a simulation."""
 
     name: str = "custom"
     aero: AeroOptions = field(default_factory=lambda: TRAINING)
+    """Lattice and wake. The strides of thinned rows belong to ``aero.azimuth_step_deg``; where the step turns the rotor
+    at rated speed by another angle they follow it, rounded down, see :meth:`aero_for`."""
     time_step: float | None = None
+    """Aerodynamic step [s]. None: the largest step that divides `STEP_BASE` and turns the rotor at rated speed by no
+    more than ``aero.azimuth_step_deg``."""
     max_substep: float = 0.034
-    stiffest_shaft: float = 8.0
-    corrections: int = 3
+    """Longest structural step [s]; the aerodynamic step is divided into equal sub-steps, short enough also for the
+    stability of the highest structural mode."""
+    stiffest_shaft: float = 8.0  #: A drivetrain whose torsional frequency [Hz] is higher than this is taken as rigid
+    corrections: int = 3  #: Corrector passes of the Hamming scheme in each sub-step
     starter: str = "adams"
+    """First three steps of the Hamming scheme: "adams", as published, or "runge-kutta", of a smaller error."""
     coupling_iterations: int = 2
-    coupling_tolerance: float = 1e-3
-    tower_modes: tuple[int, int, int] = (2, 2, 1)
-    blade_modes: tuple[int, int, int] = (2, 1, 0)
+    """Most passes of structure and loads through one aerodynamic step; more, up to 20, only where the loads of the
+    blades still change by more than a tenth."""
+    coupling_tolerance: float = 1e-3  #: The passes end when the loads change by less than this fraction of their size
+    tower_modes: tuple[int, int, int] = (2, 2, 1)  #: Fore-aft, side-side and torsion modes
+    blade_modes: tuple[int, int, int] = (2, 1, 0)  #: Flap, edge and torsion modes of each blade
     tower_elements: int = 12
-    blade_elements: int = 24
+    blade_elements: int = 24  #: tower_elements, blade_elements: finite elements from which the modes come
     tower_coordinates: str = "modal"
     blade_coordinates: str = "modal"
+    """tower_coordinates, blade_coordinates: "modal": the modes counted above; "nodal": displacements and rotations of
+    the finite-element nodes in the directions of which at least one mode is counted (fore-aft or flap, side-side or
+    edge, torsion; along a curved blade too), which needs few elements and short steps; "rigid": no deformation."""
     tower_shapes: tuple[tuple[tuple[float, ...], ...], ...] | None = None
+    """Prescribed bending shapes of the tower instead of its modes: two tuples (fore-aft, side-side) with the
+    coefficients of (z/H)², (z/H)³, … of each shape, as many as ``tower_modes`` counts, for example
+    :data:`ELASTODYN_NREL_5MW_TOWER`."""
     yaw_drive: str = "stiff"
+    """"stiff": the nacelle follows the yaw drive; "spring": through the yaw spring and damper of the turbine."""
     blade_bodies: int = 1
+    """Floating-frame bodies of a blade, one behind the other: with several a blade may bend far, and its bending twists
+    it. Modal bodies have the static shapes of their tips as coordinates, in the directions of which ``blade_modes``
+    counts at least one; nodal ones the displacements of their nodes. They need an implicit ``integrator``."""
     integrator: str = DEFAULT
+    """A name of `wt_gym.multibody.integrators.schemes.INTEGRATORS`. Explicit ("hamming"): the structural steps are as
+    short as the highest frequency requires. Implicit ("newmark", with ¼ and ½, and "generalized_alpha", Chung & Hulbert
+    1993): steps of ``max_substep`` whatever the frequencies, for nodal coordinates, torsion and blades of several
+    bodies."""
     tower_shadow: bool = True
+    """Potential flow round a cylinder acts on the blades near the tower: the cheap form of a tower in the flow."""
     tower_body: tuple[int, int] | None = None
+    """Panels around and along of the tower as a closed body in the lattice, which replaces the cheap form: blades, wake
+    and tower then answer each other, and the wake does not cut the tower."""
     nacelle_body: tuple[int, int] | None = None
+    """Panels around and along of hub and nacelle as one closed body of revolution about the shaft in the lattice, at
+    least 5 each; alone (the cheap form of the tower then stays) or with ``tower_body``, which ends a gap below it. Its
+    size is an estimate, see :func:`wt_gym.simulation.models.nacelle_surface`. It turns with the nacelle, in steps of
+    0.25°, about the axis of the undeformed tower, unless bodies move with the tower. In "training" (8, 8) takes half as
+    much time again for a step, as much as a tower of (8, 8); the influence of all panels on each other, about a
+    millisecond for 100 of them, is inverted at each step of the yaw."""
     formulation: str = "embedded"
+    """"embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
+    constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the embedded
+    form is several times faster. "observer": all bodies in local observer frames, held together by constraint equations
+    (Holm-Jørgensen, Nielsen & Rubak), in implicit steps of at most ``max_substep`` by the rule of ``integrator``
+    (`IntegratorEntry.rule`): of an explicit one, Newmark's."""
     spectral_radius: float | None = None
+    """Of the generalized-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
+    default 0.3 where blades twist (``blade_modes`` counts a torsion mode), else 0.8, see `scheme_radius`: the period of
+    the twist is about the aerodynamic step, and with 0.8 it begins to shake in turbulence after minutes, which the
+    balance of energy ends."""
     stabilization: float = 10.0
+    """Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect."""
     projection: bool = True
+    """Put the state back onto the constraint equations after each structural step; without it the stabilization alone
+    holds what steps drift by."""
     moving_bodies: bool = False
+    """The closed bodies follow the deflected tower, and that of the tower bears the force of the air on it
+    (`wt_gym.simulation.step.coupling`). Otherwise they stand about the undeformed tower and feel nothing."""
     blade_basis: str = "fixed"
+    """"fixed": the modes of the clamped blade at rest; "deformed": those of the blade as it turns, bent and loaded,
+    recomputed at each aerodynamic step (`wt_gym.simulation.deformed_basis`)."""
     reference_condition: str = "clamped"
+    """Of the flexible bodies in observer frames: "clamped", "simply_supported" or "three_quarter", see
+    :mod:`wt_gym.multibody.observer_frame.observer_frame_body`."""
     frame_update: str | float = "step"
+    """When observer frames are moved onto their bodies: every "step", or beyond this displacement [m]."""
     frame_displacement: str = "second_order"
+    """From the observer frames: "second_order", N q + ½ qᵀ H q with the geometric stiffness of axial forces, as in the
+    other forms; or "linear", N q as published, without it: a turning blade then bends farther, a tower feels no P-Δ."""
 
     def __post_init__(self) -> None:
         """Refuse values without meaning."""

@@ -458,26 +458,16 @@ class LinearizedSimulator(Protocol):
 
 @dataclass(frozen=True)
 class Wake:
-    """A lattice whose wake stands still, and the rotor's position for which it was made.
-
-    Attributes
-    ----------
-    source : array (n_strip,)
-        Decambering of the reference, where each solution starts, so that the loads are a smooth function.
-    angle : float
-        Rotor azimuth [rad].
-    center, axis : array (3,)
-        Hub [m] and shaft direction.
-    slowing : array (3,)
-        What the rotor adds to the wind at the tower [m/s].
-    """
+    """A lattice whose wake stands still, and the rotor's position for which it was made."""
 
     aero: AeroState
     source: Array
-    angle: float
+    """Decambering of the reference, where each solution starts, so that the loads are a smooth function; array
+    (n_strip,)."""
+    angle: float  #: Rotor azimuth [rad]
     center: Array
-    axis: Array
-    slowing: Array
+    axis: Array  #: center, axis: hub [m] and shaft direction; array (3,)
+    slowing: Array  #: What the rotor adds to the wind at the tower [m/s]; array (3,)
 
 
 class _Gust:

@@ -52,7 +52,6 @@ def write_recording(path: Path, data: xr.Dataset) -> None:
 
     Parameters
     ----------
-    path : pathlib.Path
     data : xarray.Dataset
         Of `wt_gym.simulation.Recorder.to_dataset`.
 

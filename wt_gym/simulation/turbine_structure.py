@@ -44,56 +44,31 @@ YAW_SERVO = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class TurbineStructure:
-    """Multibody model of a turbine with what the coupling to the air needs.
-
-    Attributes
-    ----------
-    tower, nacelle, generator, hub : int
-        Body indices.
-    blades : tuple of int
-        Body indices; of the roots, where a blade has several bodies.
-    parts : tuple of tuple of int
-        Of each blade the indices of its bodies, from root to tip.
-    blade_inertia : BodyInertia
-        Of a whole undeformed blade.
-    lattice_points : Points
-        Material points of one blade, (n_bodies, n, 3), and their mode shapes, by the bodies of the blade: mostly one.
-    sub_body_nodes : SubBodyNodes or None
-        Which lattice nodes each body of a blade carries; None: a blade is one body.
-    tip_points : Points
-        The blade tip, one point of the last body of a blade.
-    tip_rest : array (3,)
-        The undeformed tip in the frame of the whole blade [m].
-    tower_points : Points
-        Tower axis, for pictures.
-    tower_radius : array (n,)
-        At the tower points [m].
-    drag_points : Points
-        Points of the tower that bear its drag.
-    blade_field, tower_field : (Beam, array (n_dof, n))
-        Finite elements of a blade and the tower, and the nodal displacements of their coordinates.
-    tower_sway : array (n_f, 2)
-        Elastic coordinates of the tower as it swings in the first mode along global x and y, for 1 m of its top.
-    """
+    """Multibody model of a turbine with what the coupling to the air needs."""
 
     system: MultibodySystem
     tower: int
     nacelle: int
     generator: int
-    hub: int
-    blades: tuple[int, ...]
-    parts: tuple[tuple[int, ...], ...]
-    blade_inertia: BodyInertia
+    hub: int  #: tower, nacelle, generator, hub: body indices
+    blades: tuple[int, ...]  #: Body indices; of the roots, where a blade has several bodies
+    parts: tuple[tuple[int, ...], ...]  #: Of each blade the indices of its bodies, from root to tip
+    blade_inertia: BodyInertia  #: Of a whole undeformed blade
     lattice_points: Points
-    sub_body_nodes: SubBodyNodes | None
-    tip_points: Points
-    tip_rest: Array
-    tower_points: Points
-    tower_radius: Array
-    drag_points: Points
+    """Material points of one blade, (n_bodies, n, 3), and their mode shapes, by the bodies of the blade: mostly one."""
+    sub_body_nodes: SubBodyNodes | None  #: Which lattice nodes each body of a blade carries; None: a blade is one body
+    tip_points: Points  #: The blade tip, one point of the last body of a blade
+    tip_rest: Array  #: The undeformed tip in the frame of the whole blade [m]; array (3,)
+    tower_points: Points  #: Tower axis, for pictures
+    tower_radius: Array  #: At the tower points [m]; array (n,)
+    drag_points: Points  #: Points of the tower that bear its drag
     blade_field: tuple[Beam, Array]
     tower_field: tuple[Beam, Array]
+    """blade_field, tower_field: finite elements of a blade and the tower, and the nodal displacements of their
+    coordinates; (Beam, array (n_dof, n))."""
     tower_sway: Array
+    """Elastic coordinates of the tower as it swings in the first mode along global x and y, for 1 m of its top; array
+    (n_f, 2)."""
 
     def elastic(self, body: int, y: Array) -> tuple[Array, Array]:
         """Elastic coordinates and rates (n_f,) of a body in a state, views."""
@@ -756,7 +731,6 @@ def add_sub_bodies(
 
     Parameters
     ----------
-    sub_bodies : sequence of SubBody
     add_root : callable
         Adds the first body and returns its index.
     name : str
