@@ -6,7 +6,6 @@ import pytest
 import reward_study as study
 
 from wt_gym.envs import rewards
-from wt_gym.tasks import TASKS
 
 
 def row(controller, wind_speed=8.0, **changes):
@@ -54,16 +53,6 @@ def test_total_and_correlation():
     assert study.correlation([1, 2, 3, 4], [1, 4, 9, 16]) == pytest.approx(1.0)
     assert study.correlation([1, 2, 3], [1, 3, 2]) == pytest.approx(0.5)
     assert math.isnan(study.correlation([1, 2, 3], [1, 1, 1]))
-
-
-LOAD_REDUCTIONS = {"LoadReduction", "IEA15MW-LoadReduction", "IEA22MW-LoadReduction", "Dial", "Faults"}
-
-
-def test_weights_of_the_tasks_are_the_default_with_what_they_change():
-    tasks = study.task_weights()
-    assert set(tasks) == {*LOAD_REDUCTIONS, "MaxPower", "Yaw"}
-    assert tasks["MaxPower"] == rewards.DEFAULT_WEIGHTS | TASKS["MaxPower"].arguments["reward"]
-    assert tasks["MaxPower"]["power"] == rewards.DEFAULT_WEIGHTS["power"]
 
 
 def test_a_table_of_runs_of_todays_controllers(tmp_path):

@@ -37,14 +37,14 @@ from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.benchmark import (
+    BenchmarkAgent,
     BenchmarkRun,
     ResultFolder,
-    definition_of,
     entry_of,
     into_page,
     make_env,
     play_task,
-    run_definition,
+    task_fingerprint,
 )
 from wt_gym.experiment.benchmark_tasks import Ceiling, ceiling_file, ceiling_of
 from wt_gym.experiment.comparison import inflow_of
@@ -206,7 +206,7 @@ class _Runs:
     def controller(self, name: str, wind: BenchmarkWind) -> dict[str, Any]:
         """Result of a controller, as the benchmark itself makes and keeps it."""
         job = BenchmarkRun(self.task, wind, entry_of(name))
-        definition, results = definition_of(job), ResultFolder(self.folder)
+        definition, results = job.definition, ResultFolder(self.folder)
         if (kept := results.find(definition)) is not None:
             return cast("dict[str, Any]", kept)
         made = play_task(self.task, wind, job.entry.make, job.entry.interface)
@@ -219,10 +219,10 @@ class _Runs:
         oracle = self.options.oracle
         interface = {**RESIDUAL_INTERFACE, "controller": [self.options.base, {}]}
         agent = {
-            "name": "offsets", "kind": "offsets", "offsets": described(np.asarray(levels)), "limit": oracle.limit,
+            "kind": "offsets", "offsets": described(np.asarray(levels)), "limit": oracle.limit,
             "rate_limit": oracle.rate_limit,
         }  # fmt: skip
-        definition = run_definition(self.task, wind, agent, interface)
+        definition = BenchmarkRun(self.task, wind, BenchmarkAgent("offsets", "", agent, interface)).definition
         results, recordings = ResultFolder(self.folder), RecordingStore(self.folder / "recordings", Recording)
         if (found := results.find(definition)) is not None:
             kept = recordings.find(definition)
@@ -332,7 +332,7 @@ def make_ceiling(
     speeds = tuple(sorted({wind.speed for wind in task.winds}))
     design_task = options.design_task(speeds, fidelity)
     runs = _Runs(played, options, folder)
-    fingerprint = run_definition(task, task.winds[0], {})["fingerprint"]
+    fingerprint = task_fingerprint(task)
 
     recordings = RecordingStore(folder / "recordings", Recording)
     found: dict[tuple[float, int, bool], Recording] = {}

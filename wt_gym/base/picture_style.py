@@ -10,11 +10,6 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-__all__ = [
-    "BLUE", "COLORS", "GRAY", "GREEN", "INK", "LINE_STYLES", "MARKERS", "ORANGE", "SVG", "baseline", "label_points",
-    "plain",
-]  # fmt: skip
-
 INK, GRAY, GRID = "#1c2733", "#8a96a3", "#dde3ea"
 BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
 COLORS = (BLUE, ORANGE, GREEN, "#cc79a7", "#e69f00", "#56b4e9", "#000000")
@@ -28,13 +23,7 @@ SVG: dict[Any, Any] = {"svg.fonttype": "none", "font.family": "sans-serif", "pat
 def plain(axes: Axes, x_label: str = "", y_label: str = "", title: str = "") -> None:
     """Axes with a light grid, without a frame at the top and at the right.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    x_label, y_label : str
-        With the unit in brackets.
-    title : str
-        At the left, above.
+    Labels have the unit in brackets; the title stands at the left, above.
     """
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(GRAY)
@@ -48,18 +37,7 @@ def plain(axes: Axes, x_label: str = "", y_label: str = "", title: str = "") -> 
 
 
 def baseline(axes: Axes, value: float, text: str = "", vertical: bool = False) -> None:
-    """Dashed line of what the others are compared with, named at its end.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    value : float
-        Where it is, on the y axis, or on the x axis if ``vertical``.
-    text : str
-        Its name.
-    vertical : bool
-        Direction.
-    """
+    """Dashed line of the baseline at a value of the y axis, or of the x axis if ``vertical``, named at its end."""
     line = axes.axvline if vertical else axes.axhline
     line(value, color=GRAY, linewidth=1.0, linestyle=(0, (5, 3)), zorder=0.5)
     if not text:
@@ -84,20 +62,8 @@ def label_points(
 ) -> list[Any]:
     """Write a name at each point, beside the points and the other names where there is room.
 
-    The limits of the axes must be those of the finished picture. A name that had to go far has a line to its point.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    points : sequence of (float, float)
-        All points that must stay visible; those beyond the number of texts have no name.
-    texts, colors : sequence of str
-    size : float
-        Of the font [points].
-
-    Returns
-    -------
-    list of matplotlib.text.Annotation
+    The limits of the axes must be those of the finished picture. All points stay visible; those beyond the number of
+    texts have no name. A name that had to go far has a line to its point. The size of the font is in points.
     """
     figure = axes.get_figure(root=True)
     assert figure is not None
