@@ -20,6 +20,7 @@ from wt_gym.analysis.summary import summarize
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.commands import main
 from wt_gym.control.controllers import DisconController
+from wt_gym.envs.layout import layout_of
 from wt_gym.experiment.agents import ConstantAgent, ControllerAgent, load_agent
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.names import BASELINE, named_choices
@@ -46,7 +47,7 @@ def demands(env, agent, steps=25, **options):
 @pytest.mark.parametrize("pitch", ["collective", "individual"])
 def test_baseline_demands_what_its_controller_commands(mode, pitch):
     env = gym.make(TURBULENT, wind_speed=13.0, action_mode=mode, pitch=pitch)
-    agent, controller = ControllerAgent.from_env(env), DisconController()
+    agent, controller = ControllerAgent(layout_of(env)), DisconController()
     observation, _ = env.reset(seed=1)
     raw = env.unwrapped
     controller.start(raw.signals, raw.demand)
@@ -60,19 +61,19 @@ def test_baseline_demands_what_its_controller_commands(mode, pitch):
 
 def test_baseline_starts_afresh_in_a_new_episode():
     env = gym.make(TURBULENT)
-    agent = ControllerAgent.from_env(env)
+    agent = ControllerAgent(layout_of(env))
     demands(env, agent, wind_speed=16.0)
     again = demands(env, agent, wind_speed=9.0)
-    fresh = demands(env, ControllerAgent.from_env(env), wind_speed=9.0)
+    fresh = demands(env, ControllerAgent(layout_of(env)), wind_speed=9.0)
     np.testing.assert_allclose(again, fresh)
 
 
 def test_baseline_serves_vector_environments():
     vec = gym.make_vec(TURBULENT, num_envs=2, vectorization_mode="sync", wind_speed=13.0)
-    agent = ControllerAgent.from_env(vec)
+    agent = ControllerAgent(layout_of(vec))
     observations, _ = vec.reset(seed=[1, 2])
     single = gym.make(TURBULENT, wind_speed=13.0)
-    one = ControllerAgent.from_env(single)
+    one = ControllerAgent(layout_of(single))
     observation, _ = single.reset(seed=1)
     for _ in range(5):
         actions, _ = agent.predict(observations)
@@ -87,12 +88,12 @@ def test_baseline_serves_vector_environments():
 def test_baseline_needs_its_measurements(observation):
     env = gym.make(STEADY, observation=observation)
     with pytest.raises(KeyError, match="the observation has no channel"):
-        ControllerAgent.from_env(env)
+        ControllerAgent(layout_of(env))
 
 
 def test_baseline_holds_rated_speed_above_rated_wind():
     env = gym.make(STEADY, wind_speed=16.0, episode_length=60.0)
-    agent = ControllerAgent.from_env(env)
+    agent = ControllerAgent(layout_of(env))
     observation, _ = env.reset(seed=0)
     truncated = False
     while not truncated:

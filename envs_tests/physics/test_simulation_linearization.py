@@ -281,10 +281,10 @@ def test_campbell_over_wind_follows_the_schedule(simulator):
     ("arguments", "message"),
     [
         (["--out", "a.xyz"], "endings of figures are"),
-        (["--wind-speed", "0"], "--wind-speed 0.0: allowed are finite speeds above 0"),
-        (["--rotor-speed", "-1"], "--rotor-speed -1.0"),
+        (["--wind-speed", "0"], "wind_speed must be numbers above 0 m/s"),
+        (["--rotor-speed", "-1"], "rotor_speed must be numbers of at least 0 rpm"),
         (["--wind-speed", "8", "--pitch", "3"], "--pitch goes with --rotor-speed"),
-        (["--azimuths", "0"], "at least one"),
+        (["--azimuths", "0"], "azimuths must be a whole number of at least 1"),
         (["--fidelity", "gebhardt"], "linear models need the embedded formulation"),
         (["--fidelity", "nope"], "--fidelity must be one of training"),
     ],

@@ -19,6 +19,7 @@ from wt_gym.control.controllers import (
     readings_of,
 )
 from wt_gym.control.operating_point import operating_point
+from wt_gym.envs.layout import layout_of
 from wt_gym.experiment.agents import ControllerAgent
 from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
@@ -240,7 +241,7 @@ def test_as_an_agent_it_needs_the_lidar_of_the_observation():
     more = {"action_mode": "rate", "pitch": "collective", "action_components": None}
     more["observation"] = ("rotor", "power", "pitch", "lidar")
     env = gym.make("wt_gym/NREL5MW-Turbulent-v1", **more, wind_speed=16.0, max_episode_steps=1000)
-    agent = ControllerAgent.from_env(env, "lidar")
+    agent = ControllerAgent(layout_of(env), "lidar")
     observation, _ = env.reset(seed=1)
     for _ in range(100):
         observation, *_ = env.step(agent.predict(observation)[0])
@@ -251,7 +252,7 @@ def test_as_an_agent_it_needs_the_lidar_of_the_observation():
     env.close()
     other = gym.make("wt_gym/NREL5MW-Turbulent-v1", **more, lidar=Lidar((50.0, 100.0, 150.0)))
     with pytest.raises(ValueError, match=r"the controller reads Lidar.* the observation has Lidar"):
-        ControllerAgent.from_env(other, "lidar")
+        ControllerAgent(layout_of(other), "lidar")
     other.close()
 
 

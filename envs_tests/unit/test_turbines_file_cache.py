@@ -52,7 +52,7 @@ def test_damaged_files_are_read_anew(cache, damage, caplog):
     path.write_bytes(damage(path.read_bytes()))
     with caplog.at_level(logging.WARNING, file_cache.__name__):
         assert file_cache._cached(CONTENT) is None
-    assert "read again" in caplog.text
+    assert "made again" in caplog.text
     file_cache._store(CONTENT, DATA)
     assert file_cache._cached(CONTENT) == DATA
 
@@ -89,7 +89,7 @@ def test_what_is_no_turbine_is_read_anew(cache, text, caplog):
     path.write_text(f"{hashlib.sha256(text.encode()).hexdigest()}\n{text}")
     with caplog.at_level(logging.WARNING, file_cache.__name__):
         assert file_cache._cached(CONTENT) is None
-    assert "read again" in caplog.text
+    assert "made again" in caplog.text
 
 
 def test_a_cache_of_nobody_is_none(monkeypatch):

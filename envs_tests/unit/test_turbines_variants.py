@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.commands.options import site_word
 from wt_gym.control.controllers.additions import SideSideDamper
 from wt_gym.control.rotor import rotor_table
 from wt_gym.simulation.contract import fingerprint
@@ -51,7 +50,7 @@ def test_rotation_is_clockwise_unless_it_is_given():
 
 
 def test_a_site_can_name_the_rotation():
-    turbine = CLOCKWISE.with_site(**dict([site_word("rotation=counter-clockwise")]))
+    turbine = CLOCKWISE.with_site(rotation="counter-clockwise")
     assert turbine.rotation == "counter-clockwise"
     assert turbine.notes[-1] == "site: rotation counter-clockwise"
     with pytest.raises(TurbineDefinitionError, match=r"rotation: got 1\.0"):

@@ -38,15 +38,15 @@ from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.benchmark import (
+    BenchmarkAgent,
     BenchmarkRun,
     ResultFolder,
-    definition_of,
     entry_of,
     into_page,
     make_env,
     play_task,
-    run_definition,
     run_jobs,
+    task_fingerprint,
 )
 from wt_gym.experiment.benchmark_tasks import Ceiling, ceiling_file, ceiling_of
 from wt_gym.experiment.comparison import inflow_of
@@ -171,17 +171,17 @@ class _Runs:
         job = BenchmarkRun(self.task, wind, entry_of(name))
         folder = ResultFolder(self.folder)
         run_jobs([job], folder, progress=False)
-        return folder.read(definition_of(job))
+        return folder.read(job.definition)
 
     def offsets(self, wind: BenchmarkWind, levels: NDArray[np.float64]) -> tuple[dict[str, Any], Recording | None]:
         """Result and recording of offsets; none of a run that ended before its time."""
         oracle = self.options.oracle
         interface = {**RESIDUAL_INTERFACE, "controller": [self.options.base, {}]}
         agent = {
-            "name": "offsets", "kind": "offsets", "offsets": described(np.asarray(levels)), "limit": oracle.limit,
+            "kind": "offsets", "offsets": described(np.asarray(levels)), "limit": oracle.limit,
             "rate_limit": oracle.rate_limit,
         }  # fmt: skip
-        definition = run_definition(self.task, wind, agent, interface)
+        definition = BenchmarkRun(self.task, wind, BenchmarkAgent("offsets", "", agent, interface)).definition
         results, recordings = ResultFolder(self.folder), RecordingStore(self.folder / "recordings", Recording)
         if (found := results.find(definition)) is not None:
             kept = recordings.find(definition)
@@ -277,7 +277,7 @@ def make_ceiling(
         limit=options.oracle.limit, rate_limit=options.oracle.rate_limit, fade=False, fidelity=environment["fidelity"],
     )  # fmt: skip
     runs = _Runs(played, options, folder)
-    fingerprint = run_definition(task, task.winds[0], {})["fingerprint"]
+    fingerprint = task_fingerprint(task)
 
     recordings = RecordingStore(folder / "recordings", Recording)
     definitions = {

@@ -286,17 +286,27 @@ def change_in_winds(key: str | Metric, values: ArrayLike, baseline: ArrayLike, s
     mine, base = np.asarray(values, dtype=float), np.asarray(baseline, dtype=float)
     changes, relative = difference(key, mine, base)
     if key not in _ADD_UP:
-        return _estimate(speeds, lambda k: interquartile_mean(changes[k]), relative)
+        return estimate(speeds, lambda k: interquartile_mean(changes[k]), relative)
     if not relative:
-        return _estimate(speeds, lambda k: changes[k].mean(axis=-1), relative)
-    return _estimate(speeds, lambda k: relative_change(mine[k].sum(axis=-1), base[k].sum(axis=-1)), relative)
+        return estimate(speeds, lambda k: changes[k].mean(axis=-1), relative)
+    return estimate(speeds, lambda k: relative_change(mine[k].sum(axis=-1), base[k].sum(axis=-1)), relative)
 
 
-def _estimate(strata: Sequence[float], statistic: Callable[[NDArray[np.intp]], ArrayLike], relative: bool) -> Estimate:
-    """Statistic of all winds, and its interval where every wind speed has winds enough."""
+def estimate(
+    strata: Sequence[float], statistic: Callable[[NDArray[np.intp]], ArrayLike], relative: bool,
+    least: int = LEAST_PER_STRATUM,
+) -> Estimate:  # fmt: skip
+    """Statistic of all winds, and its `bootstrap_interval` where every stratum has the least number of winds.
+
+    Parameters
+    ----------
+    strata : sequence of float, length n_winds
+    statistic : callable
+        From indices of winds, shape (..., n_winds), to the statistic of each row, shape (...).
+    """
     value = float(np.asarray(statistic(np.arange(len(strata)))))
     low = high = math.nan
-    if min(Counter(strata).values()) >= LEAST_PER_STRATUM:
+    if min(Counter(strata).values()) >= least:
         low, high = bootstrap_interval(statistic, strata)
     return Estimate(value, low, high, relative, len(strata))
 
@@ -331,7 +341,7 @@ def level_of(evaluation: Evaluation, agent: str, key: str, speed: float | None =
     if values is None:
         return None
     shown = values * metric_of(key).factor
-    return _estimate([wind.speed for wind in winds], lambda k: shown[k].mean(axis=-1), False)
+    return estimate([wind.speed for wind in winds], lambda k: shown[k].mean(axis=-1), False)
 
 
 def lifetime(evaluation: Evaluation, agent: str, key: str) -> float | None:
@@ -355,7 +365,7 @@ def lifetime_change(evaluation: Evaluation, agent: str, key: str) -> Estimate | 
         loads = (lifetime_load(each[k], weights, exponent) for each in (mine, base))
         return np.asarray(relative_change(*loads))
 
-    return _estimate([wind.speed for wind in evaluation.winds], ratio, True)
+    return estimate([wind.speed for wind in evaluation.winds], ratio, True)
 
 
 def _lifetime_inputs(

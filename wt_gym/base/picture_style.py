@@ -7,10 +7,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "BLUE", "COLORS", "GRAY", "GREEN", "INK", "LINE_STYLES", "MARKERS", "ORANGE", "SVG", "baseline", "plain",
-]  # fmt: skip
-
 INK, GRAY, GRID = "#1c2733", "#8a96a3", "#dde3ea"
 BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
 COLORS = (BLUE, ORANGE, GREEN, "#cc79a7", "#e69f00", "#56b4e9", "#000000")
@@ -24,13 +20,7 @@ SVG: dict[Any, Any] = {"svg.fonttype": "none", "font.family": "sans-serif", "pat
 def plain(axes: Axes, x_label: str = "", y_label: str = "", title: str = "") -> None:
     """Axes with a light grid, without a frame at the top and at the right.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    x_label, y_label : str
-        With the unit in brackets.
-    title : str
-        At the left, above.
+    Labels have the unit in brackets; the title stands at the left, above.
     """
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(GRAY)
@@ -44,18 +34,7 @@ def plain(axes: Axes, x_label: str = "", y_label: str = "", title: str = "") -> 
 
 
 def baseline(axes: Axes, value: float, text: str = "", vertical: bool = False) -> None:
-    """Dashed line of what the others are compared with, named at its end.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    value : float
-        Where it is, on the y axis, or on the x axis if ``vertical``.
-    text : str
-        Its name.
-    vertical : bool
-        Direction.
-    """
+    """Dashed line of the baseline at a value of the y axis, or of the x axis if ``vertical``, named at its end."""
     line = axes.axvline if vertical else axes.axhline
     line(value, color=GRAY, linewidth=1.0, linestyle=(0, (5, 3)), zorder=0.5)
     if not text:

@@ -62,7 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "json")
 
 
-def check(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+def check(arguments: argparse.Namespace) -> None:
     """Average over short runs as a whole."""
     if arguments.average is None:
         arguments.average = min(60.0, arguments.duration)

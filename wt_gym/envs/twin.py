@@ -8,7 +8,6 @@ beginning, and beyond the end of the longest one.
 from __future__ import annotations
 
 import hashlib
-import logging
 import pickle
 import threading
 import zipfile
@@ -20,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.canary import software
-from wt_gym.base.files import whole_file
-from wt_gym.base.user_cache import user_cache
+from wt_gym.base.files import write_whole
+from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
 from wt_gym.control.controllers import parts_of
 from wt_gym.envs.canary import canary_of
 from wt_gym.envs.operation import make_simulator
@@ -48,7 +47,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_FILES", "MOST_NUMBERS", "Course", "Twin", "kept_course", "store_course"]
 
-_log = logging.getLogger(__name__)
 MOST_NUMBERS = 8_000_000
 """Rewards in memory, 64 MB; the course that was asked for longest ago goes first."""
 MOST_FILES = 4096
@@ -97,7 +95,8 @@ class Course:
 
     def load(self, path: Path) -> None:
         """Take over what stands in a file, if there is one and it is sound."""
-        try:
+
+        def read(path: Path) -> tuple[Any, bool]:
             with np.load(path, allow_pickle=False) as file:
                 names, rows, ended = tuple(file["names"].tolist()), file["rows"], bool(file["ended"])
             if (
@@ -107,11 +106,12 @@ class Course:
                 or not np.isfinite(rows).all()
             ):
                 raise ValueError(f"it holds {names}, an array {rows.dtype}{rows.shape}")
-        except FileNotFoundError:
+            return rows, ended
+
+        content = read_cached("rewards", path, read, (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile))
+        if content is None:
             return
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            _log.warning("recorded rewards %s are unreadable (%s); they are recorded again", path, error)
-            return
+        rows, ended = content
         self._numbers, self.ended, self._kept = array("d", rows.ravel().tolist()), ended, len(rows)
 
     def save(self, path: Path) -> None:
@@ -121,14 +121,10 @@ class Course:
                 rows, ended = np.array(self._numbers).reshape(-1, len(self.names)), self.ended
             if len(rows) <= self._kept:
                 return
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                with whole_file(path) as partial, partial.open("wb") as file:
-                    np.savez(file, names=np.array(self.names), rows=rows, ended=ended)
+            table = {"names": np.array(self.names), "rows": rows, "ended": np.array(ended)}
+            if write_cached("rewards", path, lambda file: write_whole(file, lambda opened: np.savez(opened, **table))):
                 self._kept = len(rows)
-                _tidy(path.parent)
-            except OSError as error:
-                _log.warning("recorded rewards could not be kept in %s (%s)", path.parent, error)
+                _tidy(path.parent.parent)
 
 
 def new_course(names: tuple[str, ...]) -> Course:
@@ -164,19 +160,15 @@ def store_course(course: Course) -> None:
 
 def _path(key: str) -> Path | None:
     """File of a key, None if there is no place for it."""
-    cache = user_cache()
-    return None if cache is None else cache / "twins" / key[:2] / f"{key}.npz"
+    return cached_file("twins", key[:2], f"{key}.npz")
 
 
 def _tidy(folder: Path) -> None:
     """Remove the oldest files, once in a while."""
     global _written
     _written += 1
-    if _written % _BETWEEN:
-        return
-    files = [(file.stat().st_mtime, file) for file in folder.parent.glob("*/*.npz")]
-    for _, file in sorted(files, key=lambda one: one[0])[:-MOST_FILES]:
-        file.unlink(missing_ok=True)
+    if _written % _BETWEEN == 0:
+        prune(folder.glob("*/*.npz"), MOST_FILES)
 
 
 _OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")

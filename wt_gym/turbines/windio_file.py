@@ -13,11 +13,9 @@ without is for its readers to say.
 from __future__ import annotations
 
 import codecs
-import contextlib
 import difflib
 import hashlib
 import json
-import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,7 +30,7 @@ from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.files import write_text_whole
-from wt_gym.base.user_cache import user_cache
+from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
 from wt_gym.turbines.checks import check_array, check_ascending, check_number, fail, short
 from wt_gym.turbines.windio_layouts import adopt_layout, to_version_2
 
@@ -341,65 +339,45 @@ def _check_extent(data: Any) -> None:
 
 _FORMAT = 5  # raise when what is checked before a file counts as valid changes
 _KEPT = 100  # files, of some 0.5 MB each
-_log = logging.getLogger(__name__)
 
 
 def _cached(content: bytes) -> dict[str, Any] | None:
     """Return what a file of this content holds, or None if it has not been read before."""
-    path = _path(content)
-    if path is None:
-        return None
-    try:
+
+    def read(path: Path) -> dict[str, Any]:
         digest, _, text = path.read_text(encoding="utf-8").partition("\n")
         if digest != _digest(text):
             raise ValueError("it is damaged")
         data = json.loads(text)
         if not isinstance(data, dict):
             raise ValueError("it holds no turbine")
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, RecursionError) as error:
-        _log.warning("cached turbine %s is unusable (%s); its file is read again", path, error)
-        return None
-    return data
+        return data
+
+    return read_cached("turbine", _path(content), read, (OSError, ValueError, RecursionError))
 
 
 def _store(content: bytes, data: dict[str, Any]) -> None:
     """Keep what a file holds, unless JSON does not give back just this; a warning if it cannot be written."""
     path = _path(content)
-    if path is None:
-        return
     try:
         text = json.dumps(data, allow_nan=False)
     except (TypeError, ValueError):  # dates, integers of thousands of digits
         return
-    if json.loads(text) != data:
+    if path is None or json.loads(text) != data:
         return
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text_whole(path, f"{_digest(text)}\n{text}")
-        age = {}
-        for file in path.parent.glob("*.json"):
-            with contextlib.suppress(FileNotFoundError):  # another process may remove files at the same time
-                age[file] = file.stat().st_mtime
-        for file in sorted(age, key=lambda one: age[one])[: max(len(age) - _KEPT, 0)]:
-            file.unlink(missing_ok=True)
-    except OSError as error:
-        _log.warning("turbine could not be cached in %s (%s)", path.parent, error)
+    if write_cached("turbine", path, lambda file: write_text_whole(file, f"{_digest(text)}\n{text}")):
+        prune(path.parent.glob("*.json"), _KEPT)
 
 
 def _path(content: bytes) -> Path | None:
     """Path by the digest of the file and the version of windIO whose schema it fits."""
-    folder = user_cache()
-    if folder is None:
-        return None
     try:
         schema = version("windIO")
     except PackageNotFoundError:
         return None
     digest = hashlib.sha256(content)
     digest.update(f"\0{_FORMAT}\0{schema}".encode())
-    return folder / "turbines" / f"{digest.hexdigest()[:32]}.json"
+    return cached_file("turbines", f"{digest.hexdigest()[:32]}.json")
 
 
 def _digest(text: str) -> str:

@@ -121,8 +121,8 @@ def conduct(experiment: Experiment, choice: str | Fidelity, save_to: Path | None
     if experiment.gain is not None:
         law = BaselineParameters.from_turbine(turbine)
         radius = 0.5 * turbine.rotor_diameter
-        start = {"parameters": constant_gain(law, experiment.gain),
-                 "rotor_speed": GAINS[experiment.gain] * experiment.wind / radius}  # fmt: skip
+        speed = GAINS[experiment.gain] * experiment.wind / radius
+        start = {"parameters": constant_gain(law, experiment.gain), "start": {"rotor_speed": speed}}
     run = run_baseline(simulator, experiment.duration, CONTROL_DT, **start).to_dataset()
     if save_to is not None:
         run.to_netcdf(save_to, engine="h5netcdf")
