@@ -96,13 +96,13 @@ def fidelities():
 
 def lattices():
     """Presets of the air."""
-    return _presets(AeroOptions, {name: preset.aero for name, preset in FIDELITIES.items()}, section="Parameters")
+    return _presets(AeroOptions, {name: preset.aero for name, preset in FIDELITIES.items()})
 
 
-def _presets(cls, presets, skip=(), section="Attributes"):
+def _presets(cls, presets, skip=()):
     """Fields with their defaults and the presets' values where they differ, then what each means."""
     said = {}
-    for names, kind, text in attributes_of(inspect.getdoc(cls), section):
+    for names, kind, text in attributes_of(inspect.getdoc(cls), "Attributes"):
         for name in names.split(", "):
             said[name] = (kind, text)
     chosen = [field for field in fields(cls) if field.name not in skip]

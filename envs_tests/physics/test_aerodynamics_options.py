@@ -337,16 +337,10 @@ def test_polars_and_circulation_agree_at_every_angle_and_rate(options):
 def test_refused_options():
     with pytest.raises(AerodynamicsError, match="no wake has no memory"):
         AeroOptions(trailing_edge_wake=False, tip_wake=False)
-    with pytest.raises(AerodynamicsError, match="sparse_from is 135; must be None or more than full_rows, 135"):
+    with pytest.raises(AerodynamicsError, match="sparse_from must be None or more than full_rows, 135, got 135"):
         AeroOptions(sparse_from=135)
-    with pytest.raises(AerodynamicsError, match="sparse_stride is 6; must be a multiple of coarse_stride, 4"):
+    with pytest.raises(AerodynamicsError, match="sparse_stride must be a multiple of coarse_stride, 4, got 6"):
         AeroOptions(full_rows=8, coarse_stride=4, sparse_from=20, sparse_stride=6)
-    with pytest.raises(AerodynamicsError, match="wind_stride is 0"):
-        AeroOptions(wind_stride=0)
-    with pytest.raises(AerodynamicsError, match="wake_rows is 0"):
-        AeroOptions(wake_rows=0)
-    with pytest.raises(AerodynamicsError, match="'pressure'; must be one of joukowski, bernoulli"):
-        AeroOptions(load_form="pressure")
 
 
 def test_strides_follow_the_step():

@@ -22,6 +22,7 @@ from envs_tests.physics.cases.rotor_steps import (
 )
 from envs_tests.physics.cases.rotor_steps import WIND as STEP
 from envs_tests.physics.cases.stall import MEASURED, stalled_rotor
+from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import read_table
 from wt_gym.aerodynamics import TRAINING, AeroOptions, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.state import sparse_span
@@ -29,7 +30,7 @@ from wt_gym.aerodynamics.wake.wake_kernels import wake_sheets
 from wt_gym.base.constants import GRAVITY
 from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 # ---- a rotor on the lattice -----------------------------------------------------------------------------------------
 # A three-bladed rotor: power bookkeeping, momentum limits, far-wake closure, corners that must not give power.
