@@ -17,6 +17,7 @@ from envs_tests.physics.cases.rotor_steps import (
     strip_theory,
 )
 from envs_tests.physics.cases.stall import MEASURED, stalled_rotor
+from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import read_table
 from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.state import sparse_span
@@ -24,7 +25,7 @@ from wt_gym.aerodynamics.wake.wake_kernels import wake_sheets
 from wt_gym.base.constants import GRAVITY
 from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 # ---- a rotor on the lattice -----------------------------------------------------------------------------------------
 

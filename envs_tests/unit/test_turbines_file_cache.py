@@ -45,7 +45,18 @@ def test_a_turbine_is_read_once(monkeypatch):
     assert again.notes == first.notes
 
 
-@pytest.mark.parametrize("damage", [lambda b: b[:-5], lambda b: b.replace(b"2.5", b"2.6"), lambda b: b"\xff" + b])
+def proved(text):
+    """Text that bears out its own digest."""
+    return f"{hashlib.sha256(text.encode()).hexdigest()}\n{text}".encode()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda b: b[:-5], lambda b: b.replace(b"2.5", b"2.6"), lambda b: b"\xff" + b, lambda _: proved("[1]"),
+        lambda _: proved(""), lambda _: proved("[" * 100_000),
+    ],
+)  # fmt: skip
 def test_damaged_files_are_read_anew(cache, damage, caplog):
     file_cache._store(CONTENT, DATA)
     (path,) = cache.iterdir()

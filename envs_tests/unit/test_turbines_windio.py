@@ -4,6 +4,7 @@ import copy
 import json
 import re
 import time
+from contextlib import nullcontext
 from dataclasses import asdict
 
 import numpy as np
@@ -13,8 +14,6 @@ from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import BeamStations, inertia_matrix
 from wt_gym.turbines.catalogue import turbine_file
-from wt_gym.turbines.windio import shell_sections
-from wt_gym.turbines.windio_file import Node, read_windio
 
 LENGTH = 40.0
 
@@ -161,21 +160,6 @@ def test_matrices_in_the_frame_of_the_schema_text_give_the_same_blade(tmp_path):
     assert not any("K55 > K44" in note for note in first.notes)
 
 
-def test_shell_of_the_nrel_tower_gives_the_published_table():
-    """The report computes Table 6-1 from this shell (6 m to 3.87 m, 35.1 mm to 24.7 mm, 8500 kg/m^3)."""
-    turbine = load_turbine("nrel_5mw")
-    path = turbine_file("nrel_5mw")
-    root = read_windio(path, path.read_bytes()).root
-    structure = root.at("components.tower.structure")
-    grid = np.linspace(0.0, 1.0, 11)
-    shell = shell_sections(root, structure, 87.6, (grid, 6.0 - 2.13 * grid))
-    # Wall thickness is published to 1/10 mm, density and stiffness to 5 digits.
-    for k in range(2, 6):
-        published = turbine.tower.structure.stiffness[:, k, k]
-        np.testing.assert_allclose(shell.stiffness_at(87.6 * grid)[:, k, k], published, rtol=2e-3)
-    np.testing.assert_allclose(shell.inertia[:, 0, 0], turbine.tower.structure.inertia[:, 0, 0], rtol=2e-3)
-
-
 def test_shell_tower_against_the_formulas_of_a_tube(small):
     structure = small.tower.structure
     outer, inner = 2.0, 1.97
@@ -278,13 +262,6 @@ def test_a_missing_key_is_named_or_can_be_done_without(tmp_path):
     assert needed == {path for path in paths(small_turbine()) if not OPTIONAL.fullmatch(path)}
 
 
-def test_a_missing_drivetrain_spring_names_both_places(tmp_path):
-    data = small_turbine()
-    del data["components"]["drivetrain"]["gearbox"]["elastic_properties"]
-    with pytest.raises(TurbineDefinitionError, match=r"drivetrain\.elastic_properties\.spring_constant.*gearbox"):
-        load_turbine(save(data, tmp_path))
-
-
 @pytest.mark.parametrize(
     ("path", "value", "named"),
     [
@@ -292,7 +269,7 @@ def test_a_missing_drivetrain_spring_names_both_places(tmp_path):
         ("components.blade.outer_shape.chord.values", [2000.0, 2000.0], r"outer_shape\.chord"),
         ("components.blade.outer_shape.chord.values", [2.0, "wide"], r"outer_shape\.chord\.values\[1\].*number"),
         ("components.blade.outer_shape.chord.values", [2.0, float("nan")], r"chord\.values\[1\].*finite"),
-        ("components.blade.outer_shape.chord.values", [2.0, 2.0, 2.0], r"chord\.values.*shape \(2\)"),
+        ("components.blade.outer_shape.chord.values", [2.0, 2.0, 2.0], r"chord\.values.*shape \(2,\)"),
         ("components.blade.outer_shape.chord.grid", [1.0, 0.0], r"chord\.grid\[1\].*ascending"),
         ("components.blade.outer_shape.chord.grid", [0.0, 0.9], r"chord\.grid.*0 .*1"),
         ("components.blade.outer_shape.twist.values", [200.0, 200.0], r"Blade\.twist"),
@@ -305,14 +282,20 @@ def test_a_missing_drivetrain_spring_names_both_places(tmp_path):
         ("components.blade.structure.elastic_properties.stiffness_matrix.K45", [9e8, 9e8], "positive definite"),
         ("components.hub.diameter", 2000.0, r"hub\.diameter.*30"),
         ("components.hub.diameter", "two", r"hub\.diameter.*number"),
+        ("assembly.number_of_blades", "three", r"assembly\.number_of_blades.*three"),
+        ("assembly.turbine_class", "X", r"assembly\.turbine_class.*X"),
+        ("control.rated_rotor_speed", [18.0], r"control\.rated_rotor_speed"),
+        ("components.drivetrain.elastic_properties.mass", "heavy", r"drivetrain\.elastic_properties\.mass"),
+        ("components.hub.elastic_properties.mass", -5.0, r"hub\.elastic_properties\.mass"),
+        ("control.max_gen_torque", 3.0, r"control\.max_gen_torque.*rated.*3"),
         ("components.tower.structure.layers.0.material", "wood", r"material.*steel"),
         ("components.tower.structure.layers.0.thickness.values", [3.0, 0.02], "thickness"),
         ("components.tower.reference_axis.x.values", [0.0, 5.0], r"tower\.reference_axis"),
         ("assembly.rotor_orientation", "downwind", "upwind"),
         ("assembly.hub_height", 120.0, "hub_height"),
         ("control.max_pitch_rate", -8.0, "max_pitch_rate"),
-        ("airfoils.0.coordinates.x.5", 0.9, r"coordinates\.x\[5\].*0\.9.*in order"),
-        ("airfoils.0.polars.0.re_sets.0.cd.values", [0.1, -0.1], r"cd\.values\[1\].*-0\.1.*at least 0"),
+        ("airfoils.0.coordinates.x.5", 0.9, r"coordinates\.x\[5\].*in order.*0\.9"),
+        ("airfoils.0.polars.0.re_sets.0.cd.values", [0.1, -0.1], r"cd\.values\[1\].*at least 0.*-0\.1"),
         (
             "components.drivetrain.generator.rpm_efficiency",
             {"grid": [0.0, 20.0], "values": [0.01, 0.01]},
@@ -349,6 +332,7 @@ BOMB = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1]", *(f"a{i}: &a{i} [{', '.join([f'*a{i 
         ({"a0.yaml": "!include [a1.yaml]"}, "one YAML file"),
         ({"a0.yaml": "!include folder.yaml", "folder.yaml/x": ""}, "no such file"),
         ({"a0.yaml": "name: [unclosed"}, "not a valid YAML"),
+        ({"turbine.yaml": "values: [" + "1.0, " * 1_000_000 + "1.0]\n"}, "components: missing"),
     ],
 )
 def test_what_would_blow_up_ends_soon_in_one_line(files, named, tmp_path):
@@ -373,8 +357,9 @@ def test_included_files_are_read_from_beside_the_one_that_includes_them(tmp_path
     for part in ("airfoils", "materials"):
         (tmp_path / "parts" / f"{part}.yaml").write_text(json.dumps(data[part]))
         data[part] = f"INCLUDE parts/{part}.yaml"
+    data["materials"] = "INCLUDE parts\\materials.yaml"  # as Windows writes it
     path = save(data, tmp_path)
-    path.write_text(re.sub(r'"INCLUDE (.*?)"', r"!include \1", path.read_text()))
+    path.write_text(re.sub(r'"INCLUDE (.*?)"', r"!include \1", path.read_text()).replace("\\\\", "\\"))
     np.testing.assert_equal(asdict(load_turbine(path)), asdict(whole))
 
 
@@ -394,32 +379,12 @@ def test_odd_yaml_is_refused_without_a_traceback(text, tmp_path):
         load_turbine(path)
 
 
-def test_files_that_cannot_be_read_are_refused(tmp_path, monkeypatch):
-    path = save(small_turbine(), tmp_path)
-
-    def read_bytes(_):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr("pathlib.Path.read_bytes", read_bytes)
-    with pytest.raises(TurbineDefinitionError, match=r"turbine\.yaml: cannot be read: Permission denied"):
-        load_turbine(path)
-
-
 def test_changed_file_is_read_again(tmp_path):
     data = small_turbine()
     first = load_turbine(save(data, tmp_path))
     data["name"] = "renamed"
     second = load_turbine(save(data, tmp_path))
     assert (first.name, second.name) == ("small", "renamed")
-
-
-def test_node_paths():
-    node = Node({"a": {"b": [{"c": 1.0}]}, "empty": None})
-    assert "a.b" in node
-    assert "empty" not in node
-    assert node.at("a").items("b")[0].where("c") == "a.b[0].c"
-    with pytest.raises(TurbineDefinitionError, match=r"^a\.x: missing"):
-        node.at("a.x.y")
 
 
 def test_beam_stations_interpolate_linearly_and_keep_rigid_shear(small):
@@ -441,43 +406,37 @@ def test_mass_moments_are_exact():
     assert [beam_stations.mass_moment(k) for k in range(3)] == pytest.approx([4.0, 14.0 / 3.0, 20.0 / 3.0])
 
 
-@pytest.mark.parametrize("factor", [1e9, 1e-9, 1e4])
-@pytest.mark.parametrize("place", [0, 2, 4])
-def test_spikes_of_stiffness_are_refused(place, factor):
-    stiffness = np.array([np.diag([np.inf, np.inf, 1e9, 1e8, 1e8, 1e7]) * 10.0**-k for k in range(5)])
-    stiffness[:, [0, 0, 1, 1], [1, 2, 0, 2]] = 0.0
-    stiffness = np.where(np.isnan(stiffness), 0.0, stiffness)
-    inertia = np.array([np.eye(6)] * 5)
-    BeamStations(np.arange(5.0), stiffness, inertia)
+@pytest.mark.parametrize(
+    ("place", "factor", "refused"),
+    [(0, 1e9, True), (2, 1e-9, True), (4, 1e9, True), (2, 1e4, True), (0, 1e4, False), (4, 1e4, False)],
+)
+def test_spikes_of_stiffness_are_refused(place, factor, refused):
+    """A step at an end may be meant."""
+    stiffness = np.array([np.diag([1e9, 1e9, 1e9, 1e8, 1e8, 1e7]) * 10.0**-k for k in range(5)])
     stiffness[place, 4, 4] *= factor
-    if factor == 1e4 and place in (0, 4):  # a step at an end may be meant
-        BeamStations(np.arange(5.0), stiffness, inertia)
-        return
-    with pytest.raises(TurbineDefinitionError, match=r"stiffness\[\d, 4, 4\].*neighbors"):
-        BeamStations(np.arange(5.0), stiffness, inertia)
+    with pytest.raises(TurbineDefinitionError, match="neighbors") if refused else nullcontext():
+        BeamStations(np.arange(5.0), stiffness, np.array([np.eye(6)] * 5))
+
+
+UNIT = np.array([np.eye(6)] * 2)
 
 
 @pytest.mark.parametrize(
-    ("station", "stiffness", "inertia", "named"),
+    ("change", "named"),
     [
-        ([0.0, 0.0], None, None, "station"),
-        ([1.0, 2.0], None, None, r"station\[0\]"),
-        ([0.0, 1.0, 2.0], None, None, "stiffness"),
-        (None, np.array([np.eye(6) + np.eye(6, k=1)] * 2), None, "symmetric"),
-        (None, np.array([np.diag([1, 1, 1, 1, np.inf, 1.0])] * 2), None, r"stiffness\[0, 4, 4\]"),
-        (None, np.array([np.diag([np.inf, np.inf, 1, 1, 1, 1.0]), np.eye(6)]), None, "inf"),
-        (None, None, np.zeros((2, 6, 6)), "mass per length"),
-        (None, None, -np.array([np.eye(6)] * 2), "semidefinite"),
+        ({"station": [0.0, 0.0]}, "station"),
+        ({"station": [1.0, 2.0]}, r"station\[0\]"),
+        ({"station": [0.0, 1.0, 2.0]}, "stiffness"),
+        ({"stiffness": UNIT + np.eye(6, k=1)}, "symmetric"),
+        ({"stiffness": [np.diag([1, 1, 1, 1, np.inf, 1.0])] * 2}, r"stiffness\[0, 4, 4\]"),
+        ({"stiffness": [np.diag([np.inf, np.inf, 1, 1, 1, 1.0]), np.eye(6)]}, "inf"),
+        ({"inertia": 0.0 * UNIT}, "mass per length"),
+        ({"inertia": -UNIT}, "semidefinite"),
     ],
 )
-def test_wrong_beam_stations_are_refused(station, stiffness, inertia, named):
-    unit = np.array([np.eye(6)] * 2)
+def test_wrong_beam_stations_are_refused(change, named):
     with pytest.raises(TurbineDefinitionError, match=named):
-        BeamStations(
-            [0.0, 1.0] if station is None else station,
-            unit if stiffness is None else stiffness,
-            unit if inertia is None else inertia,
-        )
+        BeamStations(**({"station": [0.0, 1.0], "stiffness": UNIT, "inertia": UNIT} | change))
 
 
 @pytest.mark.parametrize(

@@ -11,44 +11,35 @@ of 80 % of the radius only.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.attached_flow import attached_lift
-from wt_gym.turbines.checks import ArrayRecord, OneOf, Range, Table, fail
-
-__all__ = [
-    "DRAG_ALLOWED", "Airfoil", "Polar", "RotationalAugmentation", "blend_airfoils", "blend_polars", "camber_line",
-    "cosine_grid", "driving_drag",
-]  # fmt: skip
+from wt_gym.base.options import option, option_record
+from wt_gym.base.types import Array
+from wt_gym.turbines.checks import ArrayRecord, fail
 
 CAMBER_POINTS = 61
 """Chordwise points of the camber line; cosine spacing puts a third of them into the first 15 % of the chord."""
 
+_TURN = np.pi + 1e-6
 _LEAST_REVERSED_DRAG = -0.05
 DRAG_ALLOWED = f"a drag of at least 0, or {_LEAST_REVERSED_DRAG:g} in flow from behind (beyond 90 deg)"
 
 
-_Coefficients = Annotated[NDArray[np.float64], Table("alpha", low=-10.0, high=10.0)]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Polar(ArrayRecord):
     """Static section coefficients over the full circle, tables (n,)."""
 
-    alpha: Annotated[NDArray[np.float64], Table("alpha", low=-np.pi - 1e-6, high=np.pi + 1e-6, ascending=2)]
-    """Angle of attack [rad], strictly ascending, from -pi to pi."""
-    cl: _Coefficients
-    """Lift."""
-    cd: _Coefficients
-    """Drag, not negative (`driving_drag`)."""
-    cm: _Coefficients
-    """Moment about the quarter chord, positive nose-up."""
+    alpha: Array = option(
+        "angle of attack from -pi to pi", unit="rad", shape=("alpha",), low=-_TURN, high=_TURN, ascending=2
+    )
+    cl: Array = option("lift", shape=("alpha",), low=-10, high=10)
+    cd: Array = option("drag, not negative (`driving_drag`)", shape=("alpha",), low=-10, high=10)
+    cm: Array = option("moment about the quarter chord, nose-up", shape=("alpha",), low=-10, high=10)
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         alpha, cd = self.alpha, self.cd
         if alpha[0] > -np.pi + 1e-6 or alpha[-1] < np.pi - 1e-6:
             raise fail("Polar.alpha", [float(alpha[0]), float(alpha[-1])], "a grid that reaches from -pi to pi")
@@ -77,21 +68,24 @@ class Polar(ArrayRecord):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Airfoil(ArrayRecord):
     """One airfoil section."""
 
-    name: str
-    relative_thickness: Annotated[float, Range(0.0, 1.0, above=True)]
-    """Largest thickness divided by chord."""
-    contour: Annotated[NDArray[np.float64], Table("contour", 2, low=-1.0, high=1.0)]
-    """x/c and y/c (n, 2) from the trailing edge over the suction side to the leading edge and back along the pressure
-    side. x/c runs from 0 (leading edge) to 1; y/c is positive towards the suction side."""
-    camber_x: Annotated[NDArray[np.float64], Table("camber", low=0.0, high=1.0, ascending=2)]
-    """Chordwise stations x/c of the camber line (m,), from 0 to 1."""
-    camber: Annotated[NDArray[np.float64], Table("camber", low=-0.5, high=0.5)]
-    """Height of the camber line divided by chord (m,), positive towards the suction side."""
-    polar: Polar
+    name: str = option("of the section")
+    relative_thickness: float = option("largest thickness divided by chord", low=0, high=1, above=True)
+    contour: Array = option(
+        "x/c and y/c from the trailing edge over the suction side to the leading edge and back on the pressure side; "
+        "x/c from 0 (leading edge) to 1, y/c positive towards the suction side",
+        shape=("contour", 2),
+        low=-1,
+        high=1,
+    )
+    camber_x: Array = option(
+        "stations x/c of the camber line, from 0 to 1", shape=("camber",), low=0, high=1, ascending=2
+    )
+    camber: Array = option("height over chord, to the suction side positive", shape=("camber",), low=-0.5, high=0.5)
+    polar: Polar = option("static coefficients", kinds=(Polar,))
 
     def _label(self) -> str:
         return f"Airfoil({self.name})"
@@ -285,17 +279,19 @@ MODELS = {"snel": (snel, None), "snel-1993": (snel_1993, None), "du-selig": (du_
 """Factor of the lift and drag of the gained lift, by name."""
 
 
-@dataclass(frozen=True)
+@option_record
 class RotationalAugmentation(ArrayRecord):
     """Correction of the polars of one blade."""
 
-    model: Annotated[str, OneOf(*MODELS)]
-    """"du-selig": lift by Du & Selig, drag by Eggers et al., as AirfoilPrep combines them; "snel": lift by Snel et al.
-    with the local speed ratio, drag unchanged; "snel-1993": the same as first published, without that ratio."""
-    rotor_radius: Annotated[float, Range(0.0, 500.0, above=True)]
-    """[m]."""
-    tip_speed_ratio: Annotated[float, Range(0.1, 30.0)]
-    """Of the operation for which the polars are made."""
+    by_value = True
+
+    model: str = option(
+        '"du-selig": lift by Du & Selig, drag by Eggers et al., as AirfoilPrep combines them; "snel": lift by Snel et '
+        'al. with the local speed ratio, drag unchanged; "snel-1993": the same as first published, without that ratio',
+        choices=tuple(MODELS),
+    )
+    rotor_radius: float = option("of the rotor", unit="m", low=0, high=500, above=True)
+    tip_speed_ratio: float = option("of the operation for which the polars are made", low=0.1, high=30)
 
     def factor(self, chord: float, radius: float, slope: float) -> float:
         """Share g of the way from the two-dimensional lift to that of attached flow, between 0 and 1.

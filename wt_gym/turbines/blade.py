@@ -16,54 +16,42 @@ glaze ice (Energies 18 (2025) 3448).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Annotated, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
+from wt_gym.base.options import option, option_record
+from wt_gym.base.types import Array
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation, blend_polars
-from wt_gym.turbines.checks import (
-    ArrayRecord,
-    Range,
-    Table,
-    check_array,
-    check_ascending,
-    check_span,
-    check_symmetric,
-    fail,
-)
-
-__all__ = [
-    "LIFT_LOSS", "MORE_DRAG", "BeamStations", "Blade", "BladeIce", "ice_mass", "iced_polar", "iced_structure",
-    "inertia_matrix", "interpolate", "rotation_about_z", "spread",
-]  # fmt: skip
+from wt_gym.turbines.checks import ArrayRecord, check_array, check_span, check_symmetric, fail
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class BeamStations(ArrayRecord):
     """Stiffness and inertia of cross-sections, about the point where the reference axis meets the section.
 
     Axes of a blade: the blade frame (z root to tip, x to the suction side, y to the trailing edge) without pitch; the
     structural twist is already turned in. On a prebent axis z means the local tangent. Axes of a tower: x downwind,
     y left looking downwind, z up. A bending moment about y bends the beam along x: ``stiffness[:, 4, 4]`` is flapwise
-    (fore-aft) and ``stiffness[:, 3, 3]`` edgewise (side-side). OpenFAST BeamDyn uses the same order and axes.
+    (fore-aft) and ``stiffness[:, 3, 3]`` edgewise (side-side). OpenFAST BeamDyn uses the same order and axes. Between
+    stations every property is linear in the distance.
     """
 
-    station: Annotated[NDArray[np.float64], Table("station", low=0.0, ascending=2)]
-    """Distance along the reference axis (n,) [m], ascending from 0 (blade root, tower base). Between stations every
-    property is linear in this distance."""
-    stiffness: Annotated[NDArray[np.float64], Table("station", 6, 6, infinite=True)]
-    """(n, 6, 6), positive definite: relates the generalized strains (shear along x, shear along y, axial strain,
-    curvature about x, curvature about y, twist rate about z) to the section forces (Fx, Fy, Fz, Mx, My, Mz); N, N m and
-    N m^2. A section that does not shear (Euler-Bernoulli) has ``inf`` at [0, 0] and [1, 1] and zeros beside them."""
-    inertia: Annotated[NDArray[np.float64], Table("station", 6, 6)]
-    """Mass matrix per unit length (n, 6, 6) for (vx, vy, vz, wx, wy, wz) of the point on the axis; kg/m, kg and
-    kg m."""
+    station: Array = option("distance along the axis from the root or base", unit="m", shape=("station",), ascending=2)
+    stiffness: Array = option(
+        "positive definite, from strains (shear x and y, axial, curvature x and y, twist rate) to forces and moments "
+        "[N, N m, N m^2]; a section that does not shear has ``inf`` at [0, 0] and [1, 1] and zeros beside them",
+        shape=("station", 6, 6),
+        infinite=True,
+    )
+    inertia: Array = option("mass matrix per length of the point on the axis [kg/m, kg, kg m]", shape=("station", 6, 6))
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         station, stiffness, inertia = self.station, self.stiffness, self.inertia
         if station[0] != 0.0:
             raise fail("BeamStations.station[0]", float(station[0]), "0 (the root or base)")
@@ -233,47 +221,47 @@ def inertia_matrix(
     return matrix
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Blade(ArrayRecord):
     """One blade."""
 
-    length: Annotated[float, Range(0.0, 500.0, above=True)]
-    """From root to tip along z [m] (OpenFAST TipRad - HubRad)."""
-    root_radius: Annotated[float, Range(0.0, 50.0)]
-    """From the rotor apex to the blade root [m] (HubRad)."""
-    axis_station: Annotated[NDArray[np.float64], Table("axis", low=0.0, ascending=2)]
-    """Distance along the reference axis from the root (n,) [m]: the coordinate of ``structure.station``."""
-    axis: Annotated[NDArray[np.float64], Table("axis", 3)]
-    """Points of the reference (pitch) axis in the blade frame (n, 3) [m]; starts at z = 0. Upwind prebend is -x."""
-    aero_station: Annotated[NDArray[np.float64], Table("aero", ascending=2)]
-    """z of the planform stations (m,), from 0 to ``length`` [m] (BlSpn)."""
-    chord: Annotated[NDArray[np.float64], Table("aero", low=1e-3, high=30.0)]
-    """Chord (m,) [m]."""
-    twist: Annotated[NDArray[np.float64], Table("aero", low=-np.pi / 2, high=np.pi / 2)]
-    """Twist (m,) [rad], positive to feather (BlTwist)."""
-    le_offset: Annotated[NDArray[np.float64], Table("aero", low=-2.0, high=3.0)]
-    """Distance from leading edge to reference axis along the chord, divided by the chord (m,)."""
-    airfoils: tuple[Airfoil, ...]
-    airfoil_station: Annotated[NDArray[np.float64], Table("airfoil", low=0.0, ascending=1)]
-    """z [m] where the section is exactly ``airfoils[airfoil_index[i]]`` (k,); blended linearly between, constant
-    outside."""
-    airfoil_index: NDArray[np.int64]
-    """(k,)."""
-    structure: BeamStations
-    damping_ratio: Annotated[float, Range(0.0, 0.5)]
-    """Structural damping of every blade mode, fraction of critical (BldFlDmp / 100)."""
-    normal_offset: Annotated[NDArray[np.float64] | None, Table("aero", low=-2.0, high=2.0)] = None
-    """Distance of the chord line from the reference axis towards the suction side, divided by the chord (m,); zero for
-    most blades. ``camber_at`` includes it."""
-    rotating_polars: bool | None = None
-    """Whether the polars of ``airfoils`` hold the delay of stall by rotation; None where that is not known."""
-    augmentation: RotationalAugmentation | None = None
-    """Added to two-dimensional polars by `polar_at`."""
+    length: float = option("from root to tip along z (TipRad - HubRad)", unit="m", low=0, high=500, above=True)
+    root_radius: float = option("from the rotor apex to the blade root (HubRad)", unit="m", low=0, high=50)
+    axis_station: Array = option("distance from the root along the axis", unit="m", shape=("axis",), low=0, ascending=2)
+    axis: Array = option("reference (pitch) axis in the blade frame; prebend upwind is -x", unit="m", shape=("axis", 3))
+    aero_station: Array = option(
+        "z of the planform, from 0 to ``length`` (BlSpn)", unit="m", shape=("aero",), ascending=2
+    )
+    chord: Array = option("chord", unit="m", shape=("aero",), low=1e-3, high=30)
+    twist: Array = option("to feather (BlTwist)", unit="rad", shape=("aero",), low=-np.pi / 2, high=np.pi / 2)
+    le_offset: Array = option("from leading edge to reference axis, over the chord", shape=("aero",), low=-2, high=3)
+    airfoils: tuple[Airfoil, ...] = option("sections that occur, in any order", kinds=(Airfoil,))
+    airfoil_station: Array = option(
+        "z where the section is exactly ``airfoils[airfoil_index[i]]``; linear between, constant outside",
+        unit="m",
+        shape=("airfoil",),
+        low=0,
+        ascending=1,
+    )
+    airfoil_index: NDArray[np.int64] = option("place in ``airfoils`` of the section at each ``airfoil_station``")
+    structure: BeamStations = option("sections along the reference axis", kinds=(BeamStations,))
+    damping_ratio: float = option("of every blade mode, fraction of critical (BldFlDmp / 100)", low=0, high=0.5)
+    normal_offset: Array | None = option(
+        "from the reference axis to the chord line towards the suction side, over the chord; part of `camber_at`",
+        default=None,
+        otherwise="zeros",
+        shape=("aero",),
+        low=-2,
+        high=2,
+    )
+    rotating_polars: bool | None = option("polars with stall delayed by rotation", default=None, otherwise="not known")
+    augmentation: RotationalAugmentation | None = option("of `polar_at`", default=None, kinds=(RotationalAugmentation,))
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         if self.normal_offset is None:
-            self._set(normal_offset=check_array("Blade.normal_offset", np.zeros(self.chord.size), (None,)))
-        check_ascending("Blade.axis[:, 2]", self.axis[:, 2])
+            self._set("normal_offset", check_array("Blade.normal_offset", np.zeros(self.chord.size), "n"))
+        check_array("Blade.axis[:, 2]", self.axis[:, 2], "n", ascending=2)
         check_span("Blade.axis[:, 2]", self.axis[:, 2], self.length)
         check_span("Blade.structure.station", self.structure.station, float(self.axis_station[-1]))
         check_span("Blade.aero_station", self.aero_station, self.length)
@@ -282,20 +270,17 @@ class Blade(ArrayRecord):
             raise fail("Blade.augmentation", self.augmentation, "None: the polars hold the delay of stall by rotation")
 
     def _check_airfoils(self) -> None:
-        airfoils = tuple(self.airfoils)
-        if not airfoils or not all(isinstance(a, Airfoil) for a in airfoils):
-            raise fail("Blade.airfoils", self.airfoils, "at least one Airfoil")
         z = self.airfoil_station
         if z[-1] > self.length * (1 + 1e-9):
             raise fail("Blade.airfoil_station", float(z[-1]), f"numbers up to the length, {self.length:g} m")
         index = np.array(self.airfoil_index)
         if index.shape != z.shape or not np.issubdtype(index.dtype, np.integer):
             raise fail("Blade.airfoil_index", self.airfoil_index, f"{z.size} integers, one per airfoil_station")
-        if np.any((index < 0) | (index >= len(airfoils))):
-            raise fail("Blade.airfoil_index", index.tolist(), f"integers from 0 to {len(airfoils) - 1}")
+        if np.any((index < 0) | (index >= len(self.airfoils))):
+            raise fail("Blade.airfoil_index", index.tolist(), f"integers from 0 to {len(self.airfoils) - 1}")
         index = index.astype(np.int64)
         index.flags.writeable = False
-        self._set(airfoils=airfoils, airfoil_index=index)
+        self._set("airfoil_index", index)
 
     @cached_property
     def _planform(self) -> PchipInterpolator:
@@ -401,14 +386,14 @@ _TIP = (0.7, 0.9)
 """Shares of the length through whose chords the line to the chord of the tip goes."""
 
 
-@dataclass(frozen=True)
+@option_record
 class BladeIce(ArrayRecord):
     """Ice on one blade of a turbine."""
 
-    blade: Annotated[int, Range(1, 10, whole=True)]
-    """From 1 on."""
-    level: Annotated[float, Range(0.0, 2.0, above=True)]
-    """Mass, loss of lift and drag over those of full ice [-]."""
+    by_value = True
+
+    blade: int = option("number of the blade", low=1, high=10)
+    level: float = option("mass, loss of lift and drag over those of full ice", low=0, high=2, above=True)
 
 
 def spread(blade: Blade, z: NDArray[np.float64]) -> NDArray[np.float64]:

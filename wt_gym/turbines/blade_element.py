@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,8 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.turbines.airfoil import Polar
-
-__all__ = ["BladeElementRotor", "BladeElements", "blade_element"]
 
 _SMALL = 1e-6
 _BISECTIONS = 46
@@ -59,84 +56,33 @@ class BladeElementRotor:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class BladeElementResult:
-    """Blade-element momentum solution; arrays are of shape (n_span,)."""
-
-    power: float
-    """Of the rotor [W]."""
-    thrust: float
-    """Of the rotor [N]."""
-    cp: float
-    """Referred to the nominal diameter."""
-    ct: float
-    span: NDArray[np.float64]
-    """Distance of the sections from the axis, along the blade [m]."""
-    alpha: NDArray[np.float64]
-    """Angle of attack [rad]."""
-    speed: NDArray[np.float64]
-    """In the section plane [m/s]."""
-    axial: NDArray[np.float64]
-    """Induction factor a."""
-    tangential: NDArray[np.float64]
-    """Induction factor a'."""
-    cl: NDArray[np.float64]
-    cd: NDArray[np.float64]
-    force: NDArray[np.float64]
-    """Force per length along the axis and in the direction of motion [N/m], shape (n_span, 2)."""
-
-
-@dataclass(frozen=True)
 class BladeElements:
-    """The sections of a rotor, ready to be solved."""
+    """The sections of a rotor, of equal length, ready to be solved.
 
-    rotor: BladeElementRotor
-    n_span: int = 60
-    """Sections, of equal length."""
+    Attributes
+    ----------
+    width : float
+        Length of a section [m].
+    span, radius : ndarray, shape (n_span,)
+        Distance of the sections from the axis along the blade, and radius of their circles [m].
+    chord, twist : ndarray, shape (n_span,)
+        [m], [rad].
+    polars : list of Polar
+        Of every section.
+    """
 
-    @cached_property
-    def _middle(self) -> NDArray[np.float64]:
-        """Distance of the sections from the root [m]."""
-        edges = np.linspace(0.0, self.rotor.length, self.n_span + 1)
-        return 0.5 * (edges[1:] + edges[:-1])
-
-    @cached_property
-    def width(self) -> float:
-        """Length of a section [m]."""
-        return self.rotor.length / self.n_span
-
-    @cached_property
-    def span(self) -> NDArray[np.float64]:
-        """Distance of the sections from the axis, along the blade [m], shape (n_span,)."""
-        return self.rotor.root_radius + self._middle
-
-    @cached_property
-    def radius(self) -> NDArray[np.float64]:
-        """Radius of the circles of the sections [m], shape (n_span,)."""
-        out: NDArray[np.float64] = self.span * np.cos(self.rotor.cone)
-        return out
-
-    @cached_property
-    def chord(self) -> NDArray[np.float64]:
-        """Chord [m], shape (n_span,)."""
-        return np.array([float(self.rotor.chord_at(z)) for z in self._middle])
-
-    @cached_property
-    def twist(self) -> NDArray[np.float64]:
-        """Twist [rad], shape (n_span,)."""
-        return np.array([float(self.rotor.twist_at(z)) for z in self._middle])
-
-    @cached_property
-    def polars(self) -> list[Polar]:
-        """`Polar` of every section."""
-        return [self.rotor.polar_at(z) for z in self._middle]
-
-    @cached_property
-    def _ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Distances to tip and root in Prandtl's losses, over the radius of the section and of the root [-]."""
-        cos, rotor = np.cos(self.rotor.cone), self.rotor
+    def __init__(self, rotor: BladeElementRotor, n_span: int = 60):
+        edges = np.linspace(0.0, rotor.length, n_span + 1)
+        middle, cos = 0.5 * (edges[1:] + edges[:-1]), np.cos(rotor.cone)
+        self.rotor, self.width = rotor, rotor.length / n_span
+        self.span = rotor.root_radius + middle
+        self.radius = self.span * cos
+        self.chord = np.array([float(rotor.chord_at(z)) for z in middle])
+        self.twist = np.array([float(rotor.twist_at(z)) for z in middle])
+        self.polars = [rotor.polar_at(z) for z in middle]
+        # distances to tip and root in Prandtl's losses, over the radius of the section and of the root
         tip, root = (rotor.root_radius + rotor.length) * cos, rotor.root_radius * cos
-        return (tip - self.radius) / self.radius, (self.radius - root) / root
+        self._ends = (tip - self.radius) / self.radius, (self.radius - root) / root
 
     def coefficients(self, alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lift and drag coefficient of every section at angles of attack (points, n_span) [rad]."""
@@ -267,30 +213,3 @@ class BladeElements:
             heavy = np.where(np.abs(g3) > 1e-6, (g1 - np.sqrt(g2)) / g3, 1.0 - 0.5 / np.sqrt(g2))
             axial = np.where((k <= 2.0 / 3.0) | (phi < 0.0), k / (1.0 + k), heavy)
             return cl, cd, axial, k_turn / (1.0 - k_turn)
-
-
-def blade_element(
-    rotor: BladeElementRotor, wind: float, rotor_speed: float, pitch: float = 0.0, n_span: int = 60
-) -> BladeElementResult:
-    """Solve one point of a rotor without tilt, tower and deflection.
-
-    Parameters
-    ----------
-    wind : float
-        [m/s].
-    rotor_speed : float
-        [rad/s].
-    pitch : float
-        [rad].
-    n_span : int
-        Sections, of equal length.
-    """
-    elements = BladeElements(rotor, n_span)
-    solved = elements.solve(wind, rotor_speed, pitch)
-    power, thrust = float(solved["power"][0]), float(solved["thrust"][0])
-    reference = 0.5 * rotor.air_density * np.pi * rotor.radius**2 * wind**2
-    rows = {name: solved[name][0] for name in ("alpha", "speed", "axial", "tangential", "cl", "cd")}
-    return BladeElementResult(
-        power=power, thrust=thrust, cp=power / (reference * wind), ct=thrust / reference, span=elements.span,
-        force=np.column_stack((solved["normal"][0] * np.cos(rotor.cone), solved["driving"][0])), **rows,
-    )  # fmt: skip

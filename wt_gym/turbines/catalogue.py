@@ -33,11 +33,6 @@ from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, PitchSystem, Support
 from wt_gym.turbines.windio import own_file, read_turbine
 from wt_gym.turbines.windio_file import within
 
-__all__ = [
-    "GENERATOR_DAMPER", "catalogue", "gebhardt_data", "gebhardt_turbine", "load_turbine", "nada_data", "nada_speed",
-    "plate_polar", "turbine_file",
-]  # fmt: skip
-
 
 @cache
 def _built(name: str) -> Turbine:

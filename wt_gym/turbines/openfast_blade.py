@@ -19,14 +19,12 @@ from scipy.interpolate import PchipInterpolator
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines.airfoil import Airfoil, Polar, blend_polars, camber_line, contour_of, cosine_grid, suction_first
 from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z, shear_rigid_stiffness
-from wt_gym.turbines.checks import check_ascending, check_number, fail
+from wt_gym.turbines.checks import check_array, check_number, fail
 from wt_gym.turbines.model import Tower
 from wt_gym.turbines.openfast_text import Model, TextFile, as_number, existing_file
 from wt_gym.turbines.windio import POISSON_RATIO
 from wt_gym.turbines.windio_blade import DEFAULT_BLADE_DAMPING, KINEMATIC_VISCOSITY, arc_length
 from wt_gym.turbines.windio_file import within
-
-__all__ = ["STRUCTURES", "read_openfast_blade", "read_openfast_tower"]
 
 STRUCTURES = ("elastodyn", "beamdyn")
 """Modules with the structure of the blade, as CompElast (1, 2) counts them."""
@@ -113,7 +111,9 @@ def read_openfast_blade(
         z, axis = plan.z, _prebend_axis(model, plan)
     bent = PchipInterpolator(z, axis)
     station = arc_length(z, lambda at: np.column_stack((bent(at), at)))
-    check_ascending("distance along the axis of the blade", station)  # key points may lie closer than rounding
+    check_array(
+        "distance along the axis of the blade", station, "n", ascending=2
+    )  # key points may lie closer than rounding
     offset_x, offset_y = _offsets(plan, z, axis)
     if beamdyn:
         beams = _beamdyn_sections(sections, station[-1], PchipInterpolator(station, bend))

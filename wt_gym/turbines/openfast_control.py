@@ -22,8 +22,6 @@ from wt_gym.turbines.checks import check_number
 from wt_gym.turbines.model import ControlData
 from wt_gym.turbines.openfast_text import Model, TextFile, as_number
 
-__all__ = ["Rating", "SteadyTable", "find_steady_table", "read_openfast_control", "read_rating", "read_steady_table"]
-
 _log = logging.getLogger(__name__)
 _RPM = np.pi / 30.0
 _TIP_SPEEDS = 10.0, 250.0

@@ -11,16 +11,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.base.files import decoded_text
-from wt_gym.turbines.checks import fail, short
-
-__all__ = ["InputFile", "Model", "TextFile", "as_number", "existing_file", "write_lines"]
+from wt_gym.base.options import shown
+from wt_gym.turbines.checks import fail
 
 _TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;!]+")
 """Words: quoted, or up to a separator. ROSCO's exclamation mark between values and keyword is one."""
@@ -46,7 +45,7 @@ def existing_file(folder: Path, name: str, what: str) -> Path:
     """Return the path of a file that another one in ``folder`` names; ``what`` names the keyword in messages."""
     path = folder / name.replace("\\", "/").strip()
     if not path.is_file():
-        raise TurbineDefinitionError(f"{what}: {short(name, 200)}: there is no such file in {folder}")
+        raise TurbineDefinitionError(f"{what}: {shown(name)}: there is no such file in {folder}")
     return path
 
 
@@ -173,9 +172,9 @@ class TextFile:
         """Return the value of a keyword without quotes."""
         return self._place(key)[1][0].strip("\"'").strip()
 
-    def file(self, key: str, free: bool = False) -> TextFile:
+    def file(self, key: str, free: bool = False) -> Self:
         """Open the file that a keyword names."""
-        return TextFile(existing_file(self.path.parent, self.text(key), key), free)
+        return type(self)(existing_file(self.path.parent, self.text(key), key), free)
 
     def number(self, key: str, default: float | None = None) -> float:
         """Return the finite number of a keyword; ``default`` where no line has it."""

@@ -34,10 +34,6 @@ from wt_gym.turbines.windio_blade import beam_tables, damping_ratio, read_blade,
 from wt_gym.turbines.windio_file import Node, WindioFile, read_windio, within
 from wt_gym.turbines.windio_machine import read_drivetrain, read_hub, read_machine, read_nacelle, read_pitch, rpm
 
-__all__ = [
-    "CONTROL_NUMBERS", "OWN_FIELDS", "POISSON_RATIO", "control_file_of", "own_file", "read_turbine", "shell_sections",
-]  # fmt: skip
-
 _Table = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Grid (n,) and values (n,)."""
 _DEGREE = np.pi / 180.0
@@ -173,7 +169,7 @@ def _build(
         nacelle=nacelle,
         drivetrain=drivetrain,
         pitch=read_pitch(root),
-        iec_class=_iec_class(_default(assembly, "turbine_class", "I")),
+        iec_class=_CLASS_NUMBERS.get(name := str(_default(assembly, "turbine_class", "I")).upper(), name),
         turbulence_class=str(_default(assembly, "turbulence_class", "B")).upper(),
         notes=tuple(notes),
         control=data,
@@ -184,7 +180,7 @@ def _build(
         # say the same in the words of the file
         text = str(error)
         for field, key in _FILE_KEYS.items():
-            text = text.replace(f"Turbine.{field}:", f"assembly.{key} (Turbine.{field}):")
+            text = text.replace(f"Turbine.{field} ", f"assembly.{key} (Turbine.{field}) ")
         raise TurbineDefinitionError(text) from error
 
 
@@ -194,11 +190,6 @@ def _default(node: Node, key: str, default: object) -> Any:
         return node.data[key]
     node.missing(key, f"{default} assumed")
     return default
-
-
-def _iec_class(value: str | int) -> str:
-    text = str(value).upper()
-    return _CLASS_NUMBERS.get(text, text)
 
 
 def _rated_wind_speed(root: Node, power: float, radius: float, speed: float) -> float:

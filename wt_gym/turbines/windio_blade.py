@@ -32,17 +32,12 @@ from wt_gym.turbines.airfoil import (
     suction_first,
 )
 from wt_gym.turbines.blade import BeamStations, inertia_matrix, rotation_about_z
-from wt_gym.turbines.checks import check_ascending, check_number, fail
+from wt_gym.turbines.checks import check_array, check_number, fail
 from wt_gym.turbines.model import Blade
 from wt_gym.turbines.windio_file import Node, within
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-__all__ = [
-    "DEFAULT_BLADE_DAMPING", "KINEMATIC_VISCOSITY", "arc_length", "beam_tables", "damping_ratio", "read_blade",
-    "require_straight",
-]  # fmt: skip
 
 DEFAULT_BLADE_DAMPING = 0.00477465
 """3 % logarithmic decrement, the value of the NREL 5-MW and (rounded) of the IEA 15-MW blades."""
@@ -477,7 +472,7 @@ def _polar(table: Node, center: float) -> Polar:
     for key in ("cl", "cd", "cm"):
         curve = table.at(key, "a mapping with grid and values")
         angle = curve.array("grid")
-        check_ascending(curve.where("grid"), angle)
+        check_array(curve.where("grid"), angle, "n", ascending=2)
         if angle[0] > -180.0 + 1e-6 or angle[-1] < 180.0 - 1e-6:
             allowed = "angles of attack from -180 to 180 deg"
             raise fail(curve.where("grid"), [float(angle[0]), float(angle[-1])], allowed)

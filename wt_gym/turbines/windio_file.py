@@ -30,11 +30,10 @@ from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.files import write_text_whole
+from wt_gym.base.options import shown
 from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
-from wt_gym.turbines.checks import check_array, check_ascending, check_number, fail, short
+from wt_gym.turbines.checks import check_array, check_number, fail
 from wt_gym.turbines.windio_layouts import adopt_layout, to_version_2
-
-__all__ = ["Node", "WindioFile", "read_windio", "within"]
 
 _MOST_LEVELS, _MOST_ENTRIES = 50, 3_000_000  # the turbines of windIO have 12 levels and some ten thousand entries
 _MOST_FILES, _MOST_BYTES = 300, 30_000_000  # read for one turbine; included ones count each time
@@ -127,12 +126,12 @@ class Node:
 
     def array(self, key: str, size: int | None = None) -> NDArray[np.float64]:
         """Return a list of finite numbers, of a given length unless ``size`` is None."""
-        return check_array(self.where(key), self._get(key, "a list of numbers"), (size,))
+        return check_array(self.where(key), self._get(key, "a list of numbers"), size or "n")
 
     def grid(self, key: str = "grid") -> NDArray[np.float64]:
         """Return a nondimensional grid that ascends from 0 (root, base) to 1 (tip, top)."""
-        grid = check_array(self.where(key), self._get(key, "a list of numbers from 0 to 1"), (None,), low=0.0, high=1.0)
-        check_ascending(self.where(key), grid)
+        values = self._get(key, "a list of numbers from 0 to 1")
+        grid = check_array(self.where(key), values, "n", low=0.0, high=1.0, ascending=2)
         if grid[0] > 1e-6 or grid[-1] < 1.0 - 1e-6:
             raise fail(self.where(key), [float(grid[0]), float(grid[-1])], "a grid from 0 (root, base) to 1 (tip, top)")
         grid = grid.copy()
@@ -288,7 +287,7 @@ class _Loader:
         """Content of an included file, which stands beside the one that includes it."""
         name = node.value.replace("\\", "/") if isinstance(node.value, str) else node.value  # as Windows writes it
         if not isinstance(name, str) or Path(name).suffix.lower() not in (".yaml", ".yml"):
-            raise TurbineDefinitionError(f"!include {short(name, 100)}: one YAML file is needed, *.yaml or *.yml")
+            raise TurbineDefinitionError(f"!include {shown(name)}: one YAML file is needed, *.yaml or *.yml")
         if not (folder / name).is_file():  # nor a device or a pipe, which have no end
             raise TurbineDefinitionError(f"!include {name}: there is no such file in {folder}")
         return self.load(folder / name)

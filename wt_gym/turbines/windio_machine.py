@@ -25,11 +25,6 @@ from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
 from wt_gym.turbines.variants import rotor_inertia_without_generator
 from wt_gym.turbines.windio_file import Node, within
 
-__all__ = [
-    "Machine", "read_drivetrain", "read_hub", "read_machine", "read_nacelle", "read_pitch", "rpm", "shaft_stiffness",
-    "yaw_actuator",
-]  # fmt: skip
-
 rpm = np.pi / 30.0
 """One revolution per minute [rad/s]."""
 _DEGREE = np.pi / 180.0

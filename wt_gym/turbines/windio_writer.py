@@ -24,8 +24,6 @@ from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, Tower, Turbine
 from wt_gym.turbines.windio import CONTROL_NUMBERS, OWN_FIELDS, control_file_of
 from wt_gym.turbines.windio_machine import rpm
 
-__all__ = ["require_same", "windio_content", "write_windio"]
-
 _DEGREE = np.pi / 180.0
 _VERSION = "2.1"
 _ROUNDING = 1e-9

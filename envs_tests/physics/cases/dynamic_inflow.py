@@ -13,10 +13,11 @@ from scipy.special import hankel2, jv
 
 from envs_tests.physics.cases.airfoils import theodorsen
 from envs_tests.physics.cases.rotor import RigidRotor
+from envs_tests.physics.cases.tools import blade_element
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

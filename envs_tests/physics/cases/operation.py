@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 
+from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case, read_table, worst
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.analysis.results import Wind
@@ -17,7 +18,7 @@ from wt_gym.experiment.comparison import ComparisonConfig, change, comparison_ta
 from wt_gym.experiment.run import run_baseline, run_controller
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 # ---- NREL 5-MW ------------------------------------------------------------------------------------------------------

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table
 from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.simulation import FIDELITIES
 from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -502,7 +503,7 @@ def element_force(n_span: int = 600) -> tuple[NDArray[np.float64], NDArray[np.fl
     rotor = BladeElementRotor.of_turbine(turbine)
     result = blade_element(rotor, INBOARD_WIND, INBOARD_RATIO * INBOARD_WIND / rotor.radius, 0.0, n_span)
     edges = rotor.root_radius + np.linspace(0.0, rotor.length, n_span + 1)
-    return edges, result.force[:, 0] / np.cos(rotor.cone)
+    return edges, result.normal
 
 
 def mean_between(edges, force, low, high):

@@ -11,13 +11,14 @@ from scipy.optimize import brentq
 
 from envs_tests.physics.cases.airfoils import UniformStream, WingFlow, exact_lift, two_dimensional_planform
 from envs_tests.physics.cases.rotor import RigidRotor
+from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import DATA, CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.aerodynamics import AeroOptions, build_planform, span_distribution
 from wt_gym.aerodynamics.lattice.planform import separation_tables
 from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import RotationalAugmentation
 from wt_gym.turbines.airfoil import Polar, blend_polars
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

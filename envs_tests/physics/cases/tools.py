@@ -1,7 +1,8 @@
-"""Tools for multibody trees: static balance, frequencies of small motions, points on cut beams, data tables."""
+"""Tools for cases: static balance and small motions of multibody trees, cut beams, data tables, blade elements."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from wt_gym.base.errors import WtGymError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.substructure import sub_body_at
+from wt_gym.turbines.blade_element import BladeElements
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from wt_gym.multibody.arrays import Inputs, Work
     from wt_gym.multibody.system import MultibodySystem
     from wt_gym.structure.substructure import SubBody
+    from wt_gym.turbines.blade_element import BladeElementRotor
 
 
 class NoBalance(WtGymError, ValueError):
@@ -179,3 +182,15 @@ class ChainPoints:
             inputs.body_loads[:, body, :3] += own.sum(axis=0)
             inputs.body_loads[:, body, 3:6] += np.cross(local, own).sum(axis=0)
             inputs.body_loads[:, body, 6 : 6 + len(q)] += np.einsum("pi,pik->k", own, linear + second @ q)
+
+
+def blade_element(
+    rotor: BladeElementRotor, wind: float, rotor_speed: float, pitch: float = 0.0, n_span: int = 60
+) -> SimpleNamespace:
+    """One point [m/s], [rad/s], [rad] of `BladeElements`: ``power`` [W], ``thrust`` [N], ``cp`` and ``ct``.
+
+    Of its sections (n_span,) it has ``axial`` and ``tangential`` induction and ``normal`` forces per length [N/m].
+    """
+    solved = {name: values[0] for name, values in BladeElements(rotor, n_span).solve(wind, rotor_speed, pitch).items()}
+    reference = 0.5 * rotor.air_density * np.pi * rotor.radius**2 * wind**2
+    return SimpleNamespace(**solved, cp=solved["power"] / (reference * wind), ct=solved["thrust"] / reference)

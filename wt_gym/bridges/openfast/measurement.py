@@ -18,11 +18,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "AERODYN_OUTPUTS", "INFLOW_OUTPUTS", "PITCH_COMMAND_OUTPUT", "TORQUE_OUTPUT", "Measurement", "elastodyn_outputs",
-    "servodyn_outputs",
-]  # fmt: skip
-
 _RPM, _DEGREE, _KILO = math.pi / 30.0, math.pi / 180.0, 1e3
 
 _SCALED = {

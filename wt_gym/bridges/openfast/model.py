@@ -30,11 +30,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import BeamStations, Polar, Turbine
 
-__all__ = [
-    "POWERS", "PRIMARY", "TopBody", "bending_shapes", "blade_sections", "steps_of", "time_step_of", "tower_sections",
-    "write_model",
-]  # fmt: skip
-
 PRIMARY = "turbine.fst"
 """Name of the primary file of a model that is written here."""
 

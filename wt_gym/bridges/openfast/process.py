@@ -27,8 +27,6 @@ from wt_gym.bridges.openfast import worker
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["VARIABLE", "OpenFASTProcess", "find_library", "relay_library"]
-
 _LAST_WORDS = 600
 """Characters of OpenFAST's output that a message shows."""
 

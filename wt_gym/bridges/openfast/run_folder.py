@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["BentTurbine", "DriverRun", "ServedController", "prepare_run"]
-
 MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"}
 """Modules whose inputs can be changed, and the keywords of their files in the primary file (``"OpenFAST"``)."""
 _STEPS = {"ElastoDyn": "DT", "AeroDyn": "DTAero", "ServoDyn": "DT"}
@@ -132,7 +130,7 @@ def prepare_run(
         if int(primary.number(key)) != supported:
             beam = "; blades of BeamDyn are not flown here" if key == "CompElast" else ""
             raise SimulationError(f"{model.name}: {key} must be {supported}{beam}, got {primary.text(key)}")
-    files = {name: InputFile(_named(primary, key)) for name, key in MODULES.items()}
+    files = {name: primary.file(key) for name, key in MODULES.items()}
     _require_turbine(model, files["ElastoDyn"], turbine)
     if model.parent.resolve() != folder.resolve():
         if driver is None:
@@ -187,13 +185,6 @@ def _require_turbine(model: Path, elastodyn: InputFile, turbine: Turbine) -> Non
 def _divides(part: float, step: float) -> bool:
     """Whether a step is a whole number of parts."""
     return part > 0.0 and abs(step / part - round(step / part)) < 1e-6 and round(step / part) >= 1
-
-
-def _named(primary: InputFile, key: str) -> Path:
-    path = primary.path.parent / primary.text(key).replace("\\", "/")
-    if not path.is_file():
-        raise TurbineDefinitionError(f"{primary.path.name}: {key}: there is no file {path}")
-    return path
 
 
 def _set_primary(file: InputFile, step: float, driver: DriverRun | None) -> None:

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import PitchSystem
     from wt_gym.wind import Inflow
 
-__all__ = ["OPTIONS", "OpenFASTSimulator", "PitchPath"]
-
 COMMANDS = ("bladed", "inputs")
 """How demands get into OpenFAST."""
 

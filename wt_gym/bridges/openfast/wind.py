@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["PointLidar", "repeats", "sampled", "write_wind"]
-
 _WIDTH = 1.3
 """Of the grid for an inflow that has none [rotor diameters]: the rotor with its deflection, and some air."""
 _POINTS = 15
