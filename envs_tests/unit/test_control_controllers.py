@@ -798,7 +798,10 @@ def test_an_addition_alone_is_no_controller(turbine):
         ("lidar:lidar=3", r"lidar .* must be a Lidar or None \(three gates by the rotor's size\), got 3"),
         ("lidar:filter_length=0.6", "nearest gate of the lidar, 63 m"),
         ("discon:ki=0", r"ki of controller 'discon' must be a number above 0 or None"),
-        ("discon:thrust_limit=0.8", "estimates no wind"),
+        (
+            "discon:thrust_limit=0.8",
+            "thrust_limit must be left out for NREL .* of a controller that estimates the wind",
+        ),
         ("discon:region_2_gain=2.0,tip_speed_ratio=8.0", "say the same"),
         ("discon+derate_torque+derate_speed", "the base must be one of them, got a PowerTracking"),
         ("fault_supervisor+fault_supervisor", r"one of .* first, then additions \(.*fault_supervisor\), each once"),

@@ -122,11 +122,9 @@ def _matrix(turbine: Turbine, p: BaselineParameters, wind: float) -> tuple[NDArr
     point = operating_point(turbine, wind)
     s = rotor_of(turbine).slopes(wind, point.rotor_speed, point.pitch)
     kp, ki = p.pitch_law.gains(point.pitch)
-    if p.gain_table is None:
-        # the published factor stands before the integral: as the pitch moves, its change moves the demand
-        growth = point.pitch * _log_slope(p, point.pitch)
-    else:
-        growth = 0.0
+    # the published factor stands before the integral: as the pitch moves, its change moves the demand
+    log_slope = 0.0 if p.gain_table is not None else -p.pitch_law.factor(point.pitch) / p.gain_doubling_pitch
+    growth = point.pitch * log_slope
     to_rotor = gear / drivetrain.gearbox_efficiency
     torque_slope = -point.generator_torque / (gear * point.rotor_speed) if p.constant_power else 0.0
     a = np.zeros((9, 9))
@@ -155,11 +153,6 @@ def _matrix(turbine: Turbine, p: BaselineParameters, wind: float) -> tuple[NDArr
         a[7, 8] = 1.0
         a[8, 6], a[8, 7], a[8, 8] = servo**2, -(servo**2), -2.0 * turbine.pitch.servo_damping * servo
     return a, top.mass, inertia
-
-
-def _log_slope(p: BaselineParameters, pitch: float) -> float:
-    """Relative change of the gain factor with the pitch [1/rad]."""
-    return -p.pitch_law.factor(pitch) / p.gain_doubling_pitch
 
 
 def gust_pitch_rate(turbine: Turbine, parameters: BaselineParameters, wind: float) -> float:
@@ -221,7 +214,7 @@ def _report(turbine: Turbine, parameters: BaselineParameters) -> LoopReport:
     every = [mode for modes in by_wind for mode in modes]
     speed = [mode for mode in every if mode.tower_share < 0.5 or mode.damping < 0.0]
     tower = [mode for mode in every if mode.tower_share >= 0.5]
-    winds = () if _grows(speed) else checked[:: len(checked) // 4]
+    winds = () if any(mode.damping < 0.0 for mode in speed) else checked[:: len(checked) // 4]
     rates = [gust_pitch_rate(turbine, parameters, wind) for wind in winds]
     rises = [gust_speed_rise(turbine, parameters, wind) for wind in winds]
     return LoopReport(
@@ -231,10 +224,6 @@ def _report(turbine: Turbine, parameters: BaselineParameters) -> LoopReport:
         max(rates, default=0.0) / turbine.pitch.max_rate,
         max(rises, default=0.0),
     )
-
-
-def _grows(modes: list[LoopMode]) -> bool:
-    return any(mode.damping < 0.0 for mode in modes)
 
 
 def check_speed_loop(turbine: Turbine, parameters: BaselineParameters) -> LoopReport | None:

@@ -22,6 +22,7 @@ import json
 import math
 from dataclasses import replace
 from functools import cache, lru_cache
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,24 +45,16 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 
-def _field(name: str) -> Callable[[Turbine], float]:
-    """A number of the turbine's own controller."""
-    return lambda turbine: float(getattr(BaselineParameters.from_turbine(turbine), name))
+def _own(name: str, row: str = "") -> Callable[[Turbine], float | None]:
+    """A number of the turbine's own controller; with a table of gains the first one of a row, None without a row."""
 
-
-def _gain(row: str, otherwise: str) -> Callable[[Turbine], float]:
-    """First gain of the table, or that without a table."""
-
-    def in_use(turbine: Turbine) -> float:
+    def in_use(turbine: Turbine) -> float | None:
         made = BaselineParameters.from_turbine(turbine)
-        return float(getattr(made, otherwise) if made.gain_table is None else getattr(made.gain_table, row)[0])
+        if made.gain_table is not None and name in ("proportional_gain", "integral_gain", "gain_doubling_pitch"):
+            return float(getattr(made.gain_table, row)[0]) if row else None
+        return float(attrgetter(name)(made))
 
     return in_use
-
-
-def _doubling(turbine: Turbine) -> float | None:
-    made = BaselineParameters.from_turbine(turbine)
-    return made.gain_doubling_pitch if made.gain_table is None else None
 
 
 def _pole(name: str) -> Callable[[Turbine], float | None]:
@@ -72,10 +65,6 @@ def _pole(name: str) -> Callable[[Turbine], float | None]:
         return float(getattr(design_point(turbine), name)) if by_rule else None
 
     return in_use
-
-
-def _region_2_gain(turbine: Turbine) -> float:
-    return BaselineParameters.from_turbine(turbine).torque.region_2_gain
 
 
 def _tip_speed_ratio(turbine: Turbine) -> float:
@@ -102,15 +91,15 @@ class OwnOptions(Options):
     kp: float | None = option(
         "proportional gain from generator speed to pitch at zero pitch, or at the first of a table, whose other gains "
         "keep their ratio to it", default=None, unit="s", low=0.0, otherwise=_ITS_OWN,
-        in_use=_gain("proportional", "proportional_gain"),
+        in_use=_own("proportional_gain", "proportional"),
     )  # fmt: skip
     ki: float | None = option(
         "integral gain from generator speed to pitch, likewise", default=None, unit="-", low=0.0, above=True,
-        otherwise=_ITS_OWN, in_use=_gain("integral", "integral_gain"),
+        otherwise=_ITS_OWN, in_use=_own("integral_gain", "integral"),
     )  # fmt: skip
     gain_doubling_pitch: float | None = option(
         "pitch at which the gains are halved; takes the place of a table", default=None, unit="rad", low=0.0,
-        above=True, otherwise=_ITS_OWN, in_use=_doubling,
+        above=True, otherwise=_ITS_OWN, in_use=_own("gain_doubling_pitch"),
     )  # fmt: skip
     natural_frequency: float | None = option(
         "of the speed loop: gains by rule in place of published ones", default=None, unit="rad/s", low=0.0, above=True,
@@ -122,31 +111,31 @@ class OwnOptions(Options):
     )  # fmt: skip
     corner_frequency: float | None = option(
         "of the low-pass filter on the generator speed", default=None, unit="rad/s", low=0.0, above=True,
-        otherwise=_ITS_OWN, in_use=_field("corner_frequency"),
+        otherwise=_ITS_OWN, in_use=_own("corner_frequency"),
     )  # fmt: skip
     filter_damping: float | None = option(
         "of that filter; 0: first order", default=None, unit="-", low=0.0, otherwise=_ITS_OWN,
-        in_use=_field("filter_damping"),
+        in_use=_own("filter_damping"),
     )  # fmt: skip
     notch_frequency: float | None = option(
         "of a notch before that filter; 0: none", default=None, unit="rad/s", low=0.0, otherwise=_ITS_OWN,
-        in_use=_field("notch_frequency"),
+        in_use=_own("notch_frequency"),
     )  # fmt: skip
     reference_speed: float | None = option(
         "generator speed that is held above rated", default=None, unit="rad/s", low=0.0, above=True,
-        otherwise=_ITS_OWN, in_use=_field("reference_speed"),
+        otherwise=_ITS_OWN, in_use=_own("reference_speed"),
     )  # fmt: skip
     min_pitch: float | None = option(
         "least pitch, of a controller with a torque curve", default=None, unit="rad", low=-math.pi, high=math.pi,
-        otherwise=_ITS_OWN, in_use=_field("min_pitch"), only_of=_has_torque_curve,
+        otherwise=_ITS_OWN, in_use=_own("min_pitch"), only_of=_has_torque_curve,
     )  # fmt: skip
     region_3_min_pitch: float | None = option(
         "pitch from which on region 3 holds, of a controller with a torque curve", default=None, unit="rad",
-        low=-math.pi, high=math.pi, otherwise=_ITS_OWN, in_use=_field("region_3_min_pitch"), only_of=_has_torque_curve,
+        low=-math.pi, high=math.pi, otherwise=_ITS_OWN, in_use=_own("region_3_min_pitch"), only_of=_has_torque_curve,
     )  # fmt: skip
     region_2_gain: float | None = option(
         "torque over generator speed squared below rated, of a torque curve", default=None, unit="N m s²/rad²",
-        low=0.0, above=True, otherwise=_ITS_OWN, in_use=_region_2_gain, only_of=_has_torque_curve,
+        low=0.0, above=True, otherwise=_ITS_OWN, in_use=_own("torque.region_2_gain"), only_of=_has_torque_curve,
     )  # fmt: skip
     tip_speed_ratio: float | None = option(
         "ratio that is run at below rated", default=None, unit="-", low=0.0, above=True, otherwise=_ITS_OWN,
@@ -160,12 +149,9 @@ class OwnOptions(Options):
 
 
 def own_parameters(turbine: Turbine, **parameters: Any) -> BaselineParameters:
-    """Constants of pitch law, filter and limits of a turbine's own controller, some of them chosen.
+    """Constants of pitch law, filter and limits of a turbine's own controller, with parameters of `OwnOptions`.
 
-    Parameters
-    ----------
-    **parameters
-        Of `OwnOptions`; those of the torque below rated have no effect here.
+    Those of the torque below rated have no effect here.
     """
     o = OwnOptions(**parameters)
     made = BaselineParameters.from_turbine(turbine)
@@ -196,47 +182,26 @@ def _scaled(table: GainTable, kp: float | None, ki: float | None) -> GainTable:
 
 
 def own_controller(turbine: Turbine, **parameters: Any) -> Controller:
-    """Make the turbine's own controller and look at its loop, above rated and below.
+    """Make the turbine's own controller with parameters of `OwnOptions`, and look at its loop, above rated and below.
 
     See `wt_gym.control.stability`. Where the published numbers of a controller that estimates the wind leave a growing
     mode below rated, its torque gains are those by rule, else its least pitch, else both, with a warning.
-
-    Parameters
-    ----------
-    **parameters
-        Of `OwnOptions`.
 
     Raises
     ------
     wt_gym.base.errors.ControllerError
         If the closed loop is unstable.
     ValueError
-        For a parameter that the turbine's controller does not have.
+        For parameters that say the same.
     """
-    o, tracks = OwnOptions(**parameters), tracks_tip_speed_ratio(turbine)
-    if tracks and (unused := [name for name in ("min_pitch", "region_3_min_pitch") if name in parameters]):
-        raise ValueError(
-            f"{' and '.join(unused)} must be left out for {turbine.name}, whose controller has a least pitch over the "
-            f"estimated wind and no region 3 by pitch; thrust_limit changes that least pitch"
-        )
-    made = own_parameters(turbine, **parameters)
+    o, made = OwnOptions(**parameters), own_parameters(turbine, **parameters)
     check_speed_loop(turbine, made)
-    if tracks:
-        if o.region_2_gain is not None:
-            raise ValueError(
-                f"region_2_gain must be left out for {turbine.name}, whose controller tracks the tip-speed ratio: give "
-                f"tip_speed_ratio, got region_2_gain={o.region_2_gain!r}"
-            )
+    if tracks_tip_speed_ratio(turbine):
         tracked = {"tip_speed_ratio": o.tip_speed_ratio, "thrust_limit": o.thrust_limit}
         stable, _, note = _stable(turbine, made, tuple((k, v) for k, v in tracked.items() if v is not None))
         if note:
             warn_once(note, stacklevel=2)
         return TsrTrackingController(stable, _estimator(turbine, stable))
-    if o.thrust_limit is not None:
-        raise ValueError(
-            f"thrust_limit must be left out for {turbine.name}, whose controller estimates no wind: give it to "
-            f"'tsr_tracking', got thrust_limit={o.thrust_limit!r}"
-        )
     gain = o.region_2_gain
     if gain is not None and o.tip_speed_ratio is not None:
         raise ValueError("region_2_gain and tip_speed_ratio say the same; one of them must be left out")

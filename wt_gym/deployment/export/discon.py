@@ -228,15 +228,7 @@ def _agent(network: Network, seen: list[Seen]) -> list[str]:
 
 
 def c_source(title: str, parts: Parts, network: Network | None = None, seen: list[Seen] | None = None) -> str:
-    """Text of the C99 file.
-
-    Parameters
-    ----------
-    network : Network, optional
-        Of an agent.
-    seen : list of Seen, optional
-        Channels of a reading of the agent.
-    """
+    """Text of the C99 file; the network and the channels that it sees are those of an agent."""
     values = parts.values
     constants = {
         "N_BLADES": parts.turbine.n_blades,
@@ -298,14 +290,11 @@ def c_source(title: str, parts: Parts, network: Network | None = None, seen: lis
 class Entry:
     """One parameter."""
 
-    name: str
-    """Of the field in the C structure and of the line in the file."""
+    name: str  #: of the field in the C structure and of the line in the file
     unit: str
     meaning: str
-    group: str = ""
-    """Part of the controller that it belongs to; "" for what the file does not show."""
-    low: float = -math.inf
-    """Least value that the library accepts from the file."""
+    group: str = ""  #: part of the controller that it belongs to; "" for what the file does not show
+    low: float = -math.inf  #: least value that the library accepts from the file
     high: float = math.inf
 
 
@@ -493,15 +482,7 @@ PARAMETERS = (
 
 
 def parameter_file(title: str, groups: set[str], values: dict[str, float | list[float]]) -> str:
-    """Text of a parameter file.
-
-    Parameters
-    ----------
-    groups : set of str
-        That the controller has.
-    values : dict
-        By name.
-    """
+    """Text of a parameter file: the values by name of the groups that a controller has."""
     lines = [f"# {title}", "# name = value(s)  # unit, meaning; what is left out is as it was exported", ""]
     for entry in PARAMETERS:
         if entry.group in groups:
@@ -527,8 +508,6 @@ def export_discon(
 
     Parameters
     ----------
-    choice : str
-        Name of a controller or a trained agent.
     turbine : str or Turbine, optional
         Of a controller, by default the NREL 5-MW; that of an agent is the one of its training.
     interval : float, optional
@@ -553,10 +532,8 @@ def export_discon(
 
     Raises
     ------
-    ValueError
-        For what cannot be exported, with what can.
-    wt_gym.bridges.compiler.CompilerError
-        If there is no compiler.
+    ValueError, wt_gym.bridges.compiler.CompilerError
+        For what cannot be exported, with what can; if there is no compiler.
     """
     name = parse_name(choice)
     network: Network | None = None

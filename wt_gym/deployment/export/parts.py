@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.control import NacelleAnemometer
-from wt_gym.control.bladed.records import MOST_LIDAR_POINTS
+from wt_gym.control.bladed.records import check_points
 from wt_gym.control.controllers import (
     STATES,
     DisconController,
@@ -65,10 +65,8 @@ class LinearPitch:
     """Linear optimal pitch as the C source has it."""
 
     design: LinearDesign
-    sign: float
-    """Of accelerations to the side."""
-    bins: tuple[tuple[int, int], ...]
-    """Of delays, over which an agent sees means of the disturbances."""
+    sign: float  #: of accelerations to the side
+    bins: tuple[tuple[int, int], ...]  #: of delays, over which an agent sees means of the disturbances
 
 
 @dataclass
@@ -76,27 +74,16 @@ class Parts:
     """What a controller, and an agent on it, put into the C source."""
 
     turbine: Turbine
-    values: dict[str, float | list[float]] = field(default_factory=dict)
-    """Of `wt_gym.deployment.export.discon.PARAMETERS`, numbers or lists."""
-    groups: set[str] = field(default_factory=lambda: {"all", "base"})
-    """Of parameters."""
-    constants: dict[str, int] = field(default_factory=dict)
-    """Whole numbers of the preprocessor, by name."""
-    additions: list[str] = field(default_factory=list)
-    """Names of the C source, in the order in which they act."""
-    tables: dict[str, RotorTable] = field(default_factory=dict)
-    """Rotor tables by the name in the C source."""
-    reads: dict[str, set[str]] = field(default_factory=dict)
-    """Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD",
-    "SUPERVISOR"."""
+    values: dict[str, float | list[float]] = field(default_factory=dict)  #: of `discon.PARAMETERS`
+    groups: set[str] = field(default_factory=lambda: {"all", "base"})  #: of parameters
+    constants: dict[str, int] = field(default_factory=dict)  #: whole numbers of the preprocessor, by name
+    additions: list[str] = field(default_factory=list)  #: names of the C source, in the order in which they act
+    tables: dict[str, RotorTable] = field(default_factory=dict)  #: rotor tables by the name in the C source
+    reads: dict[str, set[str]] = field(default_factory=dict)  #: readings by who needs them, of `discon._USERS`
     linear: LinearPitch | None = None
-    """Arrays of linear optimal pitch."""
-    lidar: Lidar | None = None
-    """That is read, with its beams apart where an agent reads them."""
+    lidar: Lidar | None = None  #: with its beams apart where an agent reads them
     feedforward: LidarFeedforward | None = None
-    """That moves the collective pitch."""
     supervisor: Supervisor | None = None
-    """That starts and stops the turbine."""
 
     def parks_in(self, wind: float) -> bool:
         """Whether the turbine stands at a start in a wind [m/s]."""
@@ -146,12 +133,7 @@ class Parts:
     def take_lidar(self, lidar: Lidar, apart: bool = False) -> None:
         """Take the lidar that a controller or an agent reads, its beams apart or not."""
         lidar = replace(lidar, apart=apart)
-        if lidar.n_readings > MOST_LIDAR_POINTS:
-            what = "beams over all gates" if apart else "gates"
-            raise ValueError(
-                f"a lidar to be exported must have at most {MOST_LIDAR_POINTS} {what}, for which the Bladed interface "
-                f"has records, got {lidar.n_readings}"
-            )
+        check_points(lidar, "to be exported")
         self.groups.add("lidar")
         self.lidar = lidar
         self.values["lidar_speed_factor"] = 1.0
@@ -475,24 +457,17 @@ KINDS = (
 class Seen:
     """One channel of a reading."""
 
-    kind: str
-    """Of `KINDS`."""
-    index: int
-    """Blade, coordinate or component, from 0."""
+    kind: str  #: of `KINDS`
+    index: int  #: blade, coordinate or component, from 0
     channel: Any
-    reads: set[str]
-    """Readings that it needs."""
-    washed: bool = False
-    """Whether it passes the high-pass filter of the observation."""
+    reads: set[str]  #: readings that it needs
+    washed: bool = False  #: whether it passes the high-pass filter of the observation
 
 
 def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
     """Channels of one reading, in order, without those of earlier readings.
 
-    Parameters
-    ----------
-    hold_missing : bool
-        Whether channels that the interface does not have are held at the middle of their scale.
+    Those that the interface does not have are held at the middle of their scale if ``hold_missing``.
     """
     found = [
         replace(_seen(channel, layout), washed=channel.name in layout.washed)
@@ -532,18 +507,8 @@ def _n_pitch(layout: EnvLayout) -> int:
 
 
 def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Seen]) -> None:
-    """Add an agent to the parts of its base controller.
-
-    Parameters
-    ----------
-    parts : Parts
-        Changed.
-    env : WindTurbineEnv
-        In which it was trained.
-    """
+    """Add an agent to the parts of its base controller, with the environment in which it was trained."""
     layout, action, residual = env.layout, env.layout.action, env.operation.residual
-    if action.mode != "residual":
-        raise ValueError(f"an agent must have residual actions to be exported as a controller, got {action.mode!r}")
     parts.groups.add("agent")
     n_pitch, torque = _n_pitch(layout), "torque" in action.components
     forms = "none", "collective", "individual", "fixed-frame", "cyclic"
@@ -581,7 +546,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
     if n_pitch and action.pitch != "collective":
         parts.constants["INDIVIDUAL_BLADES"] = 1
     parts.take_fade(residual._fade if residual is not None else None, "FADE_AGENT", "offset", "agent")
-    spans = action._spans
+    spans = action.spans
     parts.values |= {
         "agent": 1.0,
         "control_step": layout.control_dt,
