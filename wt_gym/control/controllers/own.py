@@ -39,14 +39,12 @@ from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from wt_gym.control.controllers.controller import Controller
     from wt_gym.turbines import Turbine
 
 
-def _own(name: str, row: str = "") -> Callable[[Turbine], float | None]:
-    """A number of the turbine's own controller; with a table of gains the first one of a row, None without a row."""
+def _own(meaning: str, unit: str, name: str, row: str = "", **more: Any) -> Any:
+    """Option that is the turbine's own number by default; with a table of gains the first one of a row, or none."""
 
     def in_use(turbine: Turbine) -> float | None:
         made = BaselineParameters.from_turbine(turbine)
@@ -54,17 +52,22 @@ def _own(name: str, row: str = "") -> Callable[[Turbine], float | None]:
             return float(getattr(made.gain_table, row)[0]) if row else None
         return float(attrgetter(name)(made))
 
-    return in_use
+    limits = {"low": 0.0, "in_use": in_use} | more
+    return option(meaning, default=None, unit=unit, otherwise="the turbine's own", **limits)
 
 
-def _pole(name: str) -> Callable[[Turbine], float | None]:
+def _pole(name: str, unit: str) -> Any:
     """Frequency or damping ratio of gains by rule; None where gains are published."""
 
     def in_use(turbine: Turbine) -> float | None:
         by_rule = turbine.control is None or turbine.control.gain_pitch is None
         return float(getattr(design_point(turbine), name)) if by_rule else None
 
-    return in_use
+    meaning, otherwise = (
+        "of the speed loop: gains by rule in place of published ones",
+        "gains as published, else by rule",
+    )
+    return option(meaning, default=None, unit=unit, low=0.0, above=True, otherwise=otherwise, in_use=in_use)
 
 
 def _tip_speed_ratio(turbine: Turbine) -> float:
@@ -78,8 +81,7 @@ def _has_torque_curve(turbine: Turbine) -> bool:
     return not tracks_tip_speed_ratio(turbine)
 
 
-_ITS_OWN = "the turbine's own"
-_BY_POLES = "gains as published, else by rule"
+_ANGLES: dict[str, Any] = {"low": -math.pi, "high": math.pi, "only_of": _has_torque_curve}
 
 
 @option_record
@@ -88,59 +90,40 @@ class OwnOptions(Options):
 
     title = "discon"
 
-    kp: float | None = option(
+    kp: float | None = _own(
         "proportional gain from generator speed to pitch at zero pitch, or at the first of a table, whose other gains "
-        "keep their ratio to it", default=None, unit="s", low=0.0, otherwise=_ITS_OWN,
-        in_use=_own("proportional_gain", "proportional"),
+        "keep their ratio to it", "s", "proportional_gain", "proportional",
     )  # fmt: skip
-    ki: float | None = option(
-        "integral gain from generator speed to pitch, likewise", default=None, unit="-", low=0.0, above=True,
-        otherwise=_ITS_OWN, in_use=_own("integral_gain", "integral"),
+    ki: float | None = _own(
+        "integral gain from generator speed to pitch, likewise", "-", "integral_gain", "integral", above=True
+    )
+    gain_doubling_pitch: float | None = _own(
+        "pitch at which the gains are halved; takes the place of a table", "rad", "gain_doubling_pitch", above=True
+    )
+    natural_frequency: float | None = _pole("natural_frequency", "rad/s")
+    damping_ratio: float | None = _pole("damping_ratio", "-")
+    corner_frequency: float | None = _own(
+        "of the low-pass filter on the generator speed", "rad/s", "corner_frequency", above=True
+    )
+    filter_damping: float | None = _own("of that filter; 0: first order", "-", "filter_damping")
+    notch_frequency: float | None = _own("of a notch before that filter; 0: none", "rad/s", "notch_frequency")
+    reference_speed: float | None = _own(
+        "generator speed that is held above rated", "rad/s", "reference_speed", above=True
+    )
+    min_pitch: float | None = _own("least pitch, of a controller with a torque curve", "rad", "min_pitch", **_ANGLES)
+    region_3_min_pitch: float | None = _own(
+        "pitch from which on region 3 holds, of a controller with a torque curve",
+        "rad",
+        "region_3_min_pitch",
+        **_ANGLES,
+    )
+    region_2_gain: float | None = _own(
+        "torque over generator speed squared below rated, of a torque curve", "N m s²/rad²", "torque.region_2_gain",
+        above=True, only_of=_has_torque_curve,
     )  # fmt: skip
-    gain_doubling_pitch: float | None = option(
-        "pitch at which the gains are halved; takes the place of a table", default=None, unit="rad", low=0.0,
-        above=True, otherwise=_ITS_OWN, in_use=_own("gain_doubling_pitch"),
-    )  # fmt: skip
-    natural_frequency: float | None = option(
-        "of the speed loop: gains by rule in place of published ones", default=None, unit="rad/s", low=0.0, above=True,
-        otherwise=_BY_POLES, in_use=_pole("natural_frequency"),
-    )  # fmt: skip
-    damping_ratio: float | None = option(
-        "of the speed loop: gains by rule in place of published ones", default=None, unit="-", low=0.0, above=True,
-        otherwise=_BY_POLES, in_use=_pole("damping_ratio"),
-    )  # fmt: skip
-    corner_frequency: float | None = option(
-        "of the low-pass filter on the generator speed", default=None, unit="rad/s", low=0.0, above=True,
-        otherwise=_ITS_OWN, in_use=_own("corner_frequency"),
-    )  # fmt: skip
-    filter_damping: float | None = option(
-        "of that filter; 0: first order", default=None, unit="-", low=0.0, otherwise=_ITS_OWN,
-        in_use=_own("filter_damping"),
-    )  # fmt: skip
-    notch_frequency: float | None = option(
-        "of a notch before that filter; 0: none", default=None, unit="rad/s", low=0.0, otherwise=_ITS_OWN,
-        in_use=_own("notch_frequency"),
-    )  # fmt: skip
-    reference_speed: float | None = option(
-        "generator speed that is held above rated", default=None, unit="rad/s", low=0.0, above=True,
-        otherwise=_ITS_OWN, in_use=_own("reference_speed"),
-    )  # fmt: skip
-    min_pitch: float | None = option(
-        "least pitch, of a controller with a torque curve", default=None, unit="rad", low=-math.pi, high=math.pi,
-        otherwise=_ITS_OWN, in_use=_own("min_pitch"), only_of=_has_torque_curve,
-    )  # fmt: skip
-    region_3_min_pitch: float | None = option(
-        "pitch from which on region 3 holds, of a controller with a torque curve", default=None, unit="rad",
-        low=-math.pi, high=math.pi, otherwise=_ITS_OWN, in_use=_own("region_3_min_pitch"), only_of=_has_torque_curve,
-    )  # fmt: skip
-    region_2_gain: float | None = option(
-        "torque over generator speed squared below rated, of a torque curve", default=None, unit="N m s²/rad²",
-        low=0.0, above=True, otherwise=_ITS_OWN, in_use=_own("torque.region_2_gain"), only_of=_has_torque_curve,
-    )  # fmt: skip
-    tip_speed_ratio: float | None = option(
-        "ratio that is run at below rated", default=None, unit="-", low=0.0, above=True, otherwise=_ITS_OWN,
-        in_use=_tip_speed_ratio,
-    )  # fmt: skip
+    tip_speed_ratio: float | None = _own(
+        "ratio that is run at below rated", "-", "", above=True, in_use=_tip_speed_ratio
+    )
     thrust_limit: float | None = option(
         "largest steady thrust over the peak that it has without a limit, of a controller that estimates the wind",
         default=None, unit="-", low=0.0, high=1.0, above=True, otherwise="the published least pitch, if any",
