@@ -5,6 +5,7 @@ import importlib.util
 import math
 import pickle
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -293,24 +294,24 @@ def stood(turbine):
     return {"rotor_speed": 0.0, "pitch": feather, "generator_torque": 0.0}, Demand(np.full(3, feather), 0.0, 0.0)
 
 
+def flown(simulator, controller, start, demand, until):
+    """Time, rotor speed, power and pitch after each step of a controller, and its demands of pitch, each (n,)."""
+    signals, rows = simulator.reset(**start), []
+    controller.start(signals, demand)
+    while signals["time"] < until - 1e-6:
+        demand = controller.step(signals, 0.1)
+        signals = simulator.advance(0.1, demand.pitch, 0.0, demand.generator_torque)
+        rows.append([*(signals[c] for c in ("time", "rotor_speed", "generator_power", "pitch_1")), demand.pitch[0]])
+    return np.array(rows).T
+
+
 @needs_rosco
 def test_rosco_starts_a_parked_turbine_in_stages_up_to_rated():
     """At a tenth of its durations: a wait of 12 s, free-wheeling for 20 s at 6.9 rpm, a fifth of the load, all."""
     simulator = Simulator(TURBINE, SteadyInflow(14.0, TURBINE.hub_height), "training")
     controller = make_controller("rosco", TURBINE, start_stop=True, time_scale=0.1)
-    start, demand = stood(TURBINE)
-    signals = simulator.reset(**start)
-    controller.start(signals, demand)
-    times, speeds, powers = [], [], []
-    while signals["time"] < 130.0 - 1e-6:
-        demand = controller.step(signals, 0.1)
-        if signals["time"] < 11.9:
-            assert demand.pitch == pytest.approx([0.5 * math.pi] * 3, abs=2e-3)
-        signals = simulator.advance(0.1, demand.pitch, 0.0, demand.generator_torque)
-        times.append(signals["time"])
-        speeds.append(signals["rotor_speed"])
-        powers.append(signals["generator_power"])
-    times, speeds, powers = map(np.array, (times, speeds, powers))
+    times, speeds, powers, _, demanded = flown(simulator, controller, *stood(TURBINE), 130.0)
+    np.testing.assert_allclose(demanded[times < 11.9], 0.5 * math.pi, atol=2e-3)
     loaded = times[np.argmax(powers > 1e4)]
     least = 0.7226  # of the turbine [rad/s]
     assert times[np.argmax(speeds > 0.95 * least)] + 20.0 < loaded < 70.0
@@ -329,15 +330,9 @@ def test_rosco_stops_above_cut_out_for_good():
     )  # fmt: skip
     controller = make_controller("rosco", TURBINE, start_stop=True, time_scale=0.02)
     assert [controller.runs_in(wind) for wind in (2.0, 3.0, 25.0, 26.0)] == [False, True, True, False]
-    simulator, record = Simulator(TURBINE, inflow, "training"), []
-    point = operating_point(TURBINE, 24.0)
-    signals = simulator.reset(rotor_speed=point.rotor_speed, pitch=point.pitch, generator_torque=point.generator_torque)
-    controller.start(signals, Demand(np.full(3, point.pitch), 0.0, point.generator_torque))
-    while signals["time"] < 150.0:
-        demand = controller.step(signals, 0.1)
-        signals = simulator.advance(0.1, demand.pitch, 0.0, demand.generator_torque)
-        record.append([signals["time"], signals["pitch_1"], signals["generator_power"], signals["rotor_speed"]])
-    time, pitch, power, speed = np.array(record).T
+    start = asdict(operating_point(TURBINE, 24.0))
+    demand = Demand(np.full(3, start["pitch"]), 0.0, start["generator_torque"])
+    time, speed, power, pitch, _ = flown(Simulator(TURBINE, inflow, "training"), controller, start, demand, 150.0)
     assert power[time < 15.0] == pytest.approx(5e6, rel=0.03)
     stops = time[np.argmax(power < 4.5e6)]
     assert 15.0 < stops < 40.0

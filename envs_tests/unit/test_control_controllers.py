@@ -12,22 +12,16 @@ from scipy.linalg import eigh
 from wt_gym.base.angles import wrapped
 from wt_gym.base.errors import ControllerError
 from wt_gym.control import Demand, LowPass, Notch
+from wt_gym.control.bladed.records import channels_read
 from wt_gym.control.controllers import (
     COMPILED,
     CONTROLLERS,
-    AboveRated,
     BaselineParameters,
     Combined,
     DisconController,
-    FadeParameters,
-    ForeAftDamper,
-    HarmonicPitch,
-    HarmonicPitchParameters,
-    IndividualPitch,
     RotorTable,
-    SideSideDamper,
     WindEstimator,
-    YawByDeadBand,
+    additions,
     checked_demand,
     controller_parameters,
     from_harmonic,
@@ -57,22 +51,9 @@ def turbine():
 
 def readings(**changes):
     """Every channel that a controller reads, at a plausible point above rated."""
-    values = {
-        "generator_speed": RATED * 97,
-        "rotor_speed": RATED,
-        "generator_torque": 43_093.5,
-        "generator_power": 5e6,
-        "azimuth": 0.4,
-        "yaw_error": 0.0,
-        "nacelle_acceleration_fore_aft": 0.0,
-        "nacelle_acceleration_side_side": 0.0,
-        "lidar_1": 15.0,
-        "lidar_2": 15.0,
-        "lidar_3": 15.0,
-        "time": 0.0,
-        "wind_x": 15.0,
-        "wind_y": 0.0,
-    }
+    values = dict.fromkeys(channels_read(3), 0.0) | dict.fromkeys(("wind_x", "lidar_1", "lidar_2", "lidar_3"), 15.0)
+    values |= {"generator_speed": RATED * 97, "rotor_speed": RATED, "azimuth": 0.4}
+    values |= {"generator_torque": 43_093.5, "generator_power": 5e6}
     for blade, moment in enumerate((8e6, 6e6, 5e6), start=1):
         values |= {f"root_flap_moment_{blade}": moment, f"pitch_{blade}": 0.2}
     return values | changes
@@ -195,7 +176,9 @@ def test_coordinates_of_the_fixed_frame_and_back(n_blades):
 
 
 def test_fade(turbine):
-    fade = AboveRated.of_turbine(turbine, FadeParameters(pitch=(0.01, 0.05), speed=(0.8, 0.9), time_constant=5.0))
+    fade = additions.AboveRated.of_turbine(
+        turbine, additions.FadeParameters(pitch=(0.01, 0.05), speed=(0.8, 0.9), time_constant=5.0)
+    )
     fade.start(0.0)
     low_pass = LowPass(5.0)
     low_pass.reset(0.0)
@@ -208,11 +191,13 @@ def test_fade(turbine):
 
 
 def test_a_fade_by_its_end(turbine):
-    assert AboveRated.of_turbine(turbine, 0.03).parameters == FadeParameters(pitch=(0.005, 0.03))
-    assert AboveRated.of_turbine(turbine, math.radians(3.0)).parameters == FadeParameters()  # the default
-    assert AboveRated.of_turbine(turbine, False) is None
+    assert additions.AboveRated.of_turbine(turbine, 0.03).parameters == additions.FadeParameters(pitch=(0.005, 0.03))
+    assert (
+        additions.AboveRated.of_turbine(turbine, math.radians(3.0)).parameters == additions.FadeParameters()
+    )  # the default
+    assert additions.AboveRated.of_turbine(turbine, False) is None
     with pytest.raises(ValueError, match="fade pitch must be two rising numbers"):
-        FadeParameters(pitch=(0.02, 0.02))
+        additions.FadeParameters(pitch=(0.02, 0.02))
     early = make_controller("ipc+tower_dampers", turbine, ipc__fade=0.01, fore_aft_damper__fade=False)
     assert early.additions[0].fade.parameters.pitch[1] == 0.01
     assert early.additions[1].fade is None
@@ -225,8 +210,8 @@ def test_a_fade_by_its_end(turbine):
 
 
 def test_integral_pitch_follows_its_formula():
-    p = HarmonicPitchParameters(integral_gain=4e-9, limit=1.0, rate_limit=1.0)
-    law = HarmonicPitch(p)
+    p = additions.HarmonicPitchParameters(integral_gain=4e-9, limit=1.0, rate_limit=1.0)
+    law = additions.HarmonicPitch(p)
     moments = 1e6 * (8.0 + from_harmonic(2.0, -1.0, 0.7))
     for k in range(1, 6):
         pitch = law.step(moments, 0.7, 0.1, lead=0.2)
@@ -235,7 +220,9 @@ def test_integral_pitch_follows_its_formula():
 
 
 def test_proportional_part():
-    law = HarmonicPitch(HarmonicPitchParameters(integral_gain=4e-9, proportional_gain=1e-9, limit=1.0, rate_limit=10.0))
+    law = additions.HarmonicPitch(
+        additions.HarmonicPitchParameters(integral_gain=4e-9, proportional_gain=1e-9, limit=1.0, rate_limit=10.0)
+    )
     moments = 1e6 * from_harmonic(2.0, 0.0, 0.0)
     law.step(moments, 0.0, 0.1)
     law.step(moments, 0.0, 0.1)
@@ -245,7 +232,7 @@ def test_proportional_part():
 
 
 def test_limits_hold_and_do_not_wind_up():
-    law = HarmonicPitch(HarmonicPitchParameters(integral_gain=1e-7, limit=0.05, rate_limit=0.02))
+    law = additions.HarmonicPitch(additions.HarmonicPitchParameters(integral_gain=1e-7, limit=0.05, rate_limit=0.02))
     up = 1e6 * from_harmonic(3.0, 4.0, 0.0)
     before = law.pitch
     for _ in range(200):
@@ -259,8 +246,8 @@ def test_limits_hold_and_do_not_wind_up():
 
 
 def test_band_is_left_alone_and_its_edge_is_held():
-    p = HarmonicPitchParameters(integral_gain=4e-9, level=1e6, leak=0.1, limit=1.0, rate_limit=1.0)
-    law = HarmonicPitch(p)
+    p = additions.HarmonicPitchParameters(integral_gain=4e-9, level=1e6, leak=0.1, limit=1.0, rate_limit=1.0)
+    law = additions.HarmonicPitch(p)
     law.step(1e6 * from_harmonic(0.6, 0.7, 0.0), 0.0, 0.1)
     assert not law.pitch.any()
     law.step(1e6 * from_harmonic(1.2, 1.6, 0.0), 0.0, 0.1)  # norm 2: half of it is beyond the band
@@ -272,13 +259,15 @@ def test_band_is_left_alone_and_its_edge_is_held():
 
 def test_a_share_holds_for_gains_and_limit():
     """Half of it halves the rate of the integral, the proportional part and the room; at none the pitch returns."""
-    parameters = HarmonicPitchParameters(integral_gain=4e-9, proportional_gain=1e-9, limit=0.05, rate_limit=0.02)
+    parameters = additions.HarmonicPitchParameters(
+        integral_gain=4e-9, proportional_gain=1e-9, limit=0.05, rate_limit=0.02
+    )
     moments = 1e6 * from_harmonic(3.0, 4.0, 0.0)
-    law = HarmonicPitch(replace(parameters, rate_limit=1.0))
+    law = additions.HarmonicPitch(replace(parameters, rate_limit=1.0))
     law.step(moments, 0.0, 0.1, share=0.5)
     assert law.pitch == pytest.approx(np.array([3e6, 4e6]) * 0.5 * (0.1 * 4e-9 + 1e-9))
     assert law.moment == pytest.approx([3e6, 4e6])
-    law = HarmonicPitch(parameters)
+    law = additions.HarmonicPitch(parameters)
     for _ in range(300):
         law.step(moments, 0.0, 0.1, share=0.5)
     assert law.pitch == pytest.approx([0.015, 0.02])
@@ -290,31 +279,31 @@ def test_a_share_holds_for_gains_and_limit():
 
 
 def test_individual_pitch_feathers_the_loaded_blade_fades_and_keeps_the_lower_limit(turbine):
-    addition = IndividualPitch(turbine)
+    addition = additions.IndividualPitch(turbine)
     addition.start(readings())
     assert not addition.step(readings(), 0.1, demand(pitch=0.0)).pitch.any()
     addition.start(readings())
     above = addition.step(readings(), 0.1, demand())
     assert above.pitch.mean() == pytest.approx(0.2)
     assert np.argmax(above.pitch) == 0
-    strong = IndividualPitch(turbine, fade=False, bandwidth=50.0)
+    strong = additions.IndividualPitch(turbine, fade=False, bandwidth=50.0)
     strong.start(readings())
     assert min(strong.step(readings(), 0.1, demand(pitch=0.01)).pitch.min() for _ in range(50)) == 0.0
     with pytest.raises(ValueError, match="at least 3 blades"):
-        IndividualPitch(replace(turbine, n_blades=2))
+        additions.IndividualPitch(replace(turbine, n_blades=2))
 
 
 @pytest.mark.parametrize(("frequency", "damping"), [(None, 1.0), (10.0, 1.0), (6.0, 0.6)])
 def test_individual_pitch_leads_by_the_delay_of_the_drive(turbine, frequency, damping):
     drive = replace(turbine.pitch, servo_frequency=frequency, servo_damping=damping)
-    addition = IndividualPitch(replace(turbine, pitch=drive), second_harmonic=0.5, fade=False)
+    addition = additions.IndividualPitch(replace(turbine, pitch=drive), second_harmonic=0.5, fade=False)
     for dt, delay in ((0.1, 0.15 if frequency is None else 0.3), (0.05, 0.075 if frequency is None else 0.25)):
         addition.start(readings())
         made = addition.step(readings(), dt, demand())
         led = 0.4 + RATED * delay
         first, second = (from_harmonic(*h.pitch, led, harmonic=n) for n, h in enumerate(addition.harmonics, start=1))
         assert made.pitch == pytest.approx(0.2 + first + second)
-    own = IndividualPitch(turbine, lead=0.3, fade=False)
+    own = additions.IndividualPitch(turbine, lead=0.3, fade=False)
     own.start(readings())
     made = own.step(readings(), 0.1, demand())
     assert made.pitch == pytest.approx(0.2 + from_harmonic(*own.harmonics[0].pitch, 0.4 + RATED * 0.3))
@@ -324,7 +313,7 @@ def test_parameters_of_individual_pitch_by_rule(turbine):
     """In rated rotor speeds and in 12.35 MN m, the reference flap moment; the second harmonic has half the room."""
     first, second = (
         harmonic.parameters
-        for harmonic in IndividualPitch(
+        for harmonic in additions.IndividualPitch(
             turbine, bandwidth=0.3, proportional_time=2.0, level=0.2, leak_time=8.0, limit=0.06, second_harmonic=0.4
         ).harmonics
     )
@@ -336,7 +325,7 @@ def test_parameters_of_individual_pitch_by_rule(turbine):
         assert harmonic.limit == pytest.approx(room * 0.06)
         assert (harmonic.leak, harmonic.rate_limit) == (0.125, math.radians(1.5))
     assert (first.harmonic, second.harmonic) == (1, 2)
-    assert len(IndividualPitch(turbine).harmonics) == 1
+    assert len(additions.IndividualPitch(turbine).harmonics) == 1
 
 
 # ---- tower ----
@@ -357,7 +346,7 @@ def test_a_damper_adds_the_damping_it_is_asked_for(turbine, kind):
     mass, dt = 350e3 + 33.0 / 140.0 * 347e3, 0.01
     if kind == "fore-aft":
         omega, push, damping, place = 2.0 * math.pi * 0.324, 25.52e6 / 11.4, 0.05, 0.2
-        damper = ForeAftDamper(turbine, damping=damping, limit=1.0, fade=False)
+        damper = additions.ForeAftDamper(turbine, damping=damping, limit=1.0, fade=False)
     else:
         beam = tower_beam(turbine.tower, 20)
         load = np.zeros((beam.n_dof, 2))
@@ -365,7 +354,7 @@ def test_a_damper_adds_the_damping_it_is_asked_for(turbine, kind):
         by_force, by_moment = np.abs(np.linalg.solve(beam.stiffness[6:, 6:], load[6:])[-5])
         omega, damping, place = 2.0 * math.pi * 0.312, 0.03, 0.05
         push = 97.0 * by_moment / by_force * (1.0 if kind == "clockwise" else -1.0)
-        damper = SideSideDamper(replace(turbine, rotation=kind), damping=damping, limit=1.0)
+        damper = additions.SideSideDamper(replace(turbine, rotation=kind), damping=damping, limit=1.0)
     (channel,) = (name for name in damper.channels if "acceleration" in name)
     damper.start(readings())
     velocity, added, peaks = 0.0, 0.0, []
@@ -383,7 +372,7 @@ def test_a_damper_adds_the_damping_it_is_asked_for(turbine, kind):
 
 def test_fore_aft_damper_keeps_the_range_of_the_pitch(turbine):
     """It takes no blade below fine pitch (0 for the 5-MW turbine); where the controller has put one, it stays."""
-    damper = ForeAftDamper(turbine, fade=False)
+    damper = additions.ForeAftDamper(turbine, fade=False)
     top = turbine.pitch.max_pitch
     for acceleration, given, expected in (
         (-9.0, (0.001, -0.01, 0.2), (0.0, -0.01, 0.2 - damper.limit)),
@@ -408,7 +397,7 @@ def test_side_side_damper_keeps_to_its_share_of_the_torque(turbine):
         (9.0, 0.0, 0.0),
         (9.0, 48e3, 48e3),  # what a base demands beyond it is its own affair
     ):
-        damper = SideSideDamper(turbine)
+        damper = additions.SideSideDamper(turbine)
         damper.start(readings())
         for _ in range(5):
             made = damper.step(readings(nacelle_acceleration_side_side=acceleration), 0.1, demand(torque=given))
@@ -421,7 +410,7 @@ def test_side_side_damper_keeps_to_its_share_of_the_torque(turbine):
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_yaw_error_that_is_gone_again_turns_nothing(turbine, side):
     """The filter begins no further out than the dead band, whatever the first reading was."""
-    drive = YawByDeadBand(turbine)
+    drive = additions.YawByDeadBand(turbine)
     drive.start(readings(yaw_error=0.5 * side))
     for _ in range(100):
         assert drive.step(readings(yaw_error=0.05 * side), 0.1, demand()).yaw_rate == 0.0
@@ -431,7 +420,7 @@ def test_a_yaw_error_that_is_gone_again_turns_nothing(turbine, side):
 
 def test_a_yaw_drive_that_stopped_rests_until_the_error_is_large_again(turbine):
     """Its slow filter goes on from what the fast one read: 0.1 rad within a dead band of 0.14 rad never starts it."""
-    drive = YawByDeadBand(turbine)
+    drive = additions.YawByDeadBand(turbine)
     drive.start(readings(yaw_error=0.5))
     assert drive.step(readings(yaw_error=0.5), 0.1, demand()).yaw_rate > 0.0
     while drive.turning:
@@ -442,7 +431,7 @@ def test_a_yaw_drive_that_stopped_rests_until_the_error_is_large_again(turbine):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_yaw_waits_turns_and_stops(turbine, side):
-    drive = YawByDeadBand(turbine)
+    drive = additions.YawByDeadBand(turbine)
     error, turned, waited = side * math.radians(12.0), 0, 0
     drive.start(readings(yaw_error=0.0))
     for _ in range(3000):
@@ -459,7 +448,7 @@ def test_yaw_waits_turns_and_stops(turbine, side):
 
 def test_a_wind_from_behind_turns_the_nacelle_one_way(turbine):
     """Its vane flips between the ends of the scale."""
-    drive, error, total = YawByDeadBand(turbine), math.radians(179.0), 0.0
+    drive, error, total = additions.YawByDeadBand(turbine), math.radians(179.0), 0.0
     drive.start(readings(yaw_error=error))
     rates = set()
     for k in range(6000):
@@ -509,11 +498,15 @@ def test_no_turbine_of_the_catalogue_is_measured_first(name, tmp_path, monkeypat
     assert rotor_table(load_turbine(name)).optimum[1] > 0.2
 
 
+def steady_wind(wind, **changes):
+    """Table of a rotor, its best speed in a wind, and readings in balance, with fine pitch."""
+    table, speed = made_up_table(), 8.0 * wind / 63.0
+    fine = dict.fromkeys(("pitch_1", "pitch_2", "pitch_3"), 0.0)
+    return table, speed, readings(rotor_speed=speed, generator_torque=table.torque(wind, speed, 0.0), **fine | changes)
+
+
 def test_estimator_decays_at_its_bandwidth_for_any_step():
-    table = made_up_table()
-    speed = 8.0 * 9.0 / 63.0
-    moment = table.torque(9.0, speed, 0.0)
-    steady = readings(rotor_speed=speed, generator_torque=moment, pitch_1=0.0, pitch_2=0.0, pitch_3=0.0)
+    table, _, steady = steady_wind(9.0)
     for dt in (0.1, 0.5):
         estimator = WindEstimator(table, 4e7, bandwidth=0.5)
         assert estimator.start(steady) == pytest.approx(9.0, abs=0.25)
@@ -551,20 +544,16 @@ def test_an_estimate_is_held_while_the_rotor_hardly_turns_and_keeps_its_range():
 
 def test_an_estimator_that_reads_the_generator_takes_no_torsion_for_wind():
     """Rotor and generator swing against each other, the momentum of both rests."""
-    table, inertia, share = made_up_table(), 4e7, 0.8
-    speed = 8.0 * 9.0 / 63.0
-    steady = readings(generator_torque=table.torque(9.0, speed, 0.0), pitch_1=0.0, pitch_2=0.0, pitch_3=0.0)
-    largest = {}
+    (table, speed, steady), share, largest = steady_wind(9.0), 0.8, {}
     for reads in (0.0, share):
-        estimator = WindEstimator(table, inertia, generator_share=reads)
-        error = []
+        estimator, error = WindEstimator(table, 4e7, generator_share=reads), []
         for k in range(400):
             swing = 0.01 * math.sin(6.0 * 0.1 * k)
             now = steady | {"rotor_speed": speed + swing, "generator_speed": speed - swing * (1.0 - share) / share}
             error.append(abs((estimator.start(now) if k == 0 else estimator.update(now, 0.1)) - 9.0))
         largest[reads] = max(error[320:])
     assert largest[share] < 1e-6 < 0.2 < largest[0.0]
-    assert "generator_speed" in WindEstimator(table, inertia, generator_share=share).channels
+    assert "generator_speed" in estimator.channels
 
 
 class KnownWind:
@@ -769,17 +758,18 @@ def test_on_another_turbine_tuned_times_go_with_its_turn(turbine):
     assert away == pytest.approx({key: value * (slower if key in times else 1.0) for key, value in home.items()})
 
 
-def test_an_addition_alone_is_no_controller(turbine):
-    for addition in (ForeAftDamper(turbine), IndividualPitch(turbine)):
-        with pytest.raises(TypeError, match=r"a name \(discon, .* got the addition .*: use Combined"):
-            make_controller(addition, turbine)
-        with pytest.raises(TypeError, match="gave the addition"):
-            make_controller(lambda t, made=addition: made, turbine)
-        with pytest.raises(TypeError, match="the base must be a Controller"):
-            Combined(addition)
-        assert make_controller(Combined(DisconController(), addition), turbine).additions == (addition,)
+@pytest.mark.parametrize("kind", [additions.ForeAftDamper, additions.IndividualPitch])
+def test_an_addition_alone_is_no_controller(kind, turbine):
+    addition = kind(turbine)
+    with pytest.raises(TypeError, match=r"a name \(discon, .* got the addition .*: use Combined"):
+        make_controller(addition, turbine)
+    with pytest.raises(TypeError, match="gave the addition"):
+        make_controller(lambda t: addition, turbine)
+    with pytest.raises(TypeError, match="the base must be a Controller"):
+        Combined(addition)
     with pytest.raises(TypeError, match=r"an addition needs channels, start\(signals\)"):
         Combined(DisconController(), DisconController())
+    assert make_controller(Combined(DisconController(), addition), turbine).additions == (addition,)
 
 
 @pytest.mark.parametrize(
@@ -794,11 +784,17 @@ def test_an_addition_alone_is_no_controller(turbine):
         ("ipc:level=0.1,level=0.2", "every parameter must be given once, got level twice"),
         ("yaw:dead_band=-0.1", r"dead_band of controller 'yaw' must be .* above 0 and at most 3.14159 rad, got -0.1"),
         ("yaw:dead_band=0.1,stop=0.1", "stop must be at least 0 and below dead_band, got 0.1 and 0.1 rad"),
-        ("ipc:fade=0.9", r"fade .* true or false, a number from 0.001 to 0.5 rad or a FadeParameters, got 0.9"),
+        (
+            "ipc:fade=0.9",
+            r"fade .* true or false, a number from 0.001 to 0.5 rad or a additions.FadeParameters, got 0.9",
+        ),
         ("lidar:lidar=3", r"lidar .* must be a Lidar or None \(three gates by the rotor's size\), got 3"),
         ("lidar:filter_length=0.6", "nearest gate of the lidar, 63 m"),
         ("discon:ki=0", r"ki of controller 'discon' must be a number above 0 or None"),
-        ("discon:thrust_limit=0.8", "estimates no wind"),
+        (
+            "discon:thrust_limit=0.8",
+            "thrust_limit must be left out for NREL .* of a controller that estimates the wind",
+        ),
         ("discon:region_2_gain=2.0,tip_speed_ratio=8.0", "say the same"),
         ("discon+derate_torque+derate_speed", "the base must be one of them, got a PowerTracking"),
         ("fault_supervisor+fault_supervisor", r"one of .* first, then additions \(.*fault_supervisor\), each once"),
@@ -825,7 +821,7 @@ def test_wrong_arguments_are_named(turbine):
 @pytest.mark.parametrize(
     ("made", "message"),
     [
-        ((0.1, 0.0, 4e4), r"TsrTrackingController \+ YawByDeadBand gave \(0\.1"),
+        ((0.1, 0.0, 4e4), r"TsrTrackingController \+ additions.YawByDeadBand gave \(0\.1"),
         (Demand(np.zeros(2), 0.0, 4e4), r"pitch demand .* must have shape \(3,\), one angle a blade; got \(2,\)"),
         (Demand(0.1, 0.0, 4e4), r"pitch demand .* must have shape \(3,\), one angle a blade; got \(\)"),
         (Demand(np.array([0.1, math.nan, 0.1]), 0.0, 4e4), "must be finite, got"),

@@ -717,7 +717,7 @@ def test_a_lidar_with_more_gates_than_there_are_records_is_refused(tmp_path, mon
     with pytest.raises(ValueError, match="a lidar on the Bladed interface must have at most 124 gates, got 125"):
         BladedController(turbine, export_discon("discon", tmp_path)["files"][1], lidar=many)
     controller = make_controller("lidar", turbine, lidar=many)
-    with pytest.raises(ValueError, match=r"a lidar to be exported must have at most 124 gates, .* got 125"):
+    with pytest.raises(ValueError, match="a lidar to be exported must have at most 124 gates, got 125"):
         controller_parts(controller, turbine, DT)
     late = make_controller("lidar:delay=11.0", turbine)
     with pytest.raises(ValueError, match=r"delay of a lidar's feed-forward must be at most 10 s .* got 11\.0 s"):

@@ -542,11 +542,11 @@ class Observable:
                 for k in range(self._action.n_pitch)
             ]  # fmt: skip
         if "torque" in self._action.components:
-            most = self._action.torque_offset_limit
+            most = self._action.spans["torque"]
             row = ("torque_offset", "N m", 0.0, 0.5 * most, -most, most, 0.0, "residual torque")
             channels.append(self._computed(EVEN, _torque_offset, *row))
         if "set_point" in self._action.components:
-            most = self._action.set_point_limit
+            most = self._action.spans["set_point"]
             row = ("set_point_offset", "-", 0.0, 0.5 * most, -most, most, 0.0, "residual set point of the rotor speed")
             channels.append(self._computed(EVEN, _set_point_offset, *row))
         return channels

@@ -382,8 +382,8 @@ class LinearDesignTask(Options):
     excited: int = option("seeds, the first ones, that are run with drawn offsets too", default=3, low=2)
     duration: float = option("length of a run", default=300.0, unit="s", low=0)
     base: str = option("base controller", default="side_side_damper")
-    limit: float = option("largest offset", default=math.radians(4.0), unit="rad")
-    rate_limit: float = option("largest rate of offsets", default=math.radians(3.0), unit="rad/s")
+    limit: float = option("largest offset", default=math.radians(4.0), unit="rad", low=0)
+    rate_limit: float = option("largest rate of offsets", default=math.radians(3.0), unit="rad/s", low=0, above=True)
     fade: float = option(
         "collective pitch above fine pitch from which on offsets act in full", default=math.radians(3.0), unit="rad"
     )

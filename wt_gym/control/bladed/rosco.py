@@ -254,13 +254,7 @@ _TUNED = {
 
 
 def _package() -> Path:
-    """Folder of the package.
-
-    Raises
-    ------
-    wt_gym.base.errors.ControllerError
-        If it is not installed.
-    """
+    """Folder of the package; refused where it is not installed."""
     spec = importlib.util.find_spec("rosco")
     if spec is None or not spec.submodule_search_locations:
         raise ControllerError(

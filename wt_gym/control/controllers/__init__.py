@@ -73,17 +73,6 @@ __all__ = [
     "readings_of", "retuned_parameters", "rotor_table", "starting_part", "supervisor_of", "to_harmonic",
 ]  # fmt: skip
 
-_ON_DEMAND = {
-    "fault_supervisor": ("FaultSupervisor", "fault_supervisor_of"),
-    "names": (
-        "ADDITIONS", "BASES", "COMPILED", "CONTROLLERS", "GUARDS", "WRAPPERS", "Name", "controller_parameters",
-        "controller_summary", "declared_parameters", "make_controller", "name_and_parameters", "parse_name",
-    ),
-}  # fmt: skip
-"""Modules that stand above `wt_gym.control.bladed`, which needs modules of this package, with their public names: they
-are imported on the first use of one."""
-_HOME = {name: module for module, names in _ON_DEMAND.items() for name in names}
-
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
@@ -92,8 +81,9 @@ def __dir__() -> list[str]:
 if not TYPE_CHECKING:  # which would take every name for one of this module
 
     def __getattr__(name: str) -> Any:
-        """Names of `_ON_DEMAND`."""
-        if name not in _HOME:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-        return found
+        """Names of the modules that stand above `wt_gym.control.bladed`, which needs modules of this package."""
+        for module in ("fault_supervisor", "names") if name in __all__ else ():
+            if hasattr(home := import_module(f"{__name__}.{module}"), name):
+                globals()[name] = getattr(home, name)
+                return globals()[name]
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -110,9 +110,9 @@ class AboveRated:
         """Fade of a turbine, by `fade_option`; None where nothing is to fade."""
         if fade is False:
             return None
-        parameters = FadeParameters() if fade is True else fade
-        if not isinstance(parameters, FadeParameters):
-            parameters = FadeParameters(pitch=(fade / 6.0, float(fade)))
+        if fade is True:
+            fade = FadeParameters()
+        parameters = fade if isinstance(fade, FadeParameters) else FadeParameters(pitch=(fade / 6.0, float(fade)))
         # with peak shaving the blades are pitched below rated too: what counts begins above the least pitch at rated
         fine = least_pitch(turbine, turbine.rated_wind_speed)
         return cls(parameters, fine, turbine.drivetrain.rated_rotor_speed)

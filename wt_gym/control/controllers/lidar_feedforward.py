@@ -105,6 +105,7 @@ class LidarFeedforward:
         self._readings = tuple(f"lidar_{k + 1}" for k in range(len(lidar.ranges)))
         self.channels = tuple(dict.fromkeys((*base.channels, "rotor_speed", *self._readings)))
         self._travel_speed = LowPass(30.0)
+        self.wind, self._traveled, self._share = math.nan, 0.0, 0.0
         self._forget()
 
     def start(self, signals: Readings, demand: Demand) -> None:
