@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -40,8 +41,6 @@ from wt_gym.experiment.run import EpisodePlayer
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from wt_gym.control.actions import Demand
@@ -51,6 +50,8 @@ if TYPE_CHECKING:
 
 
 _ENDLESS = 10**9  # control steps
+Actor = Callable[[torch.Tensor], torch.Tensor]
+"""Policy: actions (n, 3) of observations (n, n_obs)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -446,8 +447,8 @@ class LinearizedEpisode:
 
     Parameters
     ----------
-    actor : callable
-        Policy under which it was recorded: actions (n, 3) of observations (n, n_obs).
+    actor : Actor
+        Policy under which it was recorded.
     baseline : dict
         Metrics of the published controller in this wind speed.
     seen : Plants, optional
@@ -458,7 +459,7 @@ class LinearizedEpisode:
     def __init__(
         self,
         episode: RecordedEpisode,
-        actor: Callable[[torch.Tensor], torch.Tensor],
+        actor: Actor,
         plants: Plants,
         limits: Limits,
         baseline: dict[str, float],
@@ -483,12 +484,7 @@ class LinearizedEpisode:
         with torch.no_grad():
             self._acted = limits.offsets(actor(self.observations), self._share, self._dt)
 
-    def offsets(
-        self,
-        actor: Callable[[torch.Tensor], torch.Tensor],
-        noise: float = 0.0,
-        dial: tuple[float, ...] | None = None,
-    ) -> torch.Tensor:
+    def offsets(self, actor: Actor, noise: float = 0.0, dial: tuple[float, ...] | None = None) -> torch.Tensor:
         """Offsets (3, n) of a policy [rad], with noise of a standard deviation on its observations.
 
         Where the agent sees its own offsets u, these solve u = pi(o + H * (u - u_recorded)); Picard iterations from the
