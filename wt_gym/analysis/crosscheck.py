@@ -113,7 +113,7 @@ class Crosscheck:
         """Mean over the winds of the correlation of a signal in both simulators, sample by sample."""
         pairs = [[data[name].values for data in self.common(agent, wind)] for wind in self.evaluations[0].winds]
         moving = [pair for pair in pairs if all(values.size > 1 and values.std() > 0.0 for values in pair)]
-        return float(np.mean([np.corrcoef(*pair)[0, 1] for pair in moving])) if moving else math.nan
+        return float(np.mean([np.corrcoef(pair)[0, 1] for pair in moving])) if moving else math.nan
 
     def spectra(self, agent: str, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Frequencies [Hz] and the mean power spectral densities of a signal in both simulators."""
