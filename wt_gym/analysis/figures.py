@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
@@ -282,11 +283,7 @@ def trainings(evaluation: Evaluation) -> list[list[str]]:
 
 def running_mean(values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
     """Mean of values (n,) over a centered window, ``half_width`` to either side, that shrinks at the ends."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    index = np.arange(len(values))
-    low, high = np.maximum(index - half_width, 0), np.minimum(index + half_width + 1, len(values))
-    out: NDArray[np.float64] = (total[high] - total[low]) / (high - low)
-    return out
+    return pd.Series(values).rolling(2 * half_width + 1, center=True, min_periods=1).mean().to_numpy()
 
 
 def median_and_range(
