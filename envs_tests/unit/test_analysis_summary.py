@@ -50,7 +50,7 @@ def test_values_and_differences_are_shown_in_their_unit():
     assert format_difference("pitch_travel", np.radians(5.0), 0.0) == "+5.0 deg"
     assert format_difference("tip_clearance_min", -0.2, 0.3) == "\u22120.50 m"
     assert format_difference("yaw_travel", 0.0, 0.0) == "="
-    assert difference_class("tip_clearance_min", 4.0, 5.0) == "worse"
+    assert difference_class("tip_clearance_min", 4.0, 5.0) == difference_class("overspeed_count", 1.0, 0.0) == "worse"
     assert difference_class("mean_power", 5.02e6, 5e6) == "equal"
 
 
