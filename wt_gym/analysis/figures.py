@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 def _largest_tip(run: xr.Dataset) -> NDArray[np.float64]:
     """Downwind deflection of the tip that is bent most [m]."""
     names = [name for name in run.data_vars if str(name).startswith("tip_out_of_plane_")]
-    out: NDArray[np.float64] = np.max([run[name].values for name in names], axis=0)
-    return out
+    return np.asarray(np.max([run[name].values for name in names], axis=0))
 
 
 _ROWS: tuple[tuple[str, str | Callable[[xr.Dataset], NDArray[np.float64]], float, str], ...] = (

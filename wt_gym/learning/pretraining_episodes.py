@@ -358,11 +358,9 @@ class Plants:
         x = min(max(speed, self.speeds[0]), self.speeds[-1])
         k = min(int(np.searchsorted(self.speeds, x, side="right")) - 1, max(len(self.speeds) - 2, 0))
         if len(self.speeds) == 1:
-            alone: NDArray[np.float64] = self.responses[0]
-            return alone
+            return np.asarray(self.responses[0])
         w = (x - self.speeds[k]) / (self.speeds[k + 1] - self.speeds[k])
-        out: NDArray[np.float64] = (1.0 - w) * self.responses[k] + w * self.responses[k + 1]
-        return out
+        return np.asarray((1.0 - w) * self.responses[k] + w * self.responses[k + 1])
 
     def respond(self, speed: float, offsets: torch.Tensor) -> torch.Tensor:
         """Changes (n_out, n + 1) by offsets (3, n): sample k follows from the offsets 0 … k - 1."""
