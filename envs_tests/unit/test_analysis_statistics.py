@@ -15,6 +15,7 @@ from wt_gym.analysis.statistics import (
     Estimate,
     WindClimate,
     bootstrap_interval,
+    change_in_winds,
     interquartile_mean,
     level_of,
     lifetime,
@@ -129,66 +130,49 @@ def evaluation(changes, key="blade_flap_del", ending="time", climate=None):
 CHANGES = np.array([-0.5, -0.22, -0.2, -0.18, -0.16, -0.14, -0.12, 0.3])
 
 
+SPEEDS = tuple(wind.speed for wind in WINDS)
+
+
 def test_changes_are_taken_wind_by_wind():
-    found = paired_change(evaluation(CHANGES), "PPO", "blade_flap_del")
-    assert found.value == pytest.approx(CHANGES[2:6].mean())
-    assert found.relative
-    assert found.n_winds == 8
-    speeds = tuple(wind.speed for wind in WINDS)
-    assert (found.low, found.high) == pytest.approx(
-        bootstrap_interval(lambda k: interquartile_mean(CHANGES[k]), speeds)
-    )
+    change = paired_change(evaluation(CHANGES), "PPO", "blade_flap_del")
+    assert change.value == pytest.approx(CHANGES[2:6].mean())
+    assert (change.relative, change.n_winds) == (True, 8)
+    interval = bootstrap_interval(lambda k: interquartile_mean(CHANGES[k]), SPEEDS)
+    assert (change.low, change.high) == pytest.approx(interval)
     at_speed = paired_change(evaluation(CHANGES), "PPO", "blade_flap_del", 10.0)
     assert at_speed.value == pytest.approx(CHANGES[1:3].mean())
-    # of power every wind counts, with what it yields: the baseline's wind k has 2 + k
-    assert paired_change(evaluation(CHANGES, "corrected_power"), "PPO", "corrected_power").value == pytest.approx(
-        np.average(CHANGES, weights=2.0 + np.arange(8))
-    )
+    # of power every wind counts, with its yield: the baseline's wind k has 2 + k
+    power = paired_change(evaluation(CHANGES, "corrected_power"), "PPO", "corrected_power")
+    assert power.value == pytest.approx(np.average(CHANGES, weights=2.0 + np.arange(8)))
 
 
-def with_values(key, base, mine, climate=None):
-    """An evaluation with these values of a metric, one or one a wind; None: a metric that the agent's runs lack."""
-    result = evaluation(np.zeros(8), climate=climate)
-    values = {"Baseline": np.broadcast_to(base, 8), "PPO": np.broadcast_to(base if mine is None else mine, 8)}
-    runs = []
-    for run in result.runs:
-        metrics = run.metrics | {key: float(values[run.agent][WINDS.index(run.wind)])}
-        if mine is None and run.agent == "PPO":
-            del metrics[key]
-        runs.append(replace(run, metrics=metrics))
-    return replace(result, runs=runs)
+GAINED = 1e3 * np.array([0.0, 0.1, 0.2, 0.4, 0.6, 0.9, 1.6, 4.2])
 
 
-@pytest.mark.parametrize(("base", "relative"), [(0.095, False), (0.105, True)])
-def test_changes_of_what_rounds_to_nothing_are_differences(base, relative):
-    """Of pitch travel 0.1 deg is the least that is shown."""
-    found = paired_change(with_values("pitch_travel", math.radians(base), math.radians(0.2)), "PPO", "pitch_travel")
-    assert found.relative is relative
-    assert found.value == pytest.approx(0.2 / base - 1.0 if relative else 0.2 - base)
+@pytest.mark.parametrize(
+    ("key", "base", "mine", "relative", "change"),
+    [
+        # of pitch travel 0.1 deg is the least that is shown
+        ("pitch_travel", math.radians(0.095), math.radians(0.2), False, 0.2 - 0.095),
+        ("pitch_travel", math.radians(0.105), math.radians(0.2), True, 0.2 / 0.105 - 1.0),
+        ("mean_power", 500.0, 500.0 + GAINED, False, 1e-3),  # the mean of all eight, in MW
+        ("corrected_power", -3e3, -1.5e3, True, 0.5),  # an idle turbine draws half as much: that is gained
+    ],
+)
+def test_changes_of_small_and_negative_values(key, base, mine, relative, change):
+    result = change_in_winds(key, np.broadcast_to(mine, 8), np.broadcast_to(base, 8), SPEEDS)
+    assert result.relative is relative
+    assert result.value == pytest.approx(change)
 
 
-def test_of_power_near_nothing_every_wind_counts():
-    """From 0.5 kW by 0 to 4.2 kW: 1 kW, the mean of all eight, in MW."""
-    gained = 1e3 * np.array([0.0, 0.1, 0.2, 0.4, 0.6, 0.9, 1.6, 4.2])
-    found = paired_change(with_values("mean_power", 500.0, 500.0 + gained), "PPO", "mean_power")
-    assert not found.relative
-    assert found.value == pytest.approx(1e-3)
-
-
-def test_what_a_run_does_not_have_is_not_compared():
-    assert paired_change(with_values("blade_flap_del", 1e6, None), "PPO", "blade_flap_del") is None
-    assert level_of(with_values("blade_flap_del", 1e6, None), "PPO", "blade_flap_del") is None
-    still = with_values("blade_flap_del", 0.0, 1e6, climate=WindClimate(10.0))
-    assert lifetime(still, "Baseline", "blade_flap_del") == 0.0
-    assert lifetime_change(still, "PPO", "blade_flap_del") is None
-
-
-def test_less_power_lost_is_more_power():
-    """From -3 kW to -1.5 kW in every wind, as an idle turbine draws: half of it is gained."""
-    found = paired_change(with_values("corrected_power", -3e3, -1.5e3), "PPO", "corrected_power")
-    assert found.relative
-    assert (found.value, found.low, found.high) == pytest.approx((0.5, 0.5, 0.5))
-    assert found.kind("corrected_power") == "better"
+def test_missing_metrics_are_not_compared():
+    whole = evaluation(np.zeros(8), climate=WindClimate(10.0))
+    lacking = [replace(run, metrics={}) if run.agent == "PPO" else run for run in whole.runs]
+    assert paired_change(replace(whole, runs=lacking), "PPO", "blade_flap_del") is None
+    assert level_of(replace(whole, runs=lacking), "PPO", "blade_flap_del") is None
+    still = [replace(run, metrics=run.metrics | {"blade_flap_del": 0.0}) for run in whole.runs]
+    assert lifetime(replace(whole, runs=still), "Baseline", "blade_flap_del") == 0.0
+    assert lifetime_change(replace(whole, runs=still), "PPO", "blade_flap_del") is None
 
 
 @pytest.mark.parametrize(("seeds", "has"), [(2, False), (3, True)])

@@ -23,6 +23,7 @@ from wt_gym.analysis.metrics import COLUMN_HEADS, METRICS, mean_spectrum
 from wt_gym.analysis.page import NONE, Row, Section, change_tag, format_estimate
 from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE
 from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, Estimate, paired_change, relative_change
+from wt_gym.base.picture_style import COLORS, MARKERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -49,9 +50,6 @@ _UNITS = {
     "rad": (180.0 / math.pi, "deg"),
 }
 _CHANGES_FILE = "figures/changes.svg"
-# Okabe and Ito's colors, told apart by color-blind readers too; beside them markers by wind speed
-_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-_MARKERS = "os^Dv<>"
 
 
 def _finite(value: float) -> float | None:
@@ -113,7 +111,7 @@ class Crosscheck:
         """Mean over the winds of the correlation of a signal in both simulators, sample by sample."""
         pairs = [[data[name].values for data in self.common(agent, wind)] for wind in self.evaluations[0].winds]
         moving = [pair for pair in pairs if all(values.size > 1 and values.std() > 0.0 for values in pair)]
-        return float(np.mean([np.corrcoef(*pair)[0, 1] for pair in moving])) if moving else math.nan
+        return float(np.mean([np.corrcoef(pair)[0, 1] for pair in moving])) if moving else math.nan
 
     def spectra(self, agent: str, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Frequencies [Hz] and the mean power spectral densities of a signal in both simulators."""
@@ -444,10 +442,10 @@ def changes_figure(content: Mapping[str, Any]) -> Figure:
     """Changes in the second simulator over those in the first, a point for each agent and wind speed (matplotlib)."""
     speeds = [speed for speed in _by_speed(content) if speed is not None]
     looks = {
-        agent: {"color": _COLORS[k % len(_COLORS)], "fillstyle": "full" if k < len(_COLORS) else "none"}
+        agent: {"color": COLORS[k % len(COLORS)], "fillstyle": "full" if k < len(COLORS) else "none"}
         for k, agent in enumerate(_agents(content)[1:])
     }
-    marks = {speed: _MARKERS[m % len(_MARKERS)] for m, speed in enumerate(speeds)}
+    marks = {speed: MARKERS[m % len(MARKERS)] for m, speed in enumerate(speeds)}
     figure = Figure(figsize=(11.0, 6.6), layout="constrained")
     axes = figure.subplots(2, 2).ravel()
     for ax, key in zip(axes, _PLOTTED, strict=True):

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
 def _largest_tip(run: xr.Dataset) -> NDArray[np.float64]:
     """Downwind deflection of the tip that is bent most [m]."""
     names = [name for name in run.data_vars if str(name).startswith("tip_out_of_plane_")]
-    out: NDArray[np.float64] = np.max([run[name].values for name in names], axis=0)
-    return out
+    return np.asarray(np.max([run[name].values for name in names], axis=0))
 
 
 _ROWS: tuple[tuple[str, str | Callable[[xr.Dataset], NDArray[np.float64]], float, str], ...] = (
@@ -282,11 +282,7 @@ def trainings(evaluation: Evaluation) -> list[list[str]]:
 
 def running_mean(values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
     """Mean of values (n,) over a centered window, ``half_width`` to either side, that shrinks at the ends."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    index = np.arange(len(values))
-    low, high = np.maximum(index - half_width, 0), np.minimum(index + half_width + 1, len(values))
-    out: NDArray[np.float64] = (total[high] - total[low]) / (high - low)
-    return out
+    return pd.Series(values).rolling(2 * half_width + 1, center=True, min_periods=1).mean().to_numpy()
 
 
 def median_and_range(

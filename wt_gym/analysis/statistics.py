@@ -164,8 +164,7 @@ def wind_weights(climate: WindClimate, speeds: Sequence[float]) -> NDArray[np.fl
         )
     edges = np.concatenate([[climate.cut_in], 0.5 * (values[1:] + values[:-1]), [climate.cut_out]])
     shares = np.diff([climate.share_below(edge) for edge in edges])
-    out: NDArray[np.float64] = shares / shares.sum()
-    return out
+    return np.asarray(shares / shares.sum())
 
 
 def lifetime_load(loads: NDArray[np.float64], weights: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
@@ -178,8 +177,7 @@ def lifetime_load(loads: NDArray[np.float64], weights: NDArray[np.float64], expo
     largest = loads.max(axis=-1, keepdims=True)
     # relative to the largest: 1e7 to the tenth power would waste the digits of a float
     relative = np.divide(loads, largest, out=np.zeros_like(loads), where=largest > 0.0)
-    out: NDArray[np.float64] = largest[..., 0] * np.sum(weights * relative**exponent, axis=-1) ** (1.0 / exponent)
-    return out
+    return np.asarray(largest[..., 0] * np.sum(weights * relative**exponent, axis=-1) ** (1.0 / exponent))
 
 
 # ---- changes against the baseline ----

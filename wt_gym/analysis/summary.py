@@ -366,34 +366,24 @@ def results_table(evaluation: Evaluation) -> list[str]:
     """
     measured = measured_metrics(run.metrics for run in evaluation.runs)
     columns = [key for key in COLUMN_HEADS if key in measured and key != "mean_power"]
-    several = len(evaluation.speeds) > 1
+    parts: list[tuple[str, float | None, bool]] = [(f"{speed:g} m/s", speed, False) for speed in evaluation.speeds]
+    if len(parts) > 1:
+        parts += [("all", None, False)] + [("lifetime", None, True)] * (evaluation.climate is not None)
     rows = []
-    for speed in (*evaluation.speeds, *([None] if several else [])):
-        rows.append(Row("all" if speed is None else f"{speed:g} m/s"))
-        rows += [Row(a, [_table_cell(evaluation, a, key, speed) for key in columns]) for a in evaluation.agents]
-    if evaluation.climate is not None and several:
-        rows.append(Row("lifetime"))
-        rows += [Row(a, [_lifetime_cell(evaluation, a, key) for key in columns]) for a in evaluation.agents]
+    for title, speed, life in parts:
+        rows.append(Row(title))
+        rows += [Row(a, [_table_cell(evaluation, a, key, speed, life) for key in columns]) for a in evaluation.agents]
     return markdown(["wind", "agent", *(COLUMN_HEADS[key] for key in columns)], rows)
 
 
-def _table_cell(evaluation: Evaluation, agent: str, key: str, speed: float | None) -> str:
-    """Value of the baseline or of an extreme, else a change."""
-    values = evaluation.overall_metrics(agent, speed)
-    if key not in values:
+def _table_cell(evaluation: Evaluation, agent: str, key: str, speed: float | None, life: bool = False) -> str:
+    """Value of the baseline or of an extreme, else a change; of ``life`` the load over it."""
+    if life and key not in LIFETIME_EXPONENTS:
+        return ""
+    value = lifetime(evaluation, agent, key) if life else evaluation.overall_metrics(agent, speed).get(key)
+    if value is None:
         return NONE
     if agent == evaluation.baseline or METRICS[key].over_winds != "mean":
-        return _shown(key, values)
-    change = paired_change(evaluation, agent, key, speed)
+        return format_value(key, value, unit=True)
+    change = lifetime_change(evaluation, agent, key) if life else paired_change(evaluation, agent, key, speed)
     return "not compared" if change is None else format_estimate(key, change)
-
-
-def _lifetime_cell(evaluation: Evaluation, agent: str, key: str) -> str:
-    """Load over a life, or its change."""
-    if key not in LIFETIME_EXPONENTS:
-        return ""
-    if agent == evaluation.baseline:
-        value = lifetime(evaluation, agent, key)
-        return NONE if value is None else _shown(key, {key: value})
-    change = lifetime_change(evaluation, agent, key)
-    return NONE if change is None else format_estimate(key, change)

@@ -9,7 +9,7 @@ import threading
 import time
 from contextlib import contextmanager
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
@@ -67,8 +67,9 @@ class SelectionEvaluation:
         # Zero residual actions are the controller, whatever components and mode the policy acts by.
         residual = {name: value for name, value in kwargs.items() if name != "action_spans"}
         self._baseline_config = replace(self._config, env_kwargs=residual | {"action_mode": "residual"})
-        self.baseline, self.seconds = None, 0.0
-        if before and before.get("winds") == [asdict(wind) for wind in self.winds]:
+        before = before or {}
+        self.baseline, self.seconds = None, float(before.get("seconds", 0.0))
+        if before.get("winds") == [asdict(wind) for wind in self.winds]:
             rows = self.baseline = before.get("baseline")  # None: stopped before the first evaluation
             whole = isinstance(rows, list) and len(rows) == len(self.winds) and all(isinstance(r, dict) for r in rows)
             if rows is not None and not whole:
@@ -138,10 +139,13 @@ class StopRequest:
 
 
 @contextmanager
-def stop_on_signals() -> Iterator[StopRequest]:
-    """Turn SIGINT (Ctrl-C) and SIGTERM into a request; the second one ends the program. Only in the main thread."""
-    request = StopRequest()
-    if threading.current_thread() is not threading.main_thread():
+def stop_on_signals(outer: StopRequest | None = None) -> Iterator[StopRequest]:
+    """Turn SIGINT (Ctrl-C) and SIGTERM into a request; the second one ends the program.
+
+    Only in the main thread, and not where an outer request exists, which is used then.
+    """
+    request = outer or StopRequest()
+    if outer is not None or threading.current_thread() is not threading.main_thread():
         yield request
         return
     numbers = (signal.SIGINT, signal.SIGTERM)
@@ -302,16 +306,19 @@ class Evaluations(_AtMultiples):
         report: Callable[[int, dict[str, Any]], bool] | None = None,
     ):
         super().__init__(every)
-        self.evaluation, self._agent, self.curve = evaluation, agent, curve
+        self._evaluation, self._agent, self.curve = evaluation, agent, curve
         self._save_best, self._report = save_best, report
 
-    @property
-    def best(self) -> dict[str, Any] | None:
-        """Steps and figures of the best model so far."""
-        if not self.curve["steps"]:
-            return None
-        row = int(np.argmax(self.curve["episode_return"]))
-        return {name: values[row] for name, values in self.curve.items()}
+    def record(self) -> dict[str, Any]:
+        """Winds, figures of the baseline, curve, best model so far and wall time, as JSON values."""
+        row = int(np.argmax(self.curve["episode_return"])) if self.curve["steps"] else None
+        return {
+            "winds": [asdict(wind) for wind in self._evaluation.winds],
+            "baseline": self._evaluation.baseline,
+            "curve": self.curve,
+            "best": None if row is None else {name: values[row] for name, values in self.curve.items()},
+            "seconds": self._evaluation.seconds,
+        }
 
     def _on_step(self) -> bool:
         if self.num_timesteps < self._next:
@@ -321,14 +328,14 @@ class Evaluations(_AtMultiples):
 
     def evaluate(self) -> bool:
         """Evaluate now; return False where training stops."""
-        figures = self.evaluation(self._agent())
+        figures = self._evaluation(self._agent())
         steps = int(self.model.num_timesteps)
         for name, value in {"steps": steps, **figures}.items():
             self.curve[name].append(value)
         for name, value in figures.items():
             if value is not None:
                 self.logger.record(f"evaluation/{name}", value)
-        if cast("dict[str, Any]", self.best)["steps"] == steps:
+        if np.argmax(self.curve["episode_return"]) == len(self.curve["steps"]) - 1:
             self._save_best()
         return self._report is None or self._report(steps, figures)
 

@@ -6,7 +6,7 @@ that differs from it. A recipe is the recommended training of a task, a file of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,22 +22,18 @@ from wt_gym.tasks import TASKS
 _FOLDER, _RECIPES = shipped_folder() / "hyperparameters", shipped_folder() / "recipes"
 
 
-def _or_falling(low: float, high: float) -> str:
-    """Allowed values of a number that may be ``lin_<number>``: falling from it to zero over the training."""
-    return f"a number from {low:g} to {high:g}, or lin_<number> to let it fall to zero"
-
-
-def _falling(low: float, high: float) -> Callable[[float | str], float | str]:
-    """Check of such a number."""
+def _or_falling(meaning: str, low: float, high: float) -> Any:
+    """Number that may be ``lin_<number>``: falling from it to zero over the training."""
+    allowed = f"a number from {low:g} to {high:g}, or lin_<number> to let it fall to zero"
 
     def check(value: float | str) -> float | str:
         if isinstance(value, str):
             number = word_value(value.removeprefix("lin_")) if value.startswith("lin_") else None
             if not (isinstance(number, int | float) and low <= number <= high):
-                raise ValueError(f"must be {_or_falling(low, high)}, got {value!r}")
+                raise ValueError(f"must be {allowed}, got {value!r}")
         return value
 
-    return check
+    return option(meaning, default=None, low=low, high=high, check=check, allowed=allowed)
 
 
 def _layers(sizes: tuple[int, ...]) -> tuple[int, ...]:
@@ -56,9 +52,7 @@ class _Shared(Options):
 
     title = "hyperparameters"
 
-    learning_rate: float | str = option(
-        "learning rate", default=None, low=1e-8, high=1.0, check=_falling(1e-8, 1.0), allowed=_or_falling(1e-8, 1.0)
-    )
+    learning_rate: float | str = _or_falling("learning rate", 1e-8, 1.0)
     gamma: float = option("discount of rewards in a step", default=None, low=0.0, high=1.0)
     batch_size: int = option("samples of an update", default=None, low=2, high=1_000_000)
     log_std_init: float = option("first logarithm of the standard deviation of actions", default=None, low=-10, high=3)
@@ -78,10 +72,7 @@ class _Ppo(_Shared):
     n_steps: int = option("the same of each copy", default=None, low=2, high=1_000_000)
     n_epochs: int = option("passes over a rollout", default=None, low=1, high=1000)
     gae_lambda: float = option("factor of the generalized advantage estimate", default=None, low=0.0, high=1.0)
-    clip_range: float | str = option(
-        "range of the ratio of probabilities about 1", default=None, low=1e-6, high=10.0, check=_falling(1e-6, 10.0),
-        allowed=_or_falling(1e-6, 10.0),
-    )  # fmt: skip
+    clip_range: float | str = _or_falling("range of the ratio of probabilities about 1", 1e-6, 10.0)
     ent_coef: float = option("weight of the entropy", default=None, low=0.0, high=1e3)
     vf_coef: float = option("weight of the loss of values", default=None, low=0.0, high=1e3)
     max_grad_norm: float = option("greatest norm of the gradient", default=None, low=1e-6, high=1e6)

@@ -132,8 +132,7 @@ def minimize_quadratic(
     if linear is not None:
         right = right - 0.5 * linear
     regular = gram + np.diag(ridge * np.diag(gram) + 1e-12 * np.trace(gram) / len(gram))
-    solved: NDArray[np.float64] = np.linalg.solve(regular, right)
-    return solved
+    return np.asarray(np.linalg.solve(regular, right))
 
 
 def _features(run: Recording, plant: Plant, options: FeedbackOptions) -> tuple[NDArray[np.float64], ...]:
@@ -234,22 +233,15 @@ def _rows(
     speed = np.sqrt(options.speed_weight * counts / samples) / turbine.drivetrain.rated_rotor_speed
     power = -weights.get("captured_power", 0.0) * options.power_weight * plant.power_curvature
     sizes = np.sqrt((np.array([options.mean_weight] + [options.tilt_yaw_weight] * 2) + power) / run.steps)
-    size = len(columns.speed)
-    added = np.concatenate([
-        (columns.flap * flap).reshape(size, -1),
-        (columns.tower * tower).reshape(size, -1),
-        columns.speed * speed,
-        (columns.rate * rate).reshape(size, -1),
-        (columns.offsets * sizes[:, None]).reshape(size, -1),
-    ], axis=1)  # fmt: skip
-    there = np.concatenate([
-        (flap * flap_there).ravel(),
-        (tower * tower_there).ravel(),
-        np.zeros(run.steps),
-        (rate * rate_there).ravel(),
-        np.zeros(3 * run.steps),
-    ])  # fmt: skip
-    return added, there
+    blocks = [
+        (columns.flap * flap, flap * flap_there),
+        (columns.tower * tower, tower * tower_there),
+        (columns.speed * speed, np.zeros(run.steps)),
+        (columns.rate * rate, rate * rate_there),
+        (columns.offsets * sizes[:, None], np.zeros(3 * run.steps)),
+    ]
+    added = np.concatenate([block.reshape(len(block), -1) for block, _ in blocks], axis=1)
+    return added, np.concatenate([target.ravel() for _, target in blocks])
 
 
 def fit_feedback(

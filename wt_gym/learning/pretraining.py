@@ -31,7 +31,7 @@ from wt_gym.experiment.store import described
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning import pretraining_episodes
 from wt_gym.learning.options import Excitation
-from wt_gym.learning.pretraining_episodes import EpisodeJob, LinearizedEpisode, Plants, RecordedEpisode
+from wt_gym.learning.pretraining_episodes import Actor, EpisodeJob, LinearizedEpisode, Plants, RecordedEpisode
 from wt_gym.learning.recording import RecordingStore, explained_share, identify
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ _untrained: dict[tuple[Any, ...], tuple[Any, list[RecordedEpisode]]] = {}
 
 @dataclass(frozen=True)
 class Round:
-    """What a round found."""
+    """Result of a round."""
 
     recorded: float
     """Mean lifetime cost of the recorded policy less that of the published controller, in the held-out winds."""
@@ -132,11 +132,11 @@ class _Budget:
     _share: float = 1.0
 
     def lagrangian(self, cost: torch.Tensor, travel: torch.Tensor) -> torch.Tensor:
-        """What the optimizer makes small; as large a gradient whatever the multiplier."""
+        """Objective of the optimizer; its gradient keeps its size whatever the multiplier."""
         return (cost + self.multiplier * travel / self.limit) / (1.0 + self.multiplier)
 
     def update(self, travel: float) -> None:
-        """Move the multiplier by what a batch has traveled [rad/s]."""
+        """Move the multiplier by the travel of a batch [rad/s]."""
         self._share += _MEAN_OF_BATCHES * (travel / (_AIM * self.limit) - self._share)
         beyond = (self._share - 1.0) / (self._share + 1.0)
         self._sum = max(0.0, self._sum + _SUMMED * beyond)
@@ -146,8 +146,8 @@ class _Budget:
         """Travel beyond the limit [rad/s]."""
         return max(travel - self.limit, 0.0)
 
-    def overdrawn(self, actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> float:
-        """What a policy travels beyond the limit in episodes [rad/s]; nothing is computed without a limit."""
+    def overdrawn(self, actor: Actor, episodes: Sequence[LinearizedEpisode]) -> float:
+        """Travel of a policy beyond the limit in episodes [rad/s]; nothing is computed without a limit."""
         return self.beyond(_travel(actor, episodes)) if math.isfinite(self.limit) else 0.0
 
 
@@ -177,7 +177,7 @@ def pretrain(
 
     Parameters
     ----------
-    model : PPO or A2C
+    model : PPO
         Fresh; its last layer is set to zero first, so that it begins as the base controller alone.
     env_kwargs : dict
         JSON values.
@@ -196,13 +196,11 @@ def pretrain(
     Raises
     ------
     ValueError
-        If the environment or the model is of a kind that cannot be pretrained.
+        If the environment is of a kind that cannot be pretrained on.
     wt_gym.base.errors.SimulationError
         If an episode ends early.
     """
     policy: Any = model.policy
-    if not (hasattr(policy, "mlp_extractor") and hasattr(policy, "action_net")):
-        raise ValueError(f"pretraining needs a model of PPO or A2C, got {type(model).__name__}")
     work, actor, say = _Work(env_id, env_kwargs, options, execution), _actor(policy), execution.progress
     plain = work.env
     names, dials = plain.layout.observation.names, dial_of(plain)
@@ -266,7 +264,7 @@ def pretrain(
 
 
 def forecast_front(
-    actor: Callable[[torch.Tensor], torch.Tensor],
+    actor: Actor,
     held_out: Sequence[LinearizedEpisode],
     settings: Mapping[str, Mapping[str, float]] | None,
 ) -> dict[str, list[float]]:
@@ -292,7 +290,7 @@ def forecast_front(
     return {name: [float(f"{value:.4g}") for value in values] for name, values in found.items()}
 
 
-def _actor(policy: Any) -> Callable[[torch.Tensor], torch.Tensor]:
+def _actor(policy: Any) -> Actor:
     """Mean actions of observations."""
     return lambda observations: policy.action_net(policy.mlp_extractor.policy_net(observations))
 
@@ -462,13 +460,13 @@ def _numbered(job: tuple[int, EpisodeJob]) -> RecordedEpisode:
     return pretraining_episodes.record_episode(job[1])
 
 
-def _costs(actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> list[float]:
+def _costs(actor: Actor, episodes: Sequence[LinearizedEpisode]) -> list[float]:
     """Costs of a policy in episodes, with the factors of a dial that they were recorded with."""
     with torch.no_grad():
         return [float(one.cost(one.offsets(actor))) for one in episodes]
 
 
-def _travel(actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> float:
+def _travel(actor: Actor, episodes: Sequence[LinearizedEpisode]) -> float:
     """Mean pitch travel of a policy in episodes [rad/s]."""
     with torch.no_grad():
         return float(np.mean([float(one.cost_and_travel(one.offsets(actor))[1]) for one in episodes]))

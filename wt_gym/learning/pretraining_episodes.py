@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -40,8 +41,6 @@ from wt_gym.experiment.run import EpisodePlayer
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from wt_gym.control.actions import Demand
@@ -51,6 +50,8 @@ if TYPE_CHECKING:
 
 
 _ENDLESS = 10**9  # control steps
+Actor = Callable[[torch.Tensor], torch.Tensor]
+"""Policy: actions (n, 3) of observations (n, n_obs)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,11 +358,9 @@ class Plants:
         x = min(max(speed, self.speeds[0]), self.speeds[-1])
         k = min(int(np.searchsorted(self.speeds, x, side="right")) - 1, max(len(self.speeds) - 2, 0))
         if len(self.speeds) == 1:
-            alone: NDArray[np.float64] = self.responses[0]
-            return alone
+            return np.asarray(self.responses[0])
         w = (x - self.speeds[k]) / (self.speeds[k + 1] - self.speeds[k])
-        out: NDArray[np.float64] = (1.0 - w) * self.responses[k] + w * self.responses[k + 1]
-        return out
+        return np.asarray((1.0 - w) * self.responses[k] + w * self.responses[k + 1])
 
     def respond(self, speed: float, offsets: torch.Tensor) -> torch.Tensor:
         """Changes (n_out, n + 1) by offsets (3, n): sample k follows from the offsets 0 … k - 1."""
@@ -446,8 +445,8 @@ class LinearizedEpisode:
 
     Parameters
     ----------
-    actor : callable
-        Policy under which it was recorded: actions (n, 3) of observations (n, n_obs).
+    actor : Actor
+        Policy under which it was recorded.
     baseline : dict
         Metrics of the published controller in this wind speed.
     seen : Plants, optional
@@ -458,7 +457,7 @@ class LinearizedEpisode:
     def __init__(
         self,
         episode: RecordedEpisode,
-        actor: Callable[[torch.Tensor], torch.Tensor],
+        actor: Actor,
         plants: Plants,
         limits: Limits,
         baseline: dict[str, float],
@@ -483,12 +482,7 @@ class LinearizedEpisode:
         with torch.no_grad():
             self._acted = limits.offsets(actor(self.observations), self._share, self._dt)
 
-    def offsets(
-        self,
-        actor: Callable[[torch.Tensor], torch.Tensor],
-        noise: float = 0.0,
-        dial: tuple[float, ...] | None = None,
-    ) -> torch.Tensor:
+    def offsets(self, actor: Actor, noise: float = 0.0, dial: tuple[float, ...] | None = None) -> torch.Tensor:
         """Offsets (3, n) of a policy [rad], with noise of a standard deviation on its observations.
 
         Where the agent sees its own offsets u, these solve u = pi(o + H * (u - u_recorded)); Picard iterations from the

@@ -286,8 +286,7 @@ def explained_share(
     """Share of the mean square of changes, as of `identify`, that responses explain (n_out,); 1: a perfect model."""
     left = [c - respond(responses, u) for u, c in zip(inputs, changes, strict=True)]
     whole = sum((c**2).sum(1) for c in changes)
-    share: NDArray[np.float64] = 1.0 - sum((e**2).sum(1) for e in left) / whole
-    return share
+    return np.asarray(1.0 - sum((e**2).sum(1) for e in left) / whole)
 
 
 TOWER = (6, 7)
@@ -320,5 +319,4 @@ def amplitude_weights(series: NDArray[np.float64], exponent: float, window: int)
     """Weights (..., n) of the local range over its 90 % quantile, within bounds that keep single cycles from ruling."""
     span = maximum_filter1d(series, window, axis=-1) - minimum_filter1d(series, window, axis=-1)
     common = np.quantile(span, 0.9, axis=-1, keepdims=True)
-    out: NDArray[np.float64] = np.clip((span / common) ** exponent, 0.02, 6.0)
-    return out
+    return np.asarray(np.clip((span / common) ** exponent, 0.02, 6.0))

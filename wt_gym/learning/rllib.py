@@ -362,9 +362,9 @@ def tune_search(
         if progress is not None:
             for found, value in rows:
                 progress(f"return {value:+.2f} with {found}")
-        values, best = max(rows, key=lambda row: row[1], default=(None, None))
-        written = None if values is None else write_best(config, run.path, values, best, len(ended))
-        return search_result(len(ended), trials, "SIGINT", written, best)
+        best = max(rows, key=lambda row: row[1], default=None)
+        written = None if best is None else write_best(config, run.path, *best, len(ended))
+        return search_result(len(ended), trials, "SIGINT", written, best and best[1])
 
 
 def _tuner(config: TrainingConfig, folder: Path, trials: int) -> tune.Tuner:

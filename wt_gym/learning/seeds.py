@@ -86,14 +86,11 @@ def resume_seeds(
 
     def resume_seed(seed: int, stop: StopRequest) -> dict[str, Any]:
         run = RunFolder(seed_folder(folder, seed))
-        record = run.record() if run.model.exists() else None  # none: stopped by force before anything was saved
-        if record is None or not config.continues(record.get("config")):
-            fresh = replace(config, seed=seed)
-            return train(fresh, run.path, overwrite=True, progress=progress, stop=stop, learner=learner)
-        if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
-            return record
-        limits: dict[str, Any] = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
-        return resume(run.path, **limits, progress=progress, stop=stop, learner=learner)
+        more: dict[str, Any] = {"progress": progress, "stop": stop, "learner": learner}
+        record = run.record() if run.model.exists() else {}  # none: stopped by force before anything was saved
+        if config.continues(record.get("config")):
+            return _continued(config, run, record, **more)
+        return train(replace(config, seed=seed), run.path, overwrite=True, **more)
 
     with RunFolder(folder), stop_on_signals() as stop:
         _write(folder, plan)  # the next one to resume has these limits, however this ends
@@ -168,7 +165,6 @@ def resume_or_train(
         The record, as it is of a training that has done its steps; of several seeds the summary.
     """
     folder = Path(folder)
-    limits: dict[str, Any] = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
     if seeds is not None:
         if not (folder / SEEDS_FILE).is_file():
             return train_seeds(config, folder, seeds, learner=learner)
@@ -176,7 +172,7 @@ def resume_or_train(
         _refuse_other(config, plan["config"], folder)
         if plan["seeds"] != list(seeds):
             raise ValueError(f"the seeds must be {plan['seeds']}, those of the training in {folder}; got {list(seeds)}")
-        return resume_seeds(folder, **limits, learner=learner)
+        return resume_seeds(folder, total_steps=config.total_steps, max_seconds=config.max_seconds, learner=learner)
     if (folder / SEEDS_FILE).is_file():
         raise ValueError(f"{folder} holds a training with the seeds {read_plan(folder)['seeds']}: give --seeds")
     run = RunFolder(folder)
@@ -188,9 +184,14 @@ def resume_or_train(
         raise ValueError(
             f"the seed must be {record['config']['seed']}, that of the training in {folder}; got {config.seed}"
         )
-    if record["status"] == "finished" and record["steps"] >= config.total_steps:
+    return _continued(config, run, record, learner=learner)
+
+
+def _continued(config: TrainingConfig, run: RunFolder, record: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """Resume a training with the limits of a configuration, unless its steps are done."""
+    if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
         return record
-    return resume(folder, **limits, learner=learner)
+    return resume(run.path, total_steps=config.total_steps, max_seconds=config.max_seconds, **more)
 
 
 def _refuse_other(config: TrainingConfig, record: Any, folder: Path) -> None:

@@ -6,7 +6,7 @@ import importlib.util
 import os
 import sys
 import time
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import closing
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -37,7 +37,7 @@ from wt_gym.learning.models import load_model, make_model, save_model, save_repl
 from wt_gym.learning.options import PretrainingOptions, TrainingConfig
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -233,7 +233,6 @@ class _Session:
         self._sessions = list(_entry(before, "sessions", list, []))
         self._curve = _curve(before, _CURVE, self._first_step)
         evaluated = _entry(before, "evaluation", dict, None) or {}
-        self._evaluation_seconds = _entry(evaluated, "seconds", float, 0.0)
         self._pretraining = before.get("pretraining")
         budgeted = unwrap_vec_wrapper(venv, BudgetedVecEnv)
         self._budgets = None if budgeted is None else BudgetUpdates(budgeted, before.get("budgets"))
@@ -268,10 +267,7 @@ class _Session:
                     "the same command resumes with them"
                 )
 
-        with (
-            stop_on_signals() if stop is None else nullcontext(stop) as request,
-            executor_for("local", workers, None) as executor,
-        ):
+        with stop_on_signals(stop) as request, executor_for("local", workers, None) as executor:
             self._pretraining = pretrain(
                 self._model, config.env_id, config.env_kwargs, options,
                 Execution(executor, say, check, self._run.recordings), config.seed,
@@ -282,7 +278,7 @@ class _Session:
     def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:
         """Train until the steps are done, time is over or somebody asks to stop; give the record."""
         config, model = self._config, self._model
-        with stop_on_signals() if stop is None else nullcontext(stop) as self._stop, self._logger():
+        with stop_on_signals(stop) as self._stop, closing(self._logger()):
             self._watch = Watch(config, self._layout.control_dt, self._curve, self._stop, progress)
             figures = EpisodeFigures() if self._learner.samples_here else None
             checkpoints = Checkpoints(config.checkpoint_steps, config.checkpoint_minutes, self._checkpoint)
@@ -303,19 +299,12 @@ class _Session:
             self._save(record)
         return record
 
-    @contextmanager
-    def _logger(self) -> Iterator[None]:
-        """Write to TensorBoard, if it is asked for and installed."""
-        if self._config.tensorboard is False or importlib.util.find_spec("tensorboard") is None:
-            self._model.set_logger(Logger(None, []))
-            yield
-            return
-        logger = configure(str(self._run.tensorboard), ["tensorboard"])
+    def _logger(self) -> Logger:
+        """Logger of the model, which writes to TensorBoard if that is wanted and installed."""
+        silent = self._config.tensorboard is False or importlib.util.find_spec("tensorboard") is None
+        logger = Logger(None, []) if silent else configure(str(self._run.tensorboard), ["tensorboard"])
         self._model.set_logger(logger)
-        try:
-            yield
-        finally:
-            logger.close()
+        return logger
 
     def _save(self, record: dict[str, Any]) -> None:
         """Write all that resuming needs."""
@@ -359,7 +348,7 @@ class _Session:
             "pretraining": self._pretraining,
             "budgets": None if self._budgets is None else self._budgets.record(config.budgets or {}),
             "curve": self._curve,
-            "evaluation": self._evaluation_record(),
+            "evaluation": None if self._evaluations is None else self._evaluations.record(),
             "sessions": [*self._sessions, session],
         }
 
@@ -370,19 +359,6 @@ class _Session:
         options = self._config.pretraining
         before = () if options is None else PretrainingOptions.from_dict(options).wind_seeds
         return sorted({*map(int, self._wind.seeds), *before})
-
-    def _evaluation_record(self) -> dict[str, Any] | None:
-        """Evaluations while training, as JSON values."""
-        if self._evaluations is None:
-            return None
-        evaluation = self._evaluations.evaluation
-        return {
-            "winds": [asdict(wind) for wind in evaluation.winds],
-            "baseline": evaluation.baseline,
-            "curve": self._evaluations.curve,
-            "best": self._evaluations.best,
-            "seconds": self._evaluation_seconds + evaluation.seconds,
-        }
 
 
 def _entry(record: dict[str, Any], name: str, kind: type, missing: Any) -> Any:
