@@ -257,4 +257,4 @@ def test_an_overspeed_for_energy_ends_the_episode_and_costs_more_than_it_earns()
     # the worst second of operation, for as long as the discount of an agent looks ahead, costs less than an early end
     from wt_gym.envs.rewards import worst_rate
 
-    assert env.termination_penalty > -60.0 * worst_rate(env.reward_terms)
+    assert env.limits.penalty > -60.0 * worst_rate(env.reward_terms)

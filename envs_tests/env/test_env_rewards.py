@@ -381,7 +381,7 @@ def test_ending_early_never_pays():
     terms = rewards.compose(None)
     assert rewards.worst_rate(terms) == pytest.approx(-5.0)
     discounted_worst = rewards.worst_rate(terms) * DT / (1 - 0.99)
-    assert -WindTurbineEnv(turbine=TURBINE).termination_penalty < discounted_worst
+    assert -WindTurbineEnv(turbine=TURBINE).limits.penalty < discounted_worst
     assert rewards.worst_rate(rewards.compose({"damage": 0.1})) == -math.inf
     idle = {"generator_power": 0.0, "generator_torque": 0.0, "rotor_speed": 0.3 * RATED}
     rewards.reset(terms, TURBINE, signals(**idle))

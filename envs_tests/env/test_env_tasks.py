@@ -99,7 +99,7 @@ def test_ending_a_task_early_never_pays(name):
     dials = [(1.0, 1.0, 1.0)] if "dial" not in env.terms else [(3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 3.0)]
     worst = min(_worst(env, dial) for dial in dials)  # the reward is linear in the factors: at a corner
     gamma = hyperparameters_for("PPO", TASKS[name].id)["gamma"]
-    assert -worst * env.control_dt / (1.0 - gamma) < env.termination_penalty
+    assert -worst * env.control_dt / (1.0 - gamma) < env.limits.penalty
 
 
 def test_what_tasks_pay():
@@ -108,7 +108,7 @@ def test_what_tasks_pay():
     for name, task in TASKS.items():
         env = gym.make(task.id).unwrapped
         weights = [term.weight for term in env.reward_terms if term.weight]
-        paid[name] = (*weights, env.termination_penalty)
+        paid[name] = (*weights, env.limits.penalty)
     load_reduction, full = (1.0, 1.5, 1.0, 1.0, 0.5, 0.4, 200.0), (1.0, 1.5, 1.0, 1.0, 0.1, 0.4, 200.0)
     assert (
         paid
@@ -127,7 +127,7 @@ def test_what_tasks_pay():
         }
     )
     plain = gym.make("wt_gym/NREL5MW-Steady-v1").unwrapped
-    assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == (
+    assert (*(term.weight for term in plain.reward_terms if term.weight), plain.limits.penalty) == (
         *full[:-1],
         120.0,
     )

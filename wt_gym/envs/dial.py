@@ -23,6 +23,7 @@ from wt_gym.envs.channels import Computed, Observed
 from wt_gym.envs.terms import Term
 
 if TYPE_CHECKING:
+    from wt_gym.envs.builder import Parts
     from wt_gym.envs.channels import Situation
     from wt_gym.envs.operation import Operation
     from wt_gym.envs.terms import Beginning, Request
@@ -115,7 +116,7 @@ class DialOptions(Options):
 _WEIGHTS = options_of(DialOptions)[0]
 
 
-def dial_of(env: Any) -> DialTerm | None:
+def dial_of(env: Parts) -> DialTerm | None:
     """Dial of an environment, None without one."""
     return cast("DialTerm | None", env.terms.get("dial"))
 

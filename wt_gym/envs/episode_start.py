@@ -76,14 +76,9 @@ class EpisodeStarts:
     """
 
     def __init__(
-        self,
-        turbine: Turbine,
-        winds: WindSampler,
-        terms: Mapping[str, Term],
-        running: RunningStart | None,
-        count: int | None = None,
-        starter: StartsTurbine | None = None,
-    ):
+        self, turbine: Turbine, winds: WindSampler, terms: Mapping[str, Term], running: RunningStart | None,
+        count: int | None = None, starter: StartsTurbine | None = None,
+    ):  # fmt: skip
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
         self._starter = starter
         draws: dict[str, Any] = {name: term.draw for name, term in terms.items() if hasattr(term, "draw")}
@@ -154,14 +149,12 @@ class EpisodeStarts:
 
     def _draw_wind(self, request: Request) -> None:
         """Draw the wind of an episode."""
-        options = request.options
+        options, winds = request.options, request.winds
         chosen = {name: options[name] for name in _WIND if name in options}
         if "inflow" in options:
-            request.wind = request.winds.given(options["inflow"], **chosen)
+            request.wind = winds.given(options["inflow"], **chosen)
         else:
-            request.wind = request.winds.sample(
-                request.rng, **chosen, length=request.length, heading=request.yaw
-            )  # fmt: skip
+            request.wind = winds.sample(request.rng, **chosen, length=request.length, heading=request.yaw)
 
     def _draw_start(self, request: Request) -> None:
         """Draw the start of the running turbine, or a steady one where there is none or an option fixes it.
@@ -223,27 +216,12 @@ class RunningStart:
         Demanded power over the power that the wind allows [-].
     """
 
-    def __init__(
-        self,
-        turbine: Turbine,
-        fidelity: str | Fidelity,
-        overspeed_limit: float,
-        level: float = 1.0,
-    ):
+    def __init__(self, turbine: Turbine, fidelity: str | Fidelity, overspeed_limit: float, level: float = 1.0):
         self._turbine, self._fidelity, self._level = turbine, fidelity, level
         self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
 
     def draw(self, wind: EpisodeWind, yaw: float, rng: np.random.Generator, azimuth: float | None) -> Start | None:
-        """Draw a start.
-
-        Parameters
-        ----------
-        yaw : float
-            Nacelle yaw [rad].
-        rng : numpy.random.Generator
-            One number is drawn of it.
-        azimuth : float, optional
-            Of blade 1 [rad]; by default that of the record.
+        """Draw a start, by one random number, with an azimuth of blade 1 [rad], by default that of the record.
 
         Returns
         -------
@@ -270,8 +248,7 @@ class RunningStart:
     def _speed(self, wind: EpisodeWind, yaw: float) -> float | None:
         """Mean speed of the turbulence before the start [m/s]; None where the wind does not change, or has no past.
 
-        Of turbulence made here it is that of the episode. Other winds are asked: those that are known to have a wind
-        at any time.
+        Of turbulence made here it is that of the episode. Other winds are asked.
         """
         if not isinstance(wind.inflow, PointInflow):
             return None

@@ -62,14 +62,16 @@ FAULT_KINDS = (
 """Kinds of faults of the turbine."""
 GRID_KINDS = ("voltage_dip",)
 """Kinds of faults of the grid; "all" does not stand for it."""
+_KNOWN = (*FAULT_KINDS, *GRID_KINDS)
+
 SIZES = ("train", "held_back")
 """Ranges that the sizes of faults are drawn from."""
 
 
 def _checked_kinds(kinds: str | tuple[str, ...]) -> tuple[str, ...]:
-    names, known = FAULT_KINDS if kinds == ALL else as_tuple(kinds), (*FAULT_KINDS, *GRID_KINDS)
-    if wrong := [name for name in names if name not in known]:
-        raise ValueError(f"must be among {', '.join(known)}, got {shown(wrong[0])}{did_you_mean(wrong[0], known)}")
+    names = FAULT_KINDS if kinds == ALL else as_tuple(kinds)
+    if wrong := [name for name in names if name not in _KNOWN]:
+        raise ValueError(f"must be among {', '.join(_KNOWN)}, got {shown(wrong[0])}{did_you_mean(wrong[0], _KNOWN)}")
     return not_empty(names)
 
 
@@ -170,12 +172,10 @@ class FaultTerm(Term):
             request.plant = replace(request.plant, ice=fault.ice)
 
     def drawn(self, rng: np.random.Generator, choice: Any = None) -> DrawnFault:
-        """Fault of an episode.
+        """Fault of an episode; one number of the generator is drawn, whatever breaks.
 
         Parameters
         ----------
-        rng : numpy.random.Generator
-            One number is drawn of it, whatever breaks.
         choice : str or mapping, optional
             Kind, or ``kind``, ``blade``, ``time`` and ``size``; what is left out is drawn.
 
@@ -206,16 +206,12 @@ class FaultTerm(Term):
         if not isinstance(choices, Mapping):
             raise ValueError(f"fault must be a kind or a mapping of {', '.join(_CHOICE)}, got {shown(choice)}")
         choices = dict(choices)
-        for name in choices:
-            if name not in _CHOICE:
-                raise ValueError(
-                    f"fault must have the keys {', '.join(_CHOICE)}, got {name!r}{did_you_mean(name, _CHOICE)}"
-                )
-        if "kind" in choices and choices["kind"] not in (known := (*FAULT_KINDS, *GRID_KINDS)):
-            raise ValueError(
-                f"the kind of a fault must be among {', '.join(known)}, got {choices['kind']!r}"
-                f"{did_you_mean(choices['kind'], known)}"
-            )
+        for what, name, known in (
+            *(("fault must have the keys", name, _CHOICE) for name in choices),
+            *(("the kind of a fault must be among", kind, _KNOWN) for name, kind in choices.items() if name == "kind"),
+        ):
+            if name not in known:
+                raise ValueError(f"{what} {', '.join(known)}, got {name!r}{did_you_mean(name, known)}")
         n = self._turbine.n_blades
         if "blade" in choices and choices["blade"] not in range(1, n + 1):
             raise ValueError(f"the blade of a fault must be 1 to {n}, got {choices['blade']!r}")
@@ -260,12 +256,7 @@ class FaultTerm(Term):
 
 
 def check_faults(options: FaultOptions, simulator: Any, turbine: Turbine) -> None:
-    """Refuse kinds that simulator or turbine cannot have.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse kinds that simulator or turbine cannot have, by a `ValueError`."""
     kinds = options.kinds or ()
     if ICED in kinds and simulator != OWN:
         raise ValueError(f"fault_kinds must be without {ICED} where another simulator has the blades")

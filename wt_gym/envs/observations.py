@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from wt_gym.control import ActionMap
-    from wt_gym.envs.running_record import Trail
     from wt_gym.turbines import Turbine
 
 __all__ = ["MOST_READINGS", "ObservationOptions", "Observer"]
@@ -210,15 +209,15 @@ class Observer(Stateful):
 
     # ---- readings ----
 
-    def reset(self, action: np.ndarray, trail: Trail | None = None) -> None:
+    def reset(self, action: np.ndarray, trail: np.ndarray | None = None) -> None:
         """Start the filters in steady state.
 
         Parameters
         ----------
         action : numpy.ndarray, shape (n_act,)
             Before the first one.
-        trail : Trail, optional
-            Earlier signals, whose means the washout takes.
+        trail : numpy.ndarray, shape (n_signals,), optional
+            Means of the signals before, from which the washout starts; NaN where there is none.
         """
         situation, operation = self._situation, self._operation
         situation.signals, situation.action = operation.readings(), action
@@ -227,26 +226,17 @@ class Observer(Stateful):
         self._lasting = self._means_before(trail) if len(self._washed) else np.empty(0)
         self._readings: deque[np.ndarray] = deque(maxlen=self._delay + self._history)
 
-    def _means_before(self, trail: Trail | None) -> np.ndarray:
-        """Means of the washed channels at the start (n_washed,), weighted as the filter weighs.
-
-        A channel that the trail does not hold starts from what is measured now.
-        """
+    def _means_before(self, trail: np.ndarray | None) -> np.ndarray:
+        """Means of the washed channels at the start (n_washed,): those recorded before, else what is measured now."""
         situation, now = self._situation, self._situation.signals
         present = self._means_now()
-        if trail is None or not len(trail.signals):
+        if trail is None:
             return present
-        read = trail.signals if situation.offsets is None else trail.signals + situation.offsets
-        rows = []
-        for row in read:
-            situation.signals = Signals(row, now.n_blades)
-            rows.append(self._means_now())
+        read = trail if situation.offsets is None else trail + situation.offsets
+        situation.signals = Signals(read, now.n_blades)
+        means = self._means_now()
         situation.signals = now
-        means = np.array(rows)
-        ages = trail.spacing * np.arange(len(rows), 0, -1)
-        weights = np.exp(-ages / cast("float", self._washout))
-        found = weights @ means / weights.sum()
-        return np.where(np.isfinite(found), found, present)
+        return np.where(np.isfinite(means), means, present)
 
     def _means_now(self) -> np.ndarray:
         """Washed channels in the situation (n_washed,), of a blade as the mean of the blades."""

@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.additions import ResidualPitch, YawByDeadBand
     from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.envs.instruments import Instruments, PitchGain
+    from wt_gym.envs.power_reference import PowerReference
     from wt_gym.envs.terms import Beginning, Plant
+    from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
@@ -104,22 +106,15 @@ def simulator_maker(
 
 
 def _openfast(
-    options: dict[str, Any],
-    longest: Callable[[], float | None],
-    turbine: Turbine,
-    inflow: Inflow,
+    options: dict[str, Any], longest: Callable[[], float | None], turbine: Turbine, inflow: Inflow,
     fidelity: str | Fidelity,
-) -> TurbineSimulator:
+) -> TurbineSimulator:  # fmt: skip
     """OpenFAST for a turbine; its wind lasts as long as episodes do."""
     from wt_gym.bridges.openfast import OpenFASTSimulator
 
     duration = longest()
     lasting = {} if duration is None else {"duration": duration}
     return OpenFASTSimulator(turbine, inflow, fidelity, **lasting | options)
-
-
-def _no_instruments(_: object) -> None:
-    """Exact readings."""
 
 
 class Operation(Stateful):
@@ -133,34 +128,10 @@ class Operation(Stateful):
         Filters of residual pitch.
     lidar : Lidar
         Whose readings are observed, and read by a controller that has one.
-    step : float
-        Of the simulator [s].
-    count : int
-        Such steps in a control step.
+    step, count : float, int
+        Step of the simulator [s], and number of such steps in a control step.
     make : callable
         Makes the simulator, see `make_simulator`; called at the first start of each plant.
-
-    Attributes
-    ----------
-    make_simulator : callable
-    make_instruments : callable
-        Makes the instruments of a drawn variation, None where readings are exact.
-    everyone : bool
-        The base controller reads the instruments of the agent.
-    simulator : TurbineSimulator or None
-        None before the first start.
-    signals : Signals
-        Of the simulator at the present instant.
-    demand, base : Demand
-        On the drives, and of the base controller.
-    faults : tuple
-        Faults of the episode with their times.
-    instruments : Instruments or None
-        None where readings are exact.
-    reference : PowerReference or None
-        Demand of a grid operator.
-    pitch_gain : PitchGain or None
-        Response to pitch, where it is not that of the model.
     """
 
     remembered = (
@@ -168,10 +139,20 @@ class Operation(Stateful):
         "pitch_gain", "_taken", "reference",
     )  # fmt: skip
     wind: EpisodeWind
-    demand: Demand
-    base: Demand
+    demand: Demand  #: on the drives
+    base: Demand  #: of the base controller
     setpoint: AgentSetpoint
     plant: Plant
+    everyone: bool = False  #: the base controller reads the instruments of the agent
+    simulator: TurbineSimulator | None = None  #: None before the first start
+    signals: Signals = cast("Signals", None)  #: of the simulator at the present instant; None before the first start
+    faults: tuple[DriveFault | SensorBias, ...] = ()  #: of the episode with their times
+    instruments: Instruments | None = None  #: None where readings are exact
+    reference: PowerReference | None = None  #: demand of a grid operator
+    pitch_gain: PitchGain | None = None  #: response to pitch, where it is not that of the model
+    _taken: Signals | None = None
+    _drive_faults: tuple[DriveFault, ...] = ()
+    _look: tuple[tuple[float, float], np.ndarray] | None = None
 
     def __init__(
         self,
@@ -190,19 +171,10 @@ class Operation(Stateful):
         self.step, self.count = step, count
         self._supervised = supervisor_of(controller) is not None
         self._lidar_is_read = controller is not None and lidar_of(controller) is not None
-        self.make_instruments: Callable[[Any], Instruments | None] = _no_instruments
-        self.everyone = False
+        self.make_instruments: Callable[[DrawnVariation], Instruments | None]  # set by a variation
+
         self._simulators: dict[tuple[int, BladeIce | None], TurbineSimulator] = {}
-        self.simulator: TurbineSimulator | None = None
-        self.instruments: Instruments | None = None
-        self.pitch_gain: PitchGain | None = None
-        self.reference: Any = None
-        self._taken: Signals | None = None
-        self.signals = cast("Signals", None)  # before the first start, for which everything that needs them asks
-        self.faults: tuple[DriveFault | SensorBias, ...] = ()
-        self._drive_faults: tuple[DriveFault, ...] = ()
         self._filters: list[Callable[[Signals], Signals]] = []
-        self._look: tuple[tuple[float, float], np.ndarray] | None = None
 
     # ---- starts ----
 
@@ -210,7 +182,10 @@ class Operation(Stateful):
         """Start simulator and controller."""
         start = beginning.start
         simulator = self._enter(beginning.wind, beginning.plant, beginning.faults)
-        self._equip(beginning)
+        self.pitch_gain = self.instruments = self.reference = None
+        for equip in hooks(beginning.drawn.values(), "equip"):
+            equip(self)
+        self._resolve()
         self.signals = simulator.reset(
             rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=beginning.yaw,
             generator_torque=start.generator_torque, tower_top=start.tower_top, wake_thrust=start.wake_thrust,
@@ -249,13 +224,6 @@ class Operation(Stateful):
         if drive_faults != self._drive_faults:
             simulator.faults = self._drive_faults = drive_faults
         return simulator
-
-    def _equip(self, beginning: Beginning) -> None:
-        """Take what is drawn of features."""
-        self.pitch_gain = self.instruments = self.reference = None
-        for equip in hooks(beginning.drawn.values(), "equip"):
-            equip(self)
-        self._resolve()
 
     def _resolve(self) -> None:
         """Filters that the readings of the episode pass: response to pitch, then failing sensors."""
@@ -358,14 +326,12 @@ class Operation(Stateful):
 
     def infos(self) -> list[Callable[[], dict[str, Any]]]:
         """Functions that give the parts of `info` that the episode has beside those of every episode."""
-        parts: list[Callable[[], dict[str, Any]]] = []
-        if self.supervisor is not None:
-            parts.append(self._state_info)
-        if any(isinstance(fault, VoltageDip) for fault in self.faults):
-            parts.append(self._voltage_info)
-        if self.reference is not None:
-            parts.append(self._power_info)
-        return parts
+        has_dip = any(isinstance(fault, VoltageDip) for fault in self.faults)
+        parts = (
+            (self.supervisor is not None, self._state_info), (has_dip, self._voltage_info),
+            (self.reference is not None, self._power_info),
+        )  # fmt: skip
+        return [part for is_there, part in parts if is_there]
 
     def _state_info(self) -> dict[str, Any]:
         return {"state": cast("Supervisor", self.supervisor).state}

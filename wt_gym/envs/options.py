@@ -48,10 +48,30 @@ if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
 
 __all__ = [
-    "GROUPS", "RENDER_MODES", "ActionOptions", "ControllerOptions", "DialOptions", "ElectricalOptions", "EnvOptions",
-    "FaultOptions", "GridOptions", "LimitOptions", "ObservationOptions", "RewardOptions", "Variation", "WindOptions",
-    "argument_default", "documentation", "env_arguments", "flat_arguments", "named_arguments", "plain_spec",
-    "registered_arguments", "signature", "wind_files_of", "with_whole_paths",
+    "GROUPS",
+    "RENDER_MODES",
+    "ActionOptions",
+    "ControllerOptions",
+    "DialOptions",
+    "ElectricalOptions",
+    "EnvOptions",
+    "FaultOptions",
+    "GridOptions",
+    "LimitOptions",
+    "ObservationOptions",
+    "PlainSpec",
+    "RewardOptions",
+    "Variation",
+    "WindOptions",
+    "argument_default",
+    "documentation",
+    "env_arguments",
+    "flat_arguments",
+    "named_arguments",
+    "registered_arguments",
+    "signature",
+    "wind_files_of",
+    "with_whole_paths",
 ]  # fmt: skip
 
 
@@ -414,12 +434,20 @@ def documentation(indent: str = "    ") -> str:
     return section(entries, indent)
 
 
-def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
-    """Put mappings of what was given in the place of groups, in what an environment was made of; they have a JSON."""
-    if spec is not None:
-        kwargs = spec.kwargs
-        spec.kwargs = {name: value.given if isinstance(value, Options) else value for name, value in kwargs.items()}
-    return spec
+class PlainSpec:
+    """An environment whose definition has mappings of what was given in the place of groups: they have a JSON form."""
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Definition of `gymnasium.make` or `gymnasium.make_vec`, groups of options as mappings."""
+        return self.__dict__.get("_spec")
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None:
+            values = spec.kwargs.items()
+            spec.kwargs = {name: value.given if isinstance(value, Options) else value for name, value in values}
+        self._spec = spec
 
 
 # ---- files of wind among the arguments ----
@@ -430,30 +458,16 @@ def with_whole_paths(arguments: Mapping[str, Any]) -> dict[str, Any]:
 
     They then mean the same files in JSON, in other processes and in other working directories.
 
-    Parameters
-    ----------
-    arguments : mapping
-        Of `wt_gym.envs.turbine_env.WindTurbineEnv`.
-
-    Returns
-    -------
-    dict
-
     Raises
     ------
     InflowError
         If a mapping names no files.
     """
-    arguments = _with_inflow(arguments)
+    arguments = flat_arguments(arguments) if "wind" in arguments else arguments
     given: Any = arguments.get("inflow")
     if isinstance(given, list | tuple):
         return {**arguments, "inflow": [_whole(one) for one in given]}
     return {**arguments, "inflow": _whole(given)} if is_wind_file(given) else dict(arguments)
-
-
-def _with_inflow(arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Arguments by their flat names where the wind is a group."""
-    return flat_arguments(arguments) if "wind" in arguments else arguments
 
 
 def _whole(given: Any) -> Any:
@@ -470,9 +484,9 @@ def wind_files_of(arguments: Mapping[str, Any]) -> dict[str, str]:
     InflowError
         If one cannot be read.
     """
-    given: Any = _with_inflow(arguments).get("inflow")
-    described = [one for one in (given if isinstance(given, list | tuple) else [given]) if is_wind_file(one)]
-    paths = [os.path.abspath(one) for one in described if is_wind_path(one)]
+    given: Any = with_whole_paths(arguments).get("inflow")
+    described = [one for one in (given if isinstance(given, list) else [given]) if is_wind_file(one)]
+    paths = [one for one in described if is_wind_path(one)]
     paths += [path for one in described for path in files_of(whole_description(one))]
     return {path: _digest(path) for path in dict.fromkeys(paths)}
 

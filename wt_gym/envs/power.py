@@ -11,15 +11,17 @@ from wt_gym.control.design import design_point, rotor_inertia
 from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.envs.terms import Transition
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["DiscWind", "Power", "available_power", "efficiency"]
+__all__ = ["AZIMUTHS", "RINGS", "DiscWind", "Power", "available_power", "disc_points", "efficiency"]
 
-_RINGS = np.sqrt([0.25, 0.75])
-_AZIMUTHS = 2.0 * np.pi * np.arange(6) / 6
+RINGS, AZIMUTHS = np.sqrt([0.25, 0.75]), 2.0 * np.pi * np.arange(6) / 6
+"""Points of equal area of a rotor disc: radii over that of the rotor [-], azimuths [rad]."""
 DISC_TIME = 5.0
 """Time constant of the filter of the wind over the rotor disc [s]."""
 
@@ -50,6 +52,12 @@ def _power_factor(turbine: Turbine) -> float:
     return 0.5 * turbine.air_density * area * design_point(turbine).peak_power_coefficient * efficiency(turbine)
 
 
+def disc_points(turbine: Turbine) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points of equal area of the rotor disc: distance to the left of the hub and height, each (12,) [m]."""
+    ring = turbine.rotor_diameter / 2 * RINGS
+    return np.outer(ring, np.sin(AZIMUTHS)).ravel(), turbine.hub_height + np.outer(ring, np.cos(AZIMUTHS)).ravel()
+
+
 class DiscWind:
     """Mean horizontal wind over 12 points of equal area of a disc of the rotor's size at the hub.
 
@@ -65,11 +73,9 @@ class DiscWind:
 
     def __init__(self, turbine: Turbine, time_constant: float = DISC_TIME):
         self.time_constant = time_constant
-        disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
-        ring = turbine.rotor_diameter / 2 * _RINGS
-        self._beside = np.outer(ring, np.sin(_AZIMUTHS)).ravel()
-        disc[..., 2] = turbine.hub_height + np.outer(ring, np.cos(_AZIMUTHS))
-        self._disc, self._disc_wind = disc.reshape(-1, 3), np.zeros((disc.size // 3, 3))
+        self._beside, height = disc_points(turbine)
+        self._disc, self._disc_wind = np.zeros((len(height), 3)), np.zeros((len(height), 3))
+        self._disc[:, 2] = height
         self._mean = (0.0, 0.0)
         self._step, self.gain = math.nan, math.nan
 

@@ -87,9 +87,8 @@ def _checked_reference(reference: Any) -> Any:
         rows = np.asarray(reference, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         rows = np.empty(0)
-    if rows.ndim != 2 or rows.shape[0] < 1 or rows.shape[1] != 2 or not np.isfinite(rows).all():
-        raise ValueError(allowed + shown(reference))
-    if (np.diff(rows[:, 0]) < 0.0).any():
+    finite = rows.ndim == 2 and len(rows) and rows.shape[1] == 2 and np.isfinite(rows).all()
+    if not finite or (np.diff(rows[:, 0]) < 0.0).any():
         raise ValueError(allowed + shown(reference))
     if (least := float(rows[:, 1].min())) <= 0.0:
         raise ValueError(
@@ -147,7 +146,7 @@ class GridOptions(Options):
         self.check_span(self.reference)
 
     def check_span(self, reference: Any) -> None:
-        """Refuse a span with which a course of a reference would leave its limits."""
+        """As `check`, of another reference."""
         if not isinstance(reference, tuple) or not set(reference) & set(MOVING_KINDS):
             return
         low, high = as_pair(self.level)
@@ -189,21 +188,9 @@ class PowerReference:
         begin, end = times[k - 1], times[k]
         return powers[k - 1] + (time - begin) / (end - begin) * (powers[k] - powers[k - 1])
 
-    @classmethod
-    def of_rows(cls, rows: Sequence[tuple[float, float]]) -> Self:
-        """Course of rows of time [s] and power [W]."""
-        times, powers = zip(*rows, strict=True)
-        return cls("series", tuple(map(float, times)), tuple(map(float, powers)))
-
 
 def _rows_of_file(path: str) -> Any:
-    """Rows of a CSV file of two columns, with a head or without one.
-
-    Raises
-    ------
-    ValueError
-        If it holds none, or other ones.
-    """
+    """Rows of a CSV file of two columns, with a head or without one; a `ValueError` if it holds none, or other ones."""
     with open(path, newline="", encoding="utf-8") as file:
         lines = [line for line in csv.reader(file) if line and not line[0].lstrip().startswith("#")]
     if lines and not _numeric(lines[0]):
@@ -225,12 +212,7 @@ _REFERENCE = options_of(GridOptions)[0]
 
 
 class PowerReferenceTerm(Term):
-    """Power reference of an environment.
-
-    Parameters
-    ----------
-    options : GridOptions
-        With a reference.
+    """Power reference of an environment, of options with one.
 
     Raises
     ------
@@ -254,7 +236,8 @@ class PowerReferenceTerm(Term):
             checked = _rows_of_file(checked)
         if isinstance(checked[0], str):
             return cast("tuple[str, ...]", checked)
-        return PowerReference.of_rows(checked)
+        times, powers = zip(*checked, strict=True)
+        return PowerReference("series", times, powers)
 
     def mean_share(self, wind_speed: float) -> float:
         """Mean power that is asked for in a wind [m/s], over rated power [-].
@@ -275,24 +258,13 @@ class PowerReferenceTerm(Term):
     def draw(self, request: Request) -> None:
         """Draw the reference of an episode."""
         choice = request.options.get(self.option)
-        request.drawn["power_reference"] = self.drawn(request.rng, request.wind, choice)
+        request.drawn[self.option] = self.drawn(request.rng, request.wind, choice)
 
     def drawn(self, rng: np.random.Generator, wind: EpisodeWind, choice: Any = None) -> PowerReference:
-        """Reference of an episode.
+        """Reference of an episode, or of a choice in place of that of the options.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            One number is drawn of it, whatever the kind.
-        wind : EpisodeWind
-            Its seed and speed decide too: the same random numbers give another reference in another wind.
-        choice : object, optional
-            In place of the reference of the options.
-
-        Raises
-        ------
-        ValueError
-            If the choice has no meaning.
+        One number of the generator is drawn, whatever the kind. Seed and speed of the wind decide too: the same random
+        numbers give another reference in another wind.
         """
         seed = int(rng.integers(2**63))
         courses = self._choice if choice is None else self._courses(choice)
@@ -331,37 +303,30 @@ class PowerReferenceTerm(Term):
 
     def groups(self) -> dict[str, list[Observed]]:
         """Demand, error and stores of energy, all of which a controller knows; the forecast of a schedule apart."""
-        turbine, drive = self._turbine, self._turbine.drivetrain
-        rated = drive.rated_power
-        half, factor = 0.5 * rotor_inertia(turbine), available_power(turbine, 1.0)
-        full = half * drive.rated_rotor_speed**2
+        rated, half = self._turbine.drivetrain.rated_power, 0.5 * rotor_inertia(self._turbine)
+        factor, full = available_power(self._turbine, 1.0), half * self._turbine.drivetrain.rated_rotor_speed**2
         demanded = ("W", 0.8 * rated, 0.15 * rated, 0.0, 2 * rated, 0.0)
-        rows: tuple[tuple[Channel, Any], ...] = (
-            (Channel("demanded_power", *demanded, "power that is asked for"), Computed(demanded_power, 0)),
+        rows: list[tuple[Computed, str, tuple[Any, ...], str]] = [
+            (Computed(demanded_power, 0), "demanded_power", demanded, "power that is asked for"),
+            (Computed(power_error), "power_error", ("W", 0.0, 0.05 * rated, -2 * rated, 2 * rated, 5e-3 * rated),
+             "electrical power less what is asked for"),
+            (Computed(partial(power_headroom, factor, 1.5 * rated), estimates=True), "power_headroom",
+             ("W", 0.1 * rated, 0.25 * rated, -2 * rated, 2 * rated, 0.0),
+             "power that the estimated wind allows less what is asked for"),
+            (Computed(partial(rotor_energy, half)), "rotor_energy", ("J", full, 0.2 * full, 0.0, 4 * full, 2e-3 * full),
+             "kinetic energy of rotor and generator"),
+        ]  # fmt: skip
+        rows += [
             (
-                Channel("power_error", "W", 0.0, 0.05 * rated, -2 * rated, 2 * rated, 5e-3 * rated,
-                        "electrical power less what is asked for"),
-                Computed(power_error),
-            ),
-            (
-                Channel("power_headroom", "W", 0.1 * rated, 0.25 * rated, -2 * rated, 2 * rated, 0.0,
-                        "power that the estimated wind allows less what is asked for"),
-                Computed(partial(power_headroom, factor, 1.5 * rated), estimates=True),
-            ),
-            (
-                Channel("rotor_energy", "J", full, 0.2 * full, 0.0, 4 * full, 2e-3 * full,
-                        "kinetic energy of rotor and generator"),
-                Computed(partial(rotor_energy, half)),
-            ),
-        )  # fmt: skip
-        forecast = [
-            Observed(
-                Channel(f"demanded_power_in_{ahead:g}_s", *demanded, f"power that is asked for in {ahead:g} s"),
                 Computed(demanded_power, k),
+                f"demanded_power_in_{ahead:g}_s",
+                demanded,
+                f"power that is asked for in {ahead:g} s",
             )
             for k, ahead in enumerate(AHEAD, start=1)
         ]
-        return {"power_reference": [Observed(*row) for row in rows], "power_forecast": forecast}
+        observed = [Observed(Channel(name, *row, text), reader) for reader, name, row, text in rows]
+        return {"power_reference": observed[: -len(AHEAD)], "power_forecast": observed[-len(AHEAD) :]}
 
 
 def demanded_power(situation: Situation) -> list[float]:
@@ -386,15 +351,7 @@ def power_headroom(factor: float, most: float, situation: Situation) -> float:
 
 
 def regulation_signal(rng: np.random.Generator) -> tuple[list[float], list[float]]:
-    """Draw a regulation signal.
-
-    Returns
-    -------
-    times : list of float
-        [s].
-    shares : list of float
-        Within -1 and 1 [-].
-    """
+    """Draw a regulation signal: times [s] and shares within -1 and 1 [-]."""
     count = round(DRAWN / REGULATION_STEP) + 1
     settled = round(4.0 / SLOW / REGULATION_STEP)
     noise = rng.standard_normal(settled + count)

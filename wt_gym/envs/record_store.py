@@ -38,16 +38,15 @@ from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import TurbulentInflow
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from wt_gym.base.canary import Canary
     from wt_gym.turbines import BeamStations, Turbine
+    from wt_gym.wind import TurbulentInflow
+
 
 __all__ = [
     "CATALOG", "FOLDER", "RecordedTurbine", "StartFile", "digest_of_turbine", "dimensions", "find_record",
@@ -93,9 +92,8 @@ class StartFile:
 
     def fits(self, turbine: Turbine) -> bool:
         """Return True if name and dimensions are those of a turbine, which may turn in the other sense."""
-        return self.turbine == turbine.name and np.allclose(
-            np.abs(self.dimensions), np.abs(dimensions(turbine)), rtol=_SAME
-        )
+        sizes = np.abs(self.dimensions), np.abs(dimensions(turbine))
+        return self.turbine == turbine.name and np.allclose(*sizes, rtol=_SAME)
 
     def mirrors(self, turbine: Turbine) -> bool:
         """Return True if the recorded rotor turns in the other sense than that of a turbine."""
@@ -139,13 +137,7 @@ def recorded_speeds(turbine: Turbine) -> NDArray[np.float64]:
 
 
 def find_record(turbine: Turbine, level: float) -> tuple[StartFile, Record] | None:
-    """Record of a turbine, in the package or of the user; None where there is none.
-
-    Parameters
-    ----------
-    level : float
-        Demanded power over the available one [-]; the record with the nearest level is taken.
-    """
+    """Record of a turbine, of the package or the user, with the nearest `StartFile.level`; None where there is none."""
     path = _path_of(turbine, level)
     record = None if path is None else _read(path)
     return None if path is None or record is None else (_heads()[path], record)
@@ -174,11 +166,6 @@ def make_recorder(turbine: Turbine, fidelity: str, controller: str, level: float
 def record_canary(turbine: Turbine, fidelity: str, controller: str, level: float) -> Canary:
     """Canary of a record: instants of a short run in turbulence, at a site that is the same for all.
 
-    Parameters
-    ----------
-    turbine, fidelity, controller, level
-        As in `make_recorder`.
-
     Raises
     ------
     wt_gym.base.errors.SimulationError
@@ -192,8 +179,7 @@ def record_canary(turbine: Turbine, fidelity: str, controller: str, level: float
         rows = make_recorder(sited, fidelity, controller, level, speed).run(inflow, _CANARY_PLAN).rows
         n_motion = rows.shape[1] - RowLayout.of(turbine.n_blades, 0).memory.start
         places = RowLayout.of(turbine.n_blades, n_motion)._asdict().items()
-        named = {f"{part}[{k}]": row for part, place in places for k, row in enumerate(rows.T[place])}
-        return {name: canary_text(row) for name, row in named.items()}
+        return {f"{part}[{k}]": canary_text(row) for part, place in places for k, row in enumerate(rows.T[place])}
 
     return cached_canary("record", fingerprint(turbine, fidelity, controller, level), measure)
 
@@ -301,7 +287,6 @@ def _packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.f
     return codes.transpose(0, 2, 1).astype(np.uint16), low, unit
 
 
-_log = logging.getLogger(__name__)
 _SEED = 7_777_000  # First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s
 _RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8}  # Winds at a wind speed: most for turbines of tasks
 _ATTEMPTS = 3  # Winds of a run: a gust may stop a turbine at cut-out by its overspeed
@@ -336,12 +321,9 @@ class RecordedTurbine:
     @property
     def key(self) -> str:
         """Digest of all on which the runs depend, besides the program."""
-        turbine = load_turbine(self.turbine)
-        return fingerprint(turbine, self.run_fidelity, self.controller, self.level, self.runs, PLAN)[:16]
-
-    def recorder(self, speed: float) -> StartRecorder:
-        """Recorder at a wind speed [m/s]."""
-        return make_recorder(load_turbine(self.turbine), self.run_fidelity, self.controller, self.level, speed)
+        return fingerprint(load_turbine(self.turbine), self.run_fidelity, self.controller, self.level, self.runs, PLAN)[
+            :16
+        ]
 
     def canary(self) -> Canary:
         """Canary of the record."""
@@ -349,7 +331,8 @@ class RecordedTurbine:
 
     def inflow(self, speed: float, run: int) -> TurbulentInflow:
         """Wind of a run at a wind speed [m/s]."""
-        return _winds(load_turbine(self.turbine)).turbulence(speed, _SEED + 1000 * round(speed) + run)
+        winds = WindSampler(load_turbine(self.turbine), WindOptions(inflow="turbulent"))
+        return winds.turbulence(speed, _SEED + 1000 * round(speed) + run)
 
     def run(self, speed: float, run: int) -> Instants:
         """Record a run at a wind speed [m/s], in another wind where the turbine does not come through that of the run.
@@ -359,13 +342,15 @@ class RecordedTurbine:
         wt_gym.base.errors.SimulationError
             If it comes through none of `_ATTEMPTS`.
         """
-        recorder = self.recorder(speed)
-        for attempt in range(_ATTEMPTS - 1):
+        turbine = load_turbine(self.turbine)
+        recorder = make_recorder(turbine, self.run_fidelity, self.controller, self.level, speed)
+        for attempt in range(_ATTEMPTS):
             try:
                 return recorder.run(self.inflow(speed, run + attempt * self.runs), PLAN)
             except SimulationError as error:
                 _log.info("%s does not run in wind %d at %g m/s (%s)", self.turbine, run, speed, error)
-        return recorder.run(self.inflow(speed, run + (_ATTEMPTS - 1) * self.runs), PLAN)
+                failure = error
+        raise failure
 
 
 CATALOG = (
@@ -373,11 +358,6 @@ CATALOG = (
     RecordedTurbine("nrel_5mw", "discon+derate_kinetic", 0.85, runs=8),
 )
 """Records of the package: they serve every id of an environment with its default options."""
-
-
-@lru_cache(maxsize=1)
-def _winds(turbine: Turbine) -> WindSampler:
-    return WindSampler(turbine, WindOptions(inflow="turbulent"))
 
 
 def make_record(

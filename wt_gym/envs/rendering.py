@@ -125,15 +125,8 @@ class Renderer(Term):
             axes.tick_params(labelbottom=i == len(rows) - 1)
             if limit is not None:
                 axes.axhline(limit, color=GRAY, linewidth=0.8, linestyle="--")
-                axes.text(
-                    1.0,
-                    1.03,
-                    f"dashed: rated, {limit:.4g}",
-                    transform=axes.transAxes,
-                    ha="right",
-                    fontsize=7,
-                    color=GRAY,
-                )
+                style: dict[str, Any] = {"ha": "right", "fontsize": 7, "color": GRAY, "transform": axes.transAxes}
+                axes.text(1.0, 1.03, f"dashed: rated, {limit:.4g}", **style)
             (line,) = axes.plot([], [], color=BLUE, linewidth=1.2)
             self._strips.append((axes, line, limit))
         axes.set_xlabel("Time [s]", fontsize=8, color=INK, labelpad=1)

@@ -14,7 +14,7 @@ from wt_gym.envs import rewards
 from wt_gym.envs.builder import Parts, build
 from wt_gym.envs.manual import describe, manual
 from wt_gym.envs.operation import make_simulator
-from wt_gym.envs.options import RENDER_MODES, EnvOptions, named_arguments, plain_spec, signature
+from wt_gym.envs.options import RENDER_MODES, EnvOptions, PlainSpec, named_arguments, signature
 from wt_gym.envs.terminations import registered_limit, tip_clearance
 from wt_gym.envs.terms import EnvSnapshot, Stateful, Transition, hooks
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from gymnasium import spaces
-    from gymnasium.envs.registration import EnvSpec
 
     from wt_gym.envs.terms import Beginning
     from wt_gym.simulation import Signals
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["WindTurbineEnv", "turbine_env_of"]
 
 
-class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
+class WindTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
     __doc__ = manual()
     __signature__ = signature()
 
@@ -79,15 +78,6 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
         """Name and id in one line: wrappers of Gymnasium put what they enclose into an f-string."""
         return format(super().__str__(), spec)
 
-    @property
-    def spec(self) -> EnvSpec | None:
-        """Definition of `gymnasium.make`, groups of options as mappings: those have a form in JSON."""
-        return self.__dict__.get("_spec")
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = plain_spec(spec)
-
     # ---- an episode ----
 
     def reset(
@@ -122,6 +112,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
         super().reset(seed=seed)
         longest = self.length.longest(self.spec, self.outer_steps)
         beginning = self.starts.draw(self.np_random, options, longest, self.np_random_seed, seed is not None)
+
         self._begin(beginning)
         observation, saturated = self._observe()
         info = self._info(saturated, tip_clearance(self.signals))

@@ -14,6 +14,7 @@ import zipfile
 from array import array
 from collections import OrderedDict
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.running_record import Start
     from wt_gym.envs.terms import Beginning, RewardTerm
-    from wt_gym.envs.wind_sampler import EpisodeWind
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.wind import Inflow, TurbulenceBox
 
 __all__ = ["MOST_FILES", "MOST_NUMBERS", "Course", "Twin", "kept_course", "store_course"]
@@ -99,12 +100,8 @@ class Course:
         def read(path: Path) -> tuple[Any, bool]:
             with np.load(path, allow_pickle=False) as file:
                 names, rows, ended = tuple(file["names"].tolist()), file["rows"], bool(file["ended"])
-            if (
-                names != self.names
-                or rows.shape[1:] != (len(names),)
-                or rows.dtype != np.float64
-                or not np.isfinite(rows).all()
-            ):
+            fits = names == self.names and rows.shape[1:] == (len(names),) and rows.dtype == np.float64
+            if not (fits and np.isfinite(rows).all()):
                 raise ValueError(f"it holds {names}, an array {rows.dtype}{rows.shape}")
             return rows, ended
 
@@ -125,11 +122,6 @@ class Course:
             if write_cached("rewards", path, lambda file: write_whole(file, lambda opened: np.savez(opened, **table))):
                 self._kept = len(rows)
                 _tidy(path.parent.parent)
-
-
-def new_course(names: tuple[str, ...]) -> Course:
-    """Give an empty course that is not kept."""
-    return Course(None, names)
 
 
 def kept_course(key: str, names: tuple[str, ...]) -> Course:
@@ -194,18 +186,14 @@ class Twin(Term):
         The turbine under the controller alone: it gets the winds that are drawn elsewhere, and has none itself.
     wind_key : tuple
         Properties of turbulence made here beside its speed, seed and time.
-
-    Attributes
-    ----------
-    course : Course
-        Of this episode.
     """
 
-    course: Course
+    course: Course  #: of this episode
 
-    def __init__(self, env: Any, wind_key: tuple[Any, ...]):
+    def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
-        self._identity = _identity(env)
+        self._described = _description(env)
+
         self._beginning: Beginning | None = None
         self._simulated: Course | None = None  # in which the environment stands
         self._steps = 0  # that it has made there
@@ -214,11 +202,10 @@ class Twin(Term):
         """Start an episode with the draws that change what the controller does: nothing is simulated yet."""
         self.keep()
         drawn = {name: one for name, one in beginning.drawn.items() if hasattr(one, "key")}
-        beginning = replace(beginning, drawn=drawn)
-        self._beginning = beginning
-        key = self._key(beginning)
+        self._beginning = replace(beginning, drawn=drawn)
+        key = self._key(self._beginning)
         names = tuple(term.name for term in self.env.reward_terms)
-        self.course = new_course(names) if key is None else kept_course(key, names)
+        self.course = Course(None, names) if key is None else kept_course(key, names)
 
     def keep(self) -> None:
         """Keep what was recorded in this episode for other processes."""
@@ -252,20 +239,30 @@ class Twin(Term):
 
     # ---- what it is ----
 
+    @cached_property
+    def _identity(self) -> str | None:
+        """Digest of all that decides on the rewards beside wind, start and limits; None where it is not known.
+
+        The canary counts to its last digit here: rewards must not depend on which version has filled the cache. It is
+        measured for the first episode, not when an environment is made.
+        """
+        env = self.env
+        if self._described is None:
+            return None
+        canary = canary_of(env.turbine, env.fidelity, type(env))
+        return fingerprint(env.turbine, fidelity_of(env.fidelity), env.control_dt, *self._described, canary, software())
+
     def _key(self, beginning: Beginning) -> str | None:
         """Name of the course of a beginning; None where it cannot be told from every other one."""
-        wind = self._wind(beginning.wind)
-        if self._identity is None or wind is None:
+        wind = beginning.wind
+        inflow = _inflow(wind.inflow, wind.wind_seed >= 0)
+        if inflow is None or self._identity is None:
             return None
+        told = self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, inflow
         limits = self.env.limits.overspeed, self.env.limits.standstill
         drawn = [(name, one.key) for name, one in beginning.drawn.items()]
         others = beginning.yaw, beginning.faults, drawn
-        return fingerprint(self._identity, limits, wind, _start(beginning.start), others)[:40]
-
-    def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:
-        """Properties of a wind that tell it from others."""
-        told = _inflow(wind.inflow, wind.wind_seed >= 0)
-        return None if told is None else (self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, told)
+        return fingerprint(self._identity, limits, told, _start(beginning.start), others)[:40]
 
     # ---- snapshots ----
 
@@ -289,19 +286,16 @@ class Twin(Term):
         self._simulated = None
 
 
-def _identity(env: Any) -> str | None:
-    """Digest of all that decides on the rewards of a turbine under its controller beside start and limits.
+def _description(env: WindTurbineEnv) -> tuple[str, str] | None:
+    """Digests of controller and reward terms, as they were made.
 
-    None where something is from outside of this package: it may do another thing tomorrow, or draw numbers. The canary
-    counts to its last digit here: rewards must not depend on which version has filled the cache.
+    None where something is from outside of this package: it may do another thing tomorrow, or draw numbers.
     """
     controller, terms = env.operation.controller, env.reward_terms
     parts: list[object] = [] if controller is None else [*parts_of(controller)]
     if env.operation.make_simulator is not make_simulator or not all(map(_is_own, [*parts, *terms])):
         return None
-    described = _digest(controller), _digest(terms)
-    canary = canary_of(env.turbine, env.fidelity, type(env))
-    return fingerprint(env.turbine, fidelity_of(env.fidelity), env.control_dt, *described, canary, software())
+    return _digest(controller), _digest(terms)
 
 
 def _is_own(part: object | RewardTerm) -> bool:
@@ -317,20 +311,16 @@ def _digest(value: object) -> str:
 
 def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:
     """Properties of an inflow beside speed, seed and time of turbulence; None where they do not tell it from others."""
-    if isinstance(inflow, TurningInflow):
+    if isinstance(inflow, TurningInflow | MirroredInflow):
         inner = _inflow(inflow.inner, made_here)
-        return None if inner is None else (type(inflow).__name__, inflow.times, inflow.directions, *inner)
-    if isinstance(inflow, MirroredInflow):
-        inner = _inflow(inflow.inner, made_here)
-        return None if inner is None else (type(inflow).__name__, *inner)
+        turning = (inflow.times, inflow.directions) if isinstance(inflow, TurningInflow) else ()
+        return None if inner is None else (type(inflow).__name__, *turning, *inner)
     if isinstance(inflow, TurbulentInflow) and made_here:
         return inflow.steady, inflow.beyond_grid, *_box(inflow.box)
     if type(inflow) is PathInflow and (made_here or inflow.box is None):
         path = type(inflow).__name__, inflow.times, inflow.speeds, inflow.scales, inflow.offset, inflow.profile
         return (*path, None) if inflow.box is None else (*path, *_box(inflow.box))
-    if type(inflow) in (SteadyInflow, TransientInflow):
-        return (inflow,)
-    return None
+    return (inflow,) if type(inflow) in (SteadyInflow, TransientInflow) else None
 
 
 def _box(box: TurbulenceBox) -> tuple[object, ...]:

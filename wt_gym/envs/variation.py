@@ -42,8 +42,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.terms import Request
     from wt_gym.envs.wind_sampler import EpisodeWind, WindOptions
     from wt_gym.turbines import Turbine
-    from wt_gym.turbines.blade import BeamStations
-    from wt_gym.turbines.model import PitchSystem, Support, Tower
+    from wt_gym.turbines.model import PitchSystem, Tower
 
 __all__ = [
     "CHOICES", "HELD_BACK", "PRESETS", "RANGES", "STRUCTURAL", "TRAIN", "DrawnVariation", "Plants", "Variation",
@@ -233,8 +232,7 @@ def varied_turbine(
     if tower_frequency != 1.0 or tower_damping != 1.0:
         changed = replace(changed, tower=_tower(turbine.tower, tower_frequency**2, tower_damping))
     if blade_stiffness != 1.0:
-        blade = turbine.blade
-        changed = replace(changed, blade=replace(blade, structure=_stiffened(blade.structure, blade_stiffness)))
+        changed = replace(changed, blade=_stiffened(turbine.blade, blade_stiffness))
     if air_density != 1.0:
         changed = with_site(changed, {"air_density": air_density * turbine.air_density})
     if drive_lag != 0.0 or pitch_rate != 1.0:
@@ -242,30 +240,29 @@ def varied_turbine(
     return changed
 
 
-def _stiffened(beam: BeamStations, factor: float) -> BeamStations:
-    return replace(beam, stiffness=factor * beam.stiffness)
+def _stiffened(part: Any, factor: float) -> Any:
+    """Beam of a blade or a tower with another stiffness."""
+    return replace(part, structure=replace(part.structure, stiffness=factor * part.structure.stiffness))
 
 
 def _tower(tower: Tower, stiffness: float, damping: float) -> Tower:
     support = tower.support
-    if support is not None and stiffness != 1.0:
-        support = _support(support, stiffness)
-    structure = tower.structure if stiffness == 1.0 else _stiffened(tower.structure, stiffness)
-    return replace(tower, structure=structure, support=support, damping_ratio=damping * tower.damping_ratio)
-
-
-def _support(support: Support, stiffness: float) -> Support:
-    foundation = None if support.foundation is None else stiffness * support.foundation
-    return replace(support, structure=_stiffened(support.structure, stiffness), foundation=foundation)
+    if stiffness != 1.0:
+        tower = _stiffened(tower, stiffness)
+        if support is not None:
+            ground = None if support.foundation is None else stiffness * support.foundation
+            support = replace(_stiffened(support, stiffness), foundation=ground)
+    return replace(tower, support=support, damping_ratio=damping * tower.damping_ratio)
 
 
 def _drives(pitch: PitchSystem, lag: float, rate: float) -> PitchSystem:
-    changes: dict[str, float] = {"max_rate": rate * pitch.max_rate}
-    if lag > 0.0:
-        own = 0.0 if pitch.servo_frequency is None else 2.0 * pitch.servo_damping / pitch.servo_frequency
-        damping = 1.0 if pitch.servo_frequency is None else pitch.servo_damping
-        changes |= {"servo_frequency": 2.0 * damping / (lag + own), "servo_damping": damping}
-    return replace(pitch, **changes)
+    changed = replace(pitch, max_rate=rate * pitch.max_rate)
+    if lag == 0.0:
+        return changed
+    own, damping = 0.0, 1.0
+    if pitch.servo_frequency is not None:
+        own, damping = 2.0 * pitch.servo_damping / pitch.servo_frequency, pitch.servo_damping
+    return replace(changed, servo_frequency=2.0 * damping / (lag + own), servo_damping=damping)
 
 
 _STREAM = 0x56415259  # Tells the stream of the variations from that of the episodes with the same seed
@@ -275,12 +272,7 @@ _MOST_SEED = 2**63
 
 
 class Plants:
-    """The finite set of turbines of a variation.
-
-    Parameters
-    ----------
-    turbine : Turbine
-        Nominal.
+    """The finite set of turbines of a variation of a nominal turbine.
 
     Attributes
     ----------
@@ -293,7 +285,11 @@ class Plants:
         ranges = {name: ends for name in STRUCTURAL if (ends := variation.ends(name)) is not None}
         several = any(low < high for low, high in ranges.values())
         count = variation.plants if several else 1
-        columns = {name: _levels(name, *ends, count) for name, ends in ranges.items()}
+        columns: dict[str, list[float]] = {}
+        for name, (low, high) in ranges.items():  # evenly spaced with both ends, each in an order of its own
+            levels = np.linspace(low, high, count) if count > 1 else np.array([0.5 * (low + high)])
+            order = np.random.default_rng([_HYPERCUBE, STRUCTURAL.index(name)]).permutation(count)
+            columns[name] = levels[order].tolist()
         self.values = tuple({name: column[k] for name, column in columns.items()} for k in range(count))
         self._made: dict[int, Turbine] = {}
 
@@ -305,14 +301,6 @@ class Plants:
         if number not in self._made:
             self._made[number] = varied_turbine(self._turbine, **self.values[number])
         return self._made[number]
-
-
-def _levels(name: str, low: float, high: float, count: int) -> list[float]:
-    """Values of a quantity in all plants: evenly spaced with both ends, in an order of its own."""
-    levels = np.linspace(low, high, count) if count > 1 else np.array([0.5 * (low + high)])
-    order = np.random.default_rng([_HYPERCUBE, STRUCTURAL.index(name)]).permutation(count)
-    values: list[float] = levels[order].tolist()
-    return values
 
 
 @dataclass(frozen=True)
@@ -362,8 +350,6 @@ class VariationTerm(Term):
 
     Parameters
     ----------
-    turbine : Turbine
-        Nominal.
     lidar : Lidar
         That is read.
     observed : ObservationOptions
@@ -450,9 +436,9 @@ class VariationTerm(Term):
                 continue
             low, high = cast("tuple[float, float]", variation.ends(name))
             if name == "sensor_offset":
-                values[name] = {sensor: _between(u, low, high) for sensor, u in zip(DRIFTING, shifts, strict=True)}
+                values[name] = {sensor: low + u * (high - low) for sensor, u in zip(DRIFTING, shifts, strict=True)}
             else:
-                values[name] = _between(share[name], low, high)
+                values[name] = low + share[name] * (high - low)
         if "sensor_delay" in values:
             values["sensor_delay"] = self._step * round(values["sensor_delay"] / self._step)
         turbine = self.plants.turbine(plant) if "plant" in values else self._turbine
@@ -471,12 +457,7 @@ class VariationTerm(Term):
 
 
 def check_variation(variation: Variation, wind: WindOptions, turbine: Any, simulator: Any) -> None:
-    """Refuse a class, profile or structure to be drawn where wind or simulator have their own.
-
-    Raises
-    ------
-    ValueError, wt_gym.base.errors.InflowError
-    """
+    """Refuse a class, profile or structure to be drawn where wind or simulator have their own, by a `ValueError`."""
     names = [name for name in ("turbulence_class", "shear_exponent") if getattr(variation, name) is not None]
     if names and (not wind.made_here or wind.extreme):
         raise InflowError(
@@ -494,7 +475,3 @@ def check_variation(variation: Variation, wind: WindOptions, turbine: Any, simul
 
 def _pick(share: float, count: int) -> int:
     return min(int(share * count), count - 1)
-
-
-def _between(share: float, low: float, high: float) -> float:
-    return low + share * (high - low)

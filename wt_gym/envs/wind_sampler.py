@@ -39,8 +39,6 @@ from wt_gym.wind.inflow import require_cover
 from wt_gym.wind.turbulent import speed_path
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from wt_gym.turbines import Turbine
 
 __all__ = [
@@ -89,32 +87,12 @@ def is_wind_file(value: Any) -> bool:
     return is_wind_path(value) or (isinstance(value, Mapping) and "file" in value)
 
 
-def checked_wind_seed(seed: Any) -> int:
-    """Seed of turbulence.
-
-    Raises
-    ------
-    InflowError
-        If it is not an integer that arrays and files can hold.
-    """
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InflowError(f"a wind seed must be an integer of at least 0, got {seed!r}")
-    if seed > LARGEST_WIND_SEED:
-        raise InflowError(f"a wind seed must be an integer of at most {LARGEST_WIND_SEED}, got {seed!r}")
-    return int(seed)
-
-
 def own_winds(given: Any) -> tuple[Any, ...]:
-    """Inflows and descriptions of winds of the user: one, or several.
-
-    Raises
-    ------
-    InflowError
-        If something is none.
-    """
+    """Inflows and descriptions of winds of the user: one, or several."""
     alone = isinstance(given, str | Mapping) or not isinstance(given, Iterable)
     several: tuple[Any, ...] = (given,) if alone else tuple(given)
     wrong = [one for one in several if not (isinstance(one, Inflow | Mapping) or is_wind_file(one))]
+
     if wrong or not several:
         refused = wrong[0] if len(wrong) == 1 else wrong or given
         raise InflowError(f"inflow must be one of {_ALLOWED}, got {shown(refused)}{did_you_mean(refused, KINDS)}")
@@ -260,9 +238,8 @@ class WindOptions(Options):
         """Some of the winds are turbulence that is made by the environment."""
         if not isinstance(self.inflow, str):
             return False
-        return self.inflow in ("turbulent", "path", "extreme-turbulent") or (
-            self.inflow == "gusts" and "ETM" in self.gusts
-        )
+        etm = self.inflow == "gusts" and "ETM" in self.gusts
+        return etm or self.inflow in ("turbulent", "path", "extreme-turbulent")
 
     def check(self) -> None:
         """Refuse what the kind of wind would ignore."""
@@ -292,10 +269,6 @@ class WindOptions(Options):
                 raise InflowError(f"{name}={value!r} belongs to {winds_text}")
 
 
-# A file of ten minutes takes some ten to a hundred megabytes in memory.
-_WINDS_IN_MEMORY = 8
-
-
 @dataclass(frozen=True)
 class WindFile:
     """A file of wind that was found whole."""
@@ -320,9 +293,8 @@ class WindFile:
         InflowError
             If it is missing or damaged, or its grid does not reach around the rotor; the message names it.
         """
-        whole = whole_description(given)
         try:
-            key = json.dumps(whole, sort_keys=True)
+            key = json.dumps(whole_description(given), sort_keys=True)
         except TypeError as error:
             raise InflowError(f"the description of a wind must be numbers, texts and lists of them: {error}") from error
         size = float(hub_height), float(rotor_diameter)
@@ -347,17 +319,12 @@ class WindFile:
         return replace(wind, time_offset=wind.time_offset + time_offset)
 
     def latest_start(self, length: float | None) -> float:
-        """Time in the record before which an episode can begin [s].
+        """Time in the record before which an episode of a length [s], or an unknown one, can begin [s].
 
         A periodic record can be entered anywhere. One that is not jumps at its end, which no gust does: episodes begin
         early enough to be over by then at the rotor, and at its beginning where their length is not known. What lies
         far ahead of the rotor or behind it, for a lidar or the wake, meets the jump the time of its way earlier or
         later. A series is met from its beginning.
-
-        Parameters
-        ----------
-        length : float or None
-            Of the episode [s].
         """
         if self.is_series:
             return 0.0
@@ -367,28 +334,26 @@ class WindFile:
 
 
 def _state(key: str) -> tuple[tuple[int, int] | None, ...]:
-    """Times and sizes of the files, which tell of a change, None where there is none."""
-    return tuple(_state_of(path) for path in files_of(json.loads(key)))
-
-
-def _state_of(path: str) -> tuple[int, int] | None:
-    try:
-        found = Path(path).stat()
-    except OSError:  # reading it says why
-        return None
-    return found.st_mtime_ns, found.st_size
+    """Times and sizes of the files, which tell of a change; None of one that cannot be read, which reading explains."""
+    states: list[tuple[int, int] | None] = []
+    for path in files_of(json.loads(key)):
+        try:
+            found = Path(path).stat()
+            states.append((found.st_mtime_ns, found.st_size))
+        except OSError:
+            states.append(None)
+    return tuple(states)
 
 
 @lru_cache(maxsize=1024)
 def _found(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> WindFile:
     wind = _wind(key, state, size)
-    of_all = key, size, wind.mean_speed, wind.hub_height, wind.description
-    if isinstance(wind, SeriesInflow):
-        return WindFile(*of_all, wind.duration, periodic=False, is_series=True)
-    return WindFile(*of_all, wind.box.duration, wind.box.periodic, is_series=False)
+    record, is_series = (wind, True) if isinstance(wind, SeriesInflow) else (wind.box, False)
+    periodic = not is_series and wind.box.periodic
+    return WindFile(key, size, wind.mean_speed, wind.hub_height, wind.description, record.duration, periodic, is_series)
 
 
-@lru_cache(maxsize=_WINDS_IN_MEMORY)
+@lru_cache(maxsize=8)  # a file of ten minutes takes some ten to a hundred megabytes
 def _wind(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> TurbulentInflow | SeriesInflow:
     """Read a file; ``state`` has a file that was changed read again."""
     try:
@@ -458,7 +423,10 @@ class WindSampler:
         kind: Any = options.inflow
         self._kind = kind if options.made_here or callable(kind) else self._own_inflows(kind)
         self._directions, self._wander, self._swing = as_pair(options.direction), options.wander, options.swing
-        self._profile = _profile(options)
+        exponent = NORMAL_SHEAR if options.shear_exponent is None else options.shear_exponent
+        roughness = options.roughness_length
+        self._profile = {"shear_exponent": exponent} if roughness is None else {"roughness_length": roughness}
+
         self._to_hub = self._share_at_hub(options.reference_height)
         self._class = self._box_class = options.turbulence_class or turbine.turbulence_class
         self._pool = options.seeds
@@ -557,10 +525,6 @@ class WindSampler:
             Yaw angle of the nacelle at the start [rad], against which winds made here have their direction; a user's
             inflow keeps its own direction.
 
-        Returns
-        -------
-        EpisodeWind
-
         Raises
         ------
         InflowError
@@ -576,29 +540,24 @@ class WindSampler:
                 own = self._kind[int(rng.integers(len(self._kind)))]
             return self._turned(_own_wind(own, time_offset, float(drawn_phase), length), rng)
         speed = self._checked_speed(wind_speed) if wind_speed is not None else float(drawn_speed)
-        if self._kind == "gusts" and (gust := self._gust(speed, rng)) is not None:
-            return self._turned(EpisodeWind(gust, speed, -1, 0.0), rng, heading)
-        steady = self._steady(speed)
-        if not self.turbulent:
-            return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng, heading)
-        seed = checked_wind_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
+        gust = self._gust(speed, rng) if self._kind == "gusts" else None
+        if gust is not None or not self.turbulent:
+            return self._turned(EpisodeWind(gust or self._steady(speed), speed, -1, 0.0), rng, heading)
+        seed = int(drawn_seed if wind_seed is None else wind_seed)
+
         if self._kind == "path":
-            path = self._path(speed, seed, rng if wind_seed is None else None, time_offset, float(drawn_phase), length)
-            return self._turned(path, rng, heading)
+            if time_offset is None:
+                time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * PATH_BOX[1]
+            path_rng = rng if wind_seed is None else np.random.default_rng((_PATH_SEED, seed))
+            return self._turned(self._path(speed, seed, path_rng, time_offset, length), rng, heading)
         box = self._box(speed, seed)
         if time_offset is None:
             time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * box.duration
-        wind = EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset)
-        return self._turned(wind, rng, heading)
+        inflow = TurbulentInflow(box, self._steady(speed), time_offset)
+        return self._turned(EpisodeWind(inflow, speed, seed, time_offset), rng, heading)
 
     def turbulence(self, speed: float, seed: int) -> TurbulentInflow:
-        """Turbulence from the beginning of a box, along x.
-
-        Parameters
-        ----------
-        speed : float
-            At hub height [m/s].
-        """
+        """Turbulence from the beginning of a box along x, of a speed at hub height [m/s]."""
         return TurbulentInflow(self._box(speed, seed), self._steady(speed))
 
     def varied(self, turbulence_class: str | None, shear_exponent: float | None) -> WindSampler:
@@ -621,19 +580,12 @@ class WindSampler:
         return self._class, self._model, self._whose, sorted(self._profile.items())
 
     def given(self, inflow: Any, **options: Any) -> EpisodeWind:
-        """Take a wind from outside in place of one of its own.
-
-        Parameters
-        ----------
-        inflow : Inflow, path or mapping
-            A file from its beginning.
-        **options
-            Of `sample`; none goes with it.
+        """Take a wind from outside, a file from its beginning, in place of one of its own.
 
         Raises
         ------
         InflowError
-            If it is not an inflow, or something of it is to be chosen.
+            If it is not an inflow, or there are options of `sample`, none of which goes with it.
         """
         if options:
             raise InflowError(f"a given inflow has {', '.join(options)} already: leave them out of the options")
@@ -658,29 +610,17 @@ class WindSampler:
         return replace(gust, steady=self._steady(speed))
 
     def _path(
-        self,
-        speed: float,
-        seed: int,
-        rng: np.random.Generator | None,
-        time_offset: float | None,
-        phase: float,
-        length: float | None,
+        self, speed: float, seed: int, rng: np.random.Generator, time_offset: float, length: float | None
     ) -> EpisodeWind:
-        """Turbulence along a path from a speed on: a seed that is chosen decides on the path too."""
+        """Turbulence along a path from a speed on."""
         steps = _LONGEST_PATH if length is None else length
-        chosen = rng is None
-        path_rng = np.random.default_rng((_PATH_SEED, seed)) if rng is None else rng
-        times, speeds = speed_path(path_rng, *self.speeds, self._swing, steps, start=speed)
+        times, speeds = speed_path(rng, *self.speeds, self._swing, steps, start=speed)
         made_at, duration = PATH_BOX
         box = self._make_box(made_at, seed, duration=duration)
         slow = np.maximum(speeds, _SLOWEST_NTM)
         sigma = np.array([self._sigma(value) for value in slow.tolist()]) * speeds / slow
-        if time_offset is None:
-            time_offset = 0.0 if chosen else phase * duration
-        inflow = PathInflow(
-            times, speeds, self._steady(1.0), box, sigma / turbulence_sigma(made_at, self._box_class),
-            made_at * time_offset,
-        )  # fmt: skip
+        scales = sigma / turbulence_sigma(made_at, self._box_class)
+        inflow = PathInflow(times, speeds, self._steady(1.0), box, scales, made_at * time_offset)
         return EpisodeWind(inflow, speed, seed, time_offset)
 
     def _steady(self, speed: float) -> SteadyInflow:
@@ -708,9 +648,8 @@ class WindSampler:
 
     def _own_inflows(self, kind: Any) -> tuple[Inflow | WindFile, ...]:
         """Inflows of the user; files are looked through."""
-        given = own_winds(kind)
-        hub, diameter = self._turbine.hub_height, self._turbine.rotor_diameter
-        own = tuple(self._own_inflow(one, hub, diameter) for one in given)
+        hub = self._turbine.hub_height
+        own = tuple(_own_inflow(one, hub, self._turbine.rotor_diameter) for one in own_winds(kind))
         for inflow in own:
             if abs(inflow.hub_height - hub) > _HUB_HEIGHT_TOLERANCE * hub:
                 warnings.warn(
@@ -719,19 +658,6 @@ class WindSampler:
                     stacklevel=2,
                 )
         return own
-
-    @staticmethod
-    def _own_inflow(given: Any, hub_height: float, rotor_diameter: float) -> Inflow | WindFile:
-        if is_wind_file(given):
-            return WindFile.found(given, hub_height, rotor_diameter)
-        inflow: Inflow = given
-        if isinstance(given, Mapping):
-            try:
-                inflow = wind_from(given, hub_height, rotor_diameter)
-            except InflowError as error:
-                raise InflowError(f"inflow: {error}") from error
-        require_cover(inflow, hub_height, rotor_diameter)
-        return inflow
 
     def _sigma(self, speed: float) -> float:
         """Standard deviation of the wind along its direction [m/s]."""
@@ -742,9 +668,7 @@ class WindSampler:
     def _box(self, speed: float, seed: int) -> TurbulenceBox:
         """Turbulence carried along at a speed."""
         made_at = float(_BOX_SPEED_STEP * np.ceil(speed / _BOX_SPEED_STEP))
-        while (
-            speed < 0.5 * made_at and made_at <= _BOX_SPEED_STEP
-        ):  # a box has no harmonics faster than 1 Hz at half it
+        while speed < 0.5 * made_at and made_at <= _BOX_SPEED_STEP:  # no harmonics faster than 1 Hz at half of it
             made_at *= 0.5
         box = self._make_box(made_at, seed)
         sigma = self._sigma(speed)
@@ -782,17 +706,24 @@ class WindSampler:
                 "wind_seed and time_offset belong to turbulent wind, time_offset to files of wind too; this "
                 "environment's wind has none"
             )
+        is_seed = isinstance(wind_seed, int | np.integer) and not isinstance(wind_seed, bool)
+        if wind_seed is not None and not (is_seed and 0 <= wind_seed <= LARGEST_WIND_SEED):
+            raise InflowError(f"wind_seed must be an integer from 0 to {LARGEST_WIND_SEED}, got {shown(wind_seed)}")
         if wind_speed is not None and not isinstance(self._kind, str):
             raise InflowError("wind_speed cannot be chosen: this environment was made with an inflow of its own")
         if wind_speed is not None and self.parks:
             raise InflowError("wind_speed cannot be chosen: that of the extreme winds follows from the turbine's class")
 
 
-def _profile(options: WindOptions) -> dict[str, float]:
-    """Arguments of the profile of a steady wind."""
-    if options.roughness_length is not None:
-        return {"roughness_length": options.roughness_length}
-    return {"shear_exponent": NORMAL_SHEAR if options.shear_exponent is None else options.shear_exponent}
+def _own_inflow(given: Any, hub_height: float, rotor_diameter: float) -> Inflow | WindFile:
+    if is_wind_file(given):
+        return WindFile.found(given, hub_height, rotor_diameter)
+    try:
+        inflow: Inflow = wind_from(given, hub_height, rotor_diameter) if isinstance(given, Mapping) else given
+    except InflowError as error:
+        raise InflowError(f"inflow: {error}") from error
+    require_cover(inflow, hub_height, rotor_diameter)
+    return inflow
 
 
 def _own_wind(

@@ -75,7 +75,7 @@ class VectorReward(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         self._alone = objectives == "terms"
         kinds: dict[str, tuple[str, ...]] = {name: (name,) for name in (*self._weights, _END)}
         if self._alone:
-            self._weights |= {_END: plain.termination_penalty or 1.0}
+            self._weights |= {_END: plain.limits.penalty or 1.0}
         else:
             kinds = self._kinds(objectives)
         self._index = {term: k for k, terms in enumerate(kinds.values()) for term in terms}
@@ -96,9 +96,7 @@ class VectorReward(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         if unknown := [term for term in given if term not in self._weights]:
             raise ValueError(f"objectives must have terms among {', '.join(self._weights)}, got {shown(unknown)}")
         if len(set(given)) != len(given) or PROTECTION in chosen:
-            raise ValueError(
-                f"objectives must have each term once and no name {PROTECTION!r}, got {shown(dict(chosen))}"
-            )
+            raise ValueError(f"objectives must have each term once and no name {PROTECTION!r}, got {shown(chosen)}")
         return {**chosen, PROTECTION: (*(t for t in self._weights if t not in given), _END)}
 
     def step(self, action: Any) -> tuple[np.ndarray, np.ndarray, bool, bool, dict[str, Any]]:
@@ -114,10 +112,8 @@ class VectorReward(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
             plain = value if factors is None else value / factor_of(name, factors)
             vector[self._index[name]] += plain / self._weights[name] if self._alone else plain
         found = vector.astype(np.float32)
-        info = info | {
-            "objectives": dict(zip(self.objectives, found.tolist(), strict=True)),
-            "scalar_reward": float(cast(Any, reward)),
-        }
+        by_name = dict(zip(self.objectives, found.tolist(), strict=True))
+        info = info | {"objectives": by_name, "scalar_reward": float(cast(Any, reward))}
         return observation, found, terminated, truncated, info
 
 
@@ -221,9 +217,9 @@ def retreat(env: WindTurbineEnv) -> np.ndarray:
     out = np.zeros(action.size, dtype=np.float32)
     if action.residual == "offset":
         return out
-    held = dict(zip(action.names[: action.n_pitch], np.atleast_1d(setpoint.pitch), strict=False))
-    if "pitch" not in action.components:
-        held = {}
+    held = {}
+    if "pitch" in action.components:
+        held = dict(zip(action.names[: action.n_pitch], np.atleast_1d(setpoint.pitch), strict=False))
     if "torque" in action.components:
         held[action.names[action._torque_at]] = setpoint.generator_torque
     if "set_point" in action.components:
