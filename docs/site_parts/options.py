@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
-from site_parts.markdown import field_texts, table, value
+from site_parts.markdown import meaning, table, value
 from wt_gym.aerodynamics import AeroOptions
+from wt_gym.base.options import options_of
 from wt_gym.control.bladed import RECORDS
 from wt_gym.control.controllers import (
     ADDITIONS,
@@ -100,12 +99,11 @@ def lattices():
 
 def _presets(cls, presets, skip=()):
     """Fields with their defaults and the presets' values where they differ, then what each means."""
-    said, rows = field_texts(cls), []
-    default = {field.name: field.default for field in fields(cls) if field.name not in skip}
-    for name in default:
-        values = [getattr(preset, name) for preset in presets.values()]
-        if any(v != default[name] for v in values):
-            rows.append((f"`{name}`", value(default[name]), *("" if v == default[name] else value(v) for v in values)))
+    declared, rows = [one for one in options_of(cls) if one.name not in skip], []
+    for one in declared:
+        values = [getattr(preset, one.name) for preset in presets.values()]
+        if any(v != one.default for v in values):
+            rows.append((f"`{one.name}`", value(one.default), *("" if v == one.default else value(v) for v in values)))
     differing = table(("option", "default", *(f"`{name}`" for name in presets)), rows, "options")
-    listed = [(f"`{name}`", said[name][0], value(default[name]), said[name][1]) for name in default]
-    return f"{differing}\n{table(('option', 'type', 'default', 'what it is'), listed, 'options')}"
+    listed = [(f"`{one.name}`", one.kind, value(one.default), *meaning(one)) for one in declared]
+    return f"{differing}\n{table(('option', 'type', 'default', 'unit', 'allowed', 'meaning'), listed, 'options')}"

@@ -235,8 +235,7 @@ def test_other_instants_have_none():
     recorder.append(late)
     known = recorder.to_dataset().root_multiplier_moment.notnull().all(("blade", "component"))
     assert known.values.tolist() == [False, True, False]
-    recorder.clear()
-    assert recorder.to_dataset().root_multiplier_force.shape == (0, 3, 3)
+    assert Recorder(simulator).to_dataset().root_multiplier_force.shape == (0, 3, 3)
 
 
 @pytest.mark.parametrize("formulation", ["embedded", pytest.param("observer", marks=pytest.mark.slow)])

@@ -41,10 +41,6 @@ CLONE = Path(__file__).resolve().parents[2]
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _ENV_ID = "wt_gym/NREL5MW-Turbulent-v1"
 _RESIDUAL: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "wind_speed": (12.0, 20.0)}
-_LIDAR: dict[str, Any] = {
-    "controller": "lidar+constrained_ipc+tower_dampers",
-    "observation": ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets", "lidar"),
-}
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
 _WAKES = ((23, 8), (101, 17), (576, 29))
 """Rows and nodes of a blade of the wakes: thousand, ten thousand and hundred thousand segments."""
@@ -104,58 +100,6 @@ def measure_environment(fidelity: str, wall: float) -> tuple[dict[str, Any], str
     reset()
     figures = {"env_steps_per_s": rate, "env_reset_s": float(np.mean(resets)), "env_peak_memory_mib": peak_memory()}
     return figures, f"{fidelity}: {rate:.0f} env steps/s, reset {np.mean(resets):.2f} s, {peak_memory():.0f} MiB"
-
-
-def measure_outside(fidelity: str, wall: float) -> tuple[dict[str, Any], str]:
-    """Share of a step with residual pitch that passes outside the simulator: actions, controller, observation, reward.
-
-    Of a single turbine, of one on the best controller with its lidar, and of four in a vector environment on one
-    thread, a third of the wall time each.
-    """
-    arguments = {"fidelity": fidelity, **_RESIDUAL}
-    single = gym.make(_ENV_ID, disable_env_checker=True, **arguments)
-    lidar = gym.make(_ENV_ID, disable_env_checker=True, **arguments, **_LIDAR)
-    several = gym.make_vec(_ENV_ID, 4, threads=1, **arguments)
-    figures = {
-        "share_outside": share_outside(single, [single.unwrapped], wall / 3),
-        "share_outside_lidar": share_outside(lidar, [lidar.unwrapped], wall / 3),
-        "share_outside_vector": share_outside(several, several.envs, wall / 3),
-    }
-    alone, with_lidar, in_vector = (f"{100 * share:.1f} %" for share in figures.values())
-    return figures, (
-        f"residual pitch: {alone} of a step outside the simulator, {with_lidar} with a lidar, "
-        f"{in_vector} of four turbines in one vector environment"
-    )
-
-
-def share_outside(env: gym.Env | gym.vector.VectorEnv, turbines: list[Any], wall: float) -> float:
-    """Median share of hundred steps without an action that is not spent in the simulators of an environment."""
-    env.reset(seed=0)
-    within = 0.0
-
-    def timed(advance: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*arguments: Any, **named: Any) -> Any:
-            nonlocal within
-            start = time.perf_counter()
-            signals = advance(*arguments, **named)
-            within += time.perf_counter() - start
-            return signals
-
-        return call
-
-    for turbine in turbines:
-        turbine.simulator.advance = timed(turbine.simulator.advance)
-    shares: list[float] = []
-    action = np.zeros_like(env.action_space.sample())
-    end = time.perf_counter() + wall
-    while time.perf_counter() < end or not shares:
-        within, start = 0.0, time.perf_counter()
-        for _ in range(100):
-            env.step(action)
-        shares.append(1.0 - within / (time.perf_counter() - start))
-        env.reset()
-    env.close()
-    return float(np.median(shares))
 
 
 def measure_vector(fidelity: str, wall: float) -> tuple[dict[str, Any], str]:
@@ -346,8 +290,9 @@ def main() -> None:
         print(json.dumps(WORKERS[arguments.worker](arguments.fidelity[0], arguments.seconds)))
         return
 
-    def measure(name: str, fidelity: str = "training", wall: float = arguments.seconds, **environment: str) -> Any:
-        command = [sys.executable, __file__, "--worker", name, "--fidelity", fidelity, "--seconds", str(wall)]
+    def measure(name: str, fidelity: str = "training", **environment: str) -> Any:
+        command = [sys.executable, __file__, "--worker", name, "--fidelity", fidelity]
+        command += ["--seconds", str(arguments.seconds)]
         figures, text = json.loads(output_of(command, **environment)[-1])
         print(text, flush=True)
         return figures
@@ -363,7 +308,6 @@ def main() -> None:
         figures[name] = measure(name)
     for fidelity in arguments.fidelity:
         figures[fidelity] = measure("simulator", fidelity) | measure("environment", fidelity)
-    figures["outside"] = measure("outside", wall=arguments.seconds / 2)
     figures["vector"] = measure("vector")
     if "reference" in arguments.fidelity:
         figures["threads"] = measure("threads", "reference")

@@ -193,8 +193,7 @@ def strip_polar(blade: Blade, low: float, high: float) -> Array:
     z = _samples(low, high)
     weight = blade.chord_at(z) * (blade.root_radius + z) ** 2
     polars = [np.column_stack(blade.polar_at(section).coefficients(alpha)) for section in z]
-    result: Array = np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars))
-    return result
+    return np.asarray(np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars)))
 
 
 def _samples(low: float, high: float) -> Array:

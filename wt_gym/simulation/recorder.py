@@ -174,11 +174,6 @@ class Recorder:
         if self._held is not None:
             self._multipliers.append(_multipliers_at(self._held, signals))
 
-    def clear(self) -> None:
-        """Forget everything stored."""
-        self._rows.clear()
-        self._multipliers.clear()
-
     def to_dataset(self) -> Dataset:
         """Data set with one variable a channel over ``time``; units, description and OpenFAST name as attributes.
 

@@ -170,19 +170,17 @@ class PitchLaw(Law["ArrayLike"], Protocol):
 class GeneratorLaw(Law[float], Protocol):
     """What loads the rotor.
 
-    Attributes
-    ----------
-    damping : float
-        Of a damper that the structure holds between nacelle and rotor [N m s/rad, low-speed shaft]. It acts at every
-        stage of the integration; held over an aerodynamic step instead, a strong one would drive a light hub unstable.
-    held : bool
-        Whether the torque jumps to its command at the start of a step; else, and in a law without it, it goes there
-        evenly within the step.
+    The torque of a law whose attribute ``held`` is true jumps to its command at the start of a step; otherwise, and in
+    a law without it, it goes there evenly within the step.
     """
 
     @property
     def damping(self) -> float:
-        """Of the damper between nacelle and rotor [N m s/rad, low-speed shaft]."""
+        """Of a damper that the structure holds between nacelle and rotor [N m s/rad, low-speed shaft].
+
+        It acts at every stage of the integration; held over an aerodynamic step, a strong one would drive a light hub
+        unstable.
+        """
 
     def balance(self, moment: float, speed: float) -> float:
         """The torque [N m, high-speed shaft] that comes closest to holding a moment of the air [N m, low-speed]."""
