@@ -5,7 +5,6 @@ import pytest
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from envs_tests.physics.cases.beams import BarChain, exact_rod
 from envs_tests.physics.cases.tools import frequencies
 from envs_tests.physics.refusals import refuses
 from wt_gym.base.constants import GRAVITY
@@ -337,8 +336,6 @@ class TestInertiaIntegrals:
 
     def test_euler_buckling_of_a_body_under_its_tip_weight(self):
         """A massless column under a tip weight loses its stiffness at P = π²EI/4L²."""
-        from wt_gym.multibody.system import Joint, MultibodySystem
-
         critical = np.pi**2 * 2e6 / (4 * LENGTH**2)
         beam = uniform(8, mass=1e-3, Ix=1e-6, Iy=1e-6, EIx=1e9)
         basis = clamped_modes(beam, 4, node_dofs=(0, 4)).shape
@@ -353,21 +350,6 @@ class TestInertiaIntegrals:
             columns = [system.rates(y + 1e-6 * unit)[n:] / 1e-6 for unit in np.eye(2 * n)[:n]]
             signs.append(np.linalg.eigvals(np.array(columns).T).real.max())
         assert signs[0] < 0 < signs[1], "restoring below the critical load, buckling above it"
-
-
-BLADE = [(0.0, "flap", 1, 0.677), (0.0, "edge", 1, 1.086), (0.0, "flap", 2, 1.952), (12.1, "flap", 1, 0.729)]
-
-
-@pytest.mark.parametrize(("rpm", "kind", "number", "frequency"), BLADE)
-def test_nrel_5mw_blade_frequencies(rpm, kind, number, frequency):
-    """Isolated blade, computed elsewhere with 80 rotating Euler–Bernoulli elements (mass factor 1.04536)."""
-    blade = load_turbine("nrel_5mw").blade
-    axis = np.column_stack([0 * blade.structure.station, 0 * blade.structure.station, blade.structure.station])
-    sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
-    beam = Beam(sections, 24)
-    modes = clamped_modes(beam, 8, spin=rpm * np.pi / 30, center=[0.0, 0.0, -blade.root_radius])
-    obtained = modes.frequency[select_modes(modes, **{kind: number})[-1]]
-    assert obtained == pytest.approx(frequency, rel=0.03)
 
 
 class TestLowestModes:
@@ -485,8 +467,6 @@ class TestSubstructure:
     @pytest.mark.parametrize(("coordinates", "n_modes"), [("nodal", 0), ("modal", 100)])
     def test_small_vibrations_are_those_of_the_whole_beam(self, coordinates, n_modes):
         """The chain has the same degrees of freedom, so that its frequencies are those of the uncut matrices."""
-        from scipy.linalg import eigh
-
         beam = Beam(self.sections(), 6)
         expected = np.sqrt(eigh(beam.stiffness[6:, 6:], beam.mass[6:, 6:], eigvals_only=True))
         sub_bodies = cut_beam("beam", self.sections(), 6, 3, coordinates, n_modes)
@@ -536,23 +516,3 @@ class TestSubstructure:
             with pytest.raises(ValueError, match="outside"):
                 use()
         assert sub_body_at(sub_bodies, 6.0 - 5e-10) == 1  # rounding of the cut belongs to the outer piece
-
-
-class TestReferenceSolutions:
-    """The reference solutions of the large-deflection cases against closed forms."""
-
-    def test_rod_rolls_into_a_circle(self):
-        sections = BeamSections.uniform(2.0, EA=1e9, EIx=1.0, EIy=1.0, GJ=1.0, mass=1.0, Ix=0.01, Iy=0.01)
-        moment = 0.75 * np.pi  # curvature 3π/4 over 2 m: three quarters of a circle
-        _, position, _ = exact_rod(sections, tip_moment=(0.0, moment, 0.0), n=200)
-        radius = 1.0 / moment
-        np.testing.assert_allclose(position[-1], [radius, 0.0, -radius], atol=1e-3)
-
-    def test_bar_chain_is_the_elastica(self):
-        """Cantilever with P L²/EI = 2: tip at 0.49346 L across, 0.83933 L along (Bisshopp & Drucker 1945)."""
-        chain = BarChain(1.0, lambda s: 1.0 + 0.0 * s, lambda s: 1.0 + 0.0 * s, 200)
-        force = np.zeros(200)
-        force[-1] = 2.0
-        across, along = chain.tip(chain.static(force))
-        assert across == pytest.approx(0.49346, rel=1e-3)
-        assert along == pytest.approx(0.83933, rel=1e-3)

@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 from envs_tests.physics.cases.airfoils import UniformStream, WingFlow, flat_planform, half_span_edges
-from envs_tests.physics.cases.stall import (
-    Pitching,
-    lattice_loop,
-    s809_polar,
-)
+from envs_tests.physics.cases.stall import Pitching, lattice_loop, s809_polar
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions
 from wt_gym.aerodynamics.lattice.planform import separation_tables
 from wt_gym.aerodynamics.lattice.section_kernels import ATTACHED, DRAG, POINT, SEPARATED
@@ -82,16 +78,16 @@ def test_a_cylinder_has_no_attached_flow():
     assert np.all(separation_tables([polar]) == 0.0)
 
 
-def moving_point(static_of_step, dt, before=None, chord=2.0, speed=30.0, lag=4.0):
+def moving_point(static_of_step, dt, before=None):
     """Separation points after steps of ``dt`` (a sequence) in which the static point takes the given values."""
     alpha = np.linspace(-np.pi, np.pi, 8, endpoint=False)
     table = np.zeros((1, alpha.size, 4))
     table[0, :, POINT] = np.linspace(0.0, 1.0, alpha.size)  # linear in alpha: every static point has an angle
     angle_of = lambda f: -np.pi + f * (alpha[-1] + np.pi)  # noqa: E731
-    p = SimpleNamespace(chord=np.array([chord]), separation=table)
-    o = SimpleNamespace(separation_lag=lag)
+    p = SimpleNamespace(chord=np.array([2.0]), separation=table)
+    o = SimpleNamespace(separation_lag=4.0)
     start = static_of_step[0] if before is None else before
-    a = SimpleNamespace(alpha=np.zeros(1), speed=np.array([speed]), dt=np.zeros(1), last_dt=np.zeros(1),
+    a = SimpleNamespace(alpha=np.zeros(1), speed=np.array([30.0]), dt=np.zeros(1), last_dt=np.zeros(1),
                         separation=np.array([[start], [static_of_step[0]]]))  # fmt: skip
     points = []
     for static, step in zip(static_of_step, dt, strict=True):

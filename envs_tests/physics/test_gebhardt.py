@@ -27,13 +27,6 @@ PITCH_15 = np.radians(12.7)
 """At which the rotor turns at the published 7.4 rpm in 15 m/s (gradient height)."""
 
 
-def beam_frequencies(structure, n_elements):
-    """Lowest frequencies [Hz] of a straight clamped beam."""
-    axis = np.column_stack([0.0 * structure.station, 0.0 * structure.station, structure.station])
-    beam = Beam(BeamSections(structure.station, structure.stiffness, structure.inertia, axis), n_elements)
-    return clamped_modes(beam, 4).frequency
-
-
 def test_masses():
     turbine, blade = gebhardt_turbine(), STAND_IN["blade"]
     moments = [turbine.blade.structure.mass_moment(order) for order in (0, 1, 2)]
@@ -50,7 +43,10 @@ def test_masses():
 
 def test_blade_frequencies():
     expected = STAND_IN["blade"]["frequencies_22_nodes_Hz"]
-    found = beam_frequencies(gebhardt_turbine().blade.structure, 21)
+    structure = gebhardt_turbine().blade.structure
+    axis = np.column_stack([0.0 * structure.station, 0.0 * structure.station, structure.station])
+    beam = Beam(BeamSections(structure.station, structure.stiffness, structure.inertia, axis), 21)
+    found = clamped_modes(beam, 4).frequency
     np.testing.assert_allclose(found[:3], [expected[k] for k in ("flap_1", "edge_1", "flap_2")], rtol=0.02)
 
 
@@ -278,16 +274,6 @@ def test_multipliers_need_constraints():
 
 KNOWN = {combination.label: combination for combination in module.COMBINATIONS}
 IDS = {"NREL5MW": "nrel_5mw", "IEA15MW": "iea_15mw"}
-
-
-def test_parked_frequencies_are_those_of_the_linear_model():
-    """Both for bodies that the linear model can describe; without damping the frequencies are a little higher."""
-    turbine = load_turbine("nrel_5mw")
-    model = Simulator(turbine, SteadyInflow(8.0)).linearize(
-        rotor_speed=0.0, aerodynamics="none", generator="locked", outputs=("rotor_speed",)
-    )
-    expected = np.sort([mode.frequency for mode in model.modes() if mode.frequency > 0.0])[: module.LOWEST]
-    np.testing.assert_allclose(module.parked_frequencies(turbine, FIDELITIES["training"]), expected, rtol=2e-4)
 
 
 @pytest.mark.parametrize("pair", module.NODAL_AND_MODAL, ids=lambda pair: pair[0])

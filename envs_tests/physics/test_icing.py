@@ -19,8 +19,8 @@ BLADE = TURBINE.blade
 WIND = SteadyInflow(9.0)
 
 
-def iced(blade=2, level=1.0, turbine=TURBINE):
-    return replace(turbine, ice=BladeIce(blade, level))
+def iced(blade=2, level=1.0):
+    return replace(TURBINE, ice=BladeIce(blade, level))
 
 
 def run(turbine, steps=60, azimuth=0.0):

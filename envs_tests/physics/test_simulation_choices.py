@@ -41,10 +41,6 @@ def modal():
     return run(Fidelity(**FEW))[0]
 
 
-def elastic_count(simulator, *bodies):
-    return [simulator.structure.system.bodies[b].n_elastic for b in bodies]
-
-
 @pytest.mark.parametrize(
     ("choice", "tower", "blade"),
     [
@@ -59,7 +55,8 @@ def test_coordinates_of_each_body(modal, choice, tower, blade):
     """Nodal bodies move like modal ones, rigid ones do not deform."""
     signals, simulator = run(Fidelity(**(FEW | choice)))
     structure = simulator.structure
-    assert elastic_count(simulator, structure.tower, *structure.blades) == [tower, blade, blade, blade]
+    counts = [structure.system.bodies[b].n_elastic for b in (structure.tower, *structure.blades)]
+    assert counts == [tower, blade, blade, blade]
     assert signals.rotor_speed == pytest.approx(modal.rotor_speed, rel=5e-3)
     assert signals.aero_thrust == pytest.approx(modal.aero_thrust, rel=0.06)
     if blade == 0:
@@ -251,16 +248,10 @@ def test_the_blades_of_the_ids_twist():
     assert 150e3 < thrust[0] - thrust[1] < 250e3
 
 
-@pytest.fixture(scope="module")
-def several():
-    """A run with blades of four bodies."""
-    return motion(SEVERAL)
-
-
 @pytest.mark.slow  # kernels that no id uses
-def test_blades_of_several_bodies_start_in_the_balance_of_those_of_one(several):
+def test_blades_of_several_bodies_start_in_the_balance_of_those_of_one():
     """Short and stiff as these blades are."""
-    rows, simulator = several
+    rows, simulator = motion(SEVERAL, seconds=0.2)
     one, _ = motion(TRAINING, seconds=0.2)
     np.testing.assert_allclose(rows[0, [0, 1, 3]], one[0, [0, 1, 3]], rtol=0.01)
     assert simulator.structure.system.n_u == 7 + 3 * 4 * 5
@@ -294,13 +285,8 @@ def test_a_straight_blade_twists_by_the_torque_outboard_over_its_stiffness(turbi
     blade, length = turbines["nrel_5mw"].blade, turbines["nrel_5mw"].blade.length
     stiffness = np.tile(np.diag([np.inf, np.inf, 1e10, 1e10, 1e10, 2e8]), (len(blade.structure.station), 1, 1))
     level = np.zeros_like(blade.twist)
-    straight = replace(
-        blade,
-        structure=replace(blade.structure, stiffness=stiffness),
-        twist=level,
-        chord=level + 4.0,
-        le_offset=level + 0.5,
-    )
+    structure = replace(blade.structure, stiffness=stiffness)
+    straight = replace(blade, structure=structure, twist=level, chord=level + 4.0, le_offset=level + 0.5)
     n, q = 200, 3000.0
     force = np.tile([q * length / n, 0.0, 0.0], (n, 1))
     lift = q * 1.0 * length**2 / (2.0 * 2e8)  # the quarter chord lies 1 m ahead of the axis: nose-up
@@ -369,15 +355,9 @@ def test_the_wrong_choice_warns_with_the_twist(turbines):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         choose_fidelity(small, "training-torsion")  # the warning is given once, whatever changes the filters
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
         for turbine, choice in (
-            (large, "training-torsion"),
-            (large, "engineering-torsion"),
-            (large, "reference"),
-            (large, FIDELITIES["training"]),
-            (small, "training"),
-            (small, "reference"),
+            *((large, one) for one in ("training-torsion", "engineering-torsion", "reference", FIDELITIES["training"])),
+            *((small, one) for one in ("training", "reference")),
         ):
             assert choose_fidelity(turbine, choice) is choice
     with pytest.raises(SimulationError, match="fidelity must be one of"):

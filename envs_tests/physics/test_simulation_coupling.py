@@ -111,15 +111,11 @@ def test_bad_commands_are_refused_and_nothing_moves(running, command, message):
     assert running.state() == before
 
 
-def test_duration_must_fit_the_time_step(running):
+def test_steps_in_part_or_before_the_start_are_refused(running):
     with pytest.raises(ActionError, match="whole number"):
         running.advance(0.25, pitch=0.0)
-
-
-def test_unstarted_simulator_says_so():
-    sim = Simulator("nrel_5mw", inflow=SteadyInflow(9.0))
     with pytest.raises(SimulationError, match="reset"):
-        sim.advance(0.2, pitch=0.0)
+        Simulator("nrel_5mw", inflow=SteadyInflow(9.0)).advance(0.2, pitch=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -420,16 +416,10 @@ def test_a_rotor_started_in_still_air_yields_no_power(wind, rotor_speed):
 # ---- hub and nacelle as a body: slow, since no id uses them and their kernels compile long ----
 
 
-def with_nacelle(yaw=0.0, **choices):
-    fidelity = replace(FIDELITIES["training"], tower_body=(8, 8), nacelle_body=(8, 8), **choices)
-    sim = Simulator("nrel_5mw", inflow=SteadyInflow(8.0), fidelity=fidelity)
-    sim.reset(rotor_speed=9.16 * RPM, yaw=yaw)
-    return sim
-
-
 @pytest.fixture(scope="module")
 def shrouded():
-    return with_nacelle()
+    fidelity = replace(FIDELITIES["training"], tower_body=(8, 8), nacelle_body=(8, 8))
+    return Simulator("nrel_5mw", inflow=SteadyInflow(8.0), fidelity=fidelity)
 
 
 def flow_through_nacelle(sim):

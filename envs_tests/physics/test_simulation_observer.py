@@ -185,11 +185,6 @@ def test_parked_frequencies(reference):
 # ---- the turbine in the wind -----------------------------------------------------------------------------------------
 
 
-def linear_twin(monkeypatch):
-    """The same turbine, with bodies of the same displacement, in the embedded form and Hamming's scheme."""
-    monkeypatch.setitem(FORMS, "observer", TreeMotion)
-
-
 def trajectory(duration=4.0, step=0.0334, base=OBSERVER, **options):
     """Channels in a pitching, yawing turbine under a changing generator."""
     inflow = SteadyInflow(9.0, shear_exponent=0.2, yaw_misalignment=0.1)
@@ -218,7 +213,7 @@ def test_coupled_trajectory_is_that_of_the_same_equations_in_the_embedded_form(m
     coarse, _ = trajectory(20.0, 0.0125, base, **scheme)
     fine, _ = trajectory(20.0, 0.00625, base, **scheme)
     with monkeypatch.context() as patch:
-        linear_twin(patch)
+        patch.setitem(FORMS, "observer", TreeMotion)
         known, _ = trajectory(20.0, 0.00625, base)
     _, at = new_values(3)
     places = np.concatenate([np.atleast_1d(np.r_[at[name]]) for name in WATCHED])

@@ -159,19 +159,8 @@ def test_range_that_loads_the_structure():
 
 
 def test_lateral_components_without_coherence():
-    box = TurbulenceBox.kaimal(
-        SPEED,
-        HUB,
-        DIAMETER,
-        "B",
-        seed=1,
-        grid=(3, 3),
-        width=2.0,
-        scaling="none",
-        lateral_coherence=False,
-        spectrum_of="samples",
-        cache=False,
-    )
+    options = {"scaling": "none", "lateral_coherence": False, "spectrum_of": "samples", "cache": False}
+    box = TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=1, grid=(3, 3), width=2.0, **options)
     transform = np.fft.rfft(box.fluctuation.astype(float), axis=0)[1:-1]
     frequency = np.fft.rfftfreq(2400, TIME_STEP)[1:-1]
     whitened = transform * math.sqrt(2.0 * TIME_STEP / 2400) / np.sqrt(formula(frequency))[:, None, None]
@@ -517,15 +506,6 @@ def boxes():
     ]
 
 
-def intensity_of(box):
-    """Root of the sum of the three variances over the mean speed, of the samples as they are."""
-    return math.sqrt(sum(box.fluctuation[..., c].var(axis=0).mean() for c in range(3))) / FAST
-
-
-def ahead_of(distance):
-    return np.array([[[-distance, 0.0, HUB]]])
-
-
 def test_formula_by_hand():
     # class B at 15 m/s: sigma_u = 0.14 (0.75 * 15 + 5.6) = 2.359 m/s, L = 8.1 * 42 m = 340.2 m
     intensity = 2.359 * math.sqrt(1.0 + 0.64 + 0.25) / 15.0
@@ -550,7 +530,8 @@ def test_coherence_between_gates_and_rotor(boxes, component):
         scaled = replace(box, scale=1.5)  # the turbulence that is met counts, not that of the samples
         fields = (scaled, *evolved_boxes(scaled, DISTANCES))
         transforms = [np.fft.rfft(f.fluctuation[..., component].astype(float), axis=0) for f in fields]
-        intensity += 1.5 * intensity_of(box) / len(boxes)
+        # root of the sum of the three variances over the mean speed, of the samples as they are
+        intensity += 1.5 * math.sqrt(box.fluctuation.var(axis=0).mean(axis=(0, 1)).sum()) / FAST / len(boxes)
         power = (np.abs(transforms[0]) ** 2).sum(axis=(1, 2))
         power[0] = 1.0  # there is no mean
         for i in range(3):
@@ -626,9 +607,10 @@ def test_turned_wind_changes_as_much(boxes):
 @pytest.mark.parametrize(("make", "value"), [("eog", 0), ("edc", 1), ("ecd", 0)])
 def test_a_gust_is_seen_before_it_arrives(make, value):
     gust = getattr(TransientInflow, make)(12.0, HUB, DIAMETER, start_time=20.0)
+    ahead = np.array([[[-120.0, 0.0, HUB]]])
     for time in (21.0, 24.0, 29.0):
         here = gust.velocity(HUB_POINT, time)
-        np.testing.assert_allclose(gust.velocity_ahead(ahead_of(120.0), time - 10.0, [120.0])[0, 0], here, rtol=1e-9)
+        np.testing.assert_allclose(gust.velocity_ahead(ahead, time - 10.0, [120.0])[0, 0], here, rtol=1e-9)
         np.testing.assert_allclose(gust.velocity([120.0, 0.0, HUB], time + 10.0), here, rtol=1e-9)
         assert abs(here[value] - gust.velocity(HUB_POINT, 0.0)[value]) > 0.05
 

@@ -6,19 +6,14 @@ import numpy as np
 import pytest
 
 from envs_tests.physics.cases.airfoils import (
-    KUSSNER,
-    SEARS,
     UniformStream,
-    exact_lift,
     flat_planform,
     half_span_edges,
-    kussner,
     panels_of,
-    sears,
     steady_coefficients,
     steady_wing,
 )
-from envs_tests.physics.cases.flutter import LinearLattice, Resolution, growth, linear_flutter
+from envs_tests.physics.cases.flutter import Resolution, growth, linear_flutter
 from envs_tests.physics.cases.rotor import RigidRotor
 from envs_tests.physics.cases.wings import (
     NARROW,
@@ -178,28 +173,6 @@ def test_mirrored_half_is_the_whole_wing():
     _, whole, _ = steady_wing(flat_planform(whole_edges, 1.0, 2), 0.05, ground_height=None)
     np.testing.assert_allclose(half.circulation[0], whole.circulation[0, 5:], rtol=1e-5)
     assert steady_coefficients(half, stream, 2.0) == pytest.approx(steady_coefficients(whole, stream, 4.0), rel=1e-5)
-
-
-def test_gust_functions_have_the_published_values():
-    s, value = np.array(KUSSNER).T
-    np.testing.assert_allclose(kussner(s), value, atol=1.1e-5)
-    k, amplitude, phase = np.array(SEARS).T
-    np.testing.assert_allclose(np.abs(sears(k)), amplitude, atol=1e-5)
-    np.testing.assert_allclose(np.degrees(np.angle(sears(k))), phase, atol=1e-3)
-
-
-def test_linear_lattice_is_theodorsen_for_a_long_wing():
-    edges = np.concatenate(([0.0], np.cumsum(4.0 ** np.arange(5))))
-    lattice = LinearLattice(1.0, 0.25, edges, 8, 60.0)
-    first = np.zeros((len(lattice.middle), 1))
-    first[0] = 1.0
-    heave, twist = np.ones_like(first), np.zeros_like(first)
-    k = 0.3
-    # the force on the first strip alone, by the virtual displacement of that strip
-    both = lattice.modal_forces(np.hstack([heave, first]), np.hstack([twist, twist]), 2.0 * k, 1.0, 1.0)
-    lift = both[1, 0] / (-2j * k) / (0.5 * lattice.width[0])  # heave upwards, per downward velocity
-    assert abs(lift / exact_lift("plunge", k)) == pytest.approx(1.0, abs=0.01)
-    assert np.degrees(np.angle(lift / exact_lift("plunge", k))) == pytest.approx(0.0, abs=1.0)
 
 
 def test_goland_wing_flutters_between_165_and_195_m_s():

@@ -100,14 +100,6 @@ def test_the_undeformed_lattice_is_that_of_one_body(turbines):
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-def test_every_lattice_node_has_one_carrier(turbines):
-    _, _, several, nodes = turbines
-    sub_bodies = several.sub_body_nodes
-    carried = np.concatenate([row[:n] for row, n in zip(sub_bodies.node, sub_bodies.count, strict=True)])
-    np.testing.assert_array_equal(np.sort(carried), np.arange(len(nodes)))
-    assert several.lattice_bodies.tolist() == [body for parts in several.parts for body in parts]
-
-
 def test_pieces_weigh_as_much_as_the_blade(turbines):
     _, one, several, _ = turbines
     for structure in (one, several):

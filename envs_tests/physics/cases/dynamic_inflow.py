@@ -301,11 +301,6 @@ def oye_times(induction: float, radius: float, wind: float, ratio: ArrayLike) ->
     return slow, (0.39 - 0.26 * np.asarray(ratio) ** 2) * slow
 
 
-def oye_filter(omega: Any, slow: Any, fast: Any) -> Any:
-    """Complex response of Øye's filter at the circular frequency ``omega`` [rad/s]."""
-    return (1.0 + FAST_SHARE * slow * 1j * omega) / ((1.0 + slow * 1j * omega) * (1.0 + fast * 1j * omega))
-
-
 def loewy(k: Any, spacing: Any, lag: float) -> Any:
     """Lift-deficiency function C' of a blade over the layers that it and the others have shed.
 
@@ -396,7 +391,8 @@ class DynamicRotor:
         by_wind = derivative(self.cos_cone, 0.0)
         by_wake = derivative(-slope[0], slope[1])
         a = self.mean_induction(induced, wind)
-        wake = oye_filter(omega, *oye_times(a, self.rotor.radius, wind, self.radius / self.rotor.radius))
+        slow, fast = oye_times(a, self.rotor.radius, wind, self.radius / self.rotor.radius)
+        wake = (1.0 + FAST_SHARE * slow * 1j * omega) / ((1.0 + slow * 1j * omega) * (1.0 + fast * 1j * omega))
         k = 0.5 * omega * self.chord / np.hypot(axial, turning)
         passing = 2.0 * np.pi / (self.rotor.n_blades * speed)
         layered = loewy(k, axial * passing / (0.5 * self.chord), omega * passing)

@@ -503,7 +503,7 @@ class HeldSpeed(TorqueCommand):
         """Keep the torque of the start."""
 
 
-def kicked_motion(turbine, rotor_speed, fidelity=RIGID_TOWER):
+def kicked_motion(turbine, rotor_speed):
     """Motion that a kick of the pitch leaves, at a rotor speed [rad/s].
 
     Returns ``time`` (n,): since the end of the kick [s]; ``motion`` (n, 2): what the kick changes in the torsional and
@@ -511,7 +511,7 @@ def kicked_motion(turbine, rotor_speed, fidelity=RIGID_TOWER):
     """
     wind = rotor_speed * turbine.rotor_diameter / 2.0 / TIP_SPEED_RATIO
     machine = HeldSpeed(turbine.drivetrain, HOLDING * rotor_inertia(turbine))
-    simulator = Simulator(turbine, SteadyInflow(wind), fidelity, generator=machine)
+    simulator = Simulator(turbine, SteadyInflow(wind), RIGID_TOWER, generator=machine)
     pitch = unloaded_pitch(simulator, rotor_speed)
     kicked, plain = (_moments(simulator, rotor_speed, pitch, kick) for kick in (KICK, 0.0))
     motion = kicked - plain

@@ -628,7 +628,8 @@ def deformed_basis() -> CaseResult:
         checks.append(Check(f"{name}: largest difference over its largest value", "<= 0.005", difference))
         lines.append(f"{name}: largest {np.abs(a).max():.4g} {unit}, difference {np.abs(a - b).max():.2g} {unit}")
     names = fixed.structure.system.bodies[fixed.structure.blades[0]].coordinate_names
-    rest = rest_frequencies(fixed)
+    beam, basis = fixed.structure.blade_field
+    rest = np.sqrt(np.diag(basis.T @ beam.stiffness @ basis)) / (2.0 * np.pi)
     for name, f, g, h in zip(names, rest, frequencies_in(fixed), moving.coupling.basis.frequency, strict=True):
         checks.append(
             Check(f"{name}: frequency in the fixed basis over that in the deformed state", "in [0.99, 1.01]", g / h)
@@ -643,12 +644,6 @@ def deformed_basis() -> CaseResult:
         for series, label in ((rows, "modes at rest"), (others, "modes of the deformed blade"))
     ), "revolutions", "tip out of plane [m]")  # fmt: skip
     return CaseResult(checks, {"deflection of blade 1": shown}, "\n".join(lines))
-
-
-def rest_frequencies(simulator):
-    """Frequencies [Hz] of the modes of a blade at rest."""
-    beam, basis = simulator.structure.blade_field
-    return np.sqrt(np.diag(basis.T @ beam.stiffness @ basis)) / (2.0 * np.pi)
 
 
 def frequencies_in(simulator):

@@ -336,11 +336,6 @@ def oscillator(stiffness=1.0, damping=0.0):
     return system.build()
 
 
-def _line_system(line):
-    """The system whose eigenvalue times h runs along a line of the table."""
-    return {0: oscillator(0.0, 1.0), 1: oscillator(), 2: oscillator(1.0, 0.02)}[line]
-
-
 def amplification(integrator, step):
     """Matrix that one step applies to everything the integrator carries, for a linear system without loads.
 
@@ -382,10 +377,6 @@ def stability_limit(radius, growth=1e-7, highest=3.0, width=0.04):
     return high
 
 
-def _eigenvalue(line, h):
-    return {0: -h, 1: 1j * h, 2: h * complex(-0.01, np.sqrt(1.0 - 1e-4))}[line]
-
-
 @case(
     "integrator-stability",
     "Stability limits of the modified Hamming scheme, spectral radius of the implicit schemes",
@@ -394,19 +385,21 @@ def _eigenvalue(line, h):
 def stability() -> CaseResult:
     """The table of limits; the default scheme of the simulator is the row of three corrector passes."""
     checks = []
+    systems = oscillator(0.0, 1.0), oscillator(), oscillator(1.0, 0.02)
+    eigenvalues = -1.0, 1j, complex(-0.01, np.sqrt(1.0 - 1e-4))
     for passes, final, *limits in HAMMING_TABLE:
         label = f"{'converged' if passes is None else passes} corrector pass(es), {'' if final else 'no '}final step"
         for line, expected in enumerate(limits):
             if final:
                 # a hundred passes stand for the converged corrector
-                integrator = make_integrator("hamming", _line_system(line), 1.0, n_corrections=passes or 100)
+                integrator = make_integrator("hamming", systems[line], 1.0, n_corrections=passes or 100)
 
                 def radius(h, i=integrator):
                     return spectral_radius(amplification(i, h))
             else:
 
                 def radius(h, k=line):
-                    return spectral_radius(hamming_matrix(_eigenvalue(k, h), None, False))
+                    return spectral_radius(hamming_matrix(h * eigenvalues[k], None, False))
 
             low, high = (stability_limit(radius, growth, width=0.04 if final else 0.01) for growth in GROWTHS)
             name = f"{label}: {LINES[line]}"

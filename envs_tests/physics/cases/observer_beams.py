@@ -162,7 +162,9 @@ def rotating_frequency(eta, plane):
     rates[first] = 1e-3 * LENGTH / unit / moves[first]
     system = ObserverFrameSystem()
     system.add(body, angular_velocity=spin, rates=rates)
-    system.add(_hub(1e6), angular_velocity=spin)
+    # points about the axis, so heavy that the blade does not slow them down
+    ball = BeamSections.uniform(1.0, EA=1.0, EIx=1.0, EIy=1.0, GJ=1.0, mass=1e6, Ix=1e6, Iy=1e6)
+    system.add(Substructure.from_beam("hub", Beam(ball, 1), n_modes=0), angular_velocity=spin)
     system.hinge("hub", "root", (1.0, 0.0, 0.0))
     system.weld("hub", "root", "blade", "root")
     expected = TABLE[eta][0 if plane == "flap" else 1] / unit
@@ -172,12 +174,6 @@ def rotating_frequency(eta, plane):
         run.advance()
         out.append(run.displacement("blade", "tip")[:3] @ across)
     return crossing_frequency(out, step) * unit
-
-
-def _hub(mass):
-    """A rigid ball of points about the axis, so heavy that the blade does not slow it down."""
-    beam = Beam(BeamSections.uniform(1.0, EA=1.0, EIx=1.0, EIy=1.0, GJ=1.0, mass=mass, Ix=mass, Iy=mass), 1)
-    return Substructure.from_beam("hub", beam, n_modes=0)
 
 
 def steady_tips(turbine, wind, fidelity, duration=30.0):

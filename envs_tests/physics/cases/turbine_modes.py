@@ -194,12 +194,6 @@ def tower_alone(turbine):
     return own, np.sqrt(tower.stiffness[0, 0] / tower.inertia.m0[0, 0]) / (2.0 * np.pi)
 
 
-def blade_damping(turbine):
-    """Damping ratios of all blade modes on a rigid support: those of the blade alone."""
-    rigid = Fidelity("rigid support", tower_coordinates="rigid", stiffest_shaft=0.0, blade_modes=(4, 3, 1))
-    return np.array([mode.damping for mode in parked_model(turbine, rigid).modes()])
-
-
 def drivetrain_mode(turbine):
     """Frequency [Hz] and damping ratio of generator against rotor, all else rigid."""
     rigid = Fidelity("rigid", tower_coordinates="rigid", blade_coordinates="rigid", stiffest_shaft=50.0)
@@ -230,7 +224,8 @@ def structural_damping() -> CaseResult:
             f"{name}: the tower alone has {own:.4f} Hz, the shape it takes under its rotor {shape:.4f} Hz (Rayleigh); "
             "ElastoDyn's ratios refer to the latter. What is missing to the expected ratio sits in the blades."
         )
-        blades = 100.0 * blade_damping(turbine)
+        rigid = Fidelity("rigid support", tower_coordinates="rigid", stiffest_shaft=0.0, blade_modes=(4, 3, 1))
+        blades = 100.0 * np.array([mode.damping for mode in parked_model(turbine, rigid).modes()])
         for which, value in (("least", blades.min()), ("most", blades.max())):
             quantity = f"{name}: {which} damped of {len(blades)} blade modes on a rigid support"
             checks.append(Check(quantity, 100.0 * BLADES[name], value, 0.01, "%"))
