@@ -282,7 +282,7 @@ def trainings(evaluation: Evaluation) -> list[list[str]]:
 
 def running_mean(values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
     """Mean of values (n,) over a centered window, ``half_width`` to either side, that shrinks at the ends."""
-    return pd.Series(values).rolling(2 * half_width + 1, center=True, min_periods=1).mean().to_numpy()
+    return np.asarray(pd.Series(values).rolling(2 * half_width + 1, center=True, min_periods=1).mean())
 
 
 def median_and_range(
