@@ -47,11 +47,10 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.options import EnvOptions
     from wt_gym.envs.terms import RewardTerm
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
-
-__all__ = ["Parts", "build"]
 
 
 class Parts:
@@ -75,19 +74,15 @@ class Parts:
     observation_units: np.ndarray
     action_names: np.ndarray
     action_units: np.ndarray
-
     starts: EpisodeStarts
     terms: dict[str, Term]  #: features of the environment that are on
-    to_reward: Callable[
-        [float, dict[str, float]], float | np.ndarray
-    ]  #: from the reward and its terms to that of a step
+    to_reward: Callable[[float, dict[str, float]], float | np.ndarray]  #: of the sum of the terms, and the terms
     reward_names: tuple[str, ...]
     reward_space: spaces.Box
     render_mode: str | None
     outer_steps: int | None
     make_simulator: SimulatorMaker
-    made_of: Callable[..., Parts]  #: makes an environment of arguments
-
+    made_of: Callable[..., WindTurbineEnv]  #: makes an environment of arguments
     spec: EnvSpec | None
     _running: bool
 
@@ -174,7 +169,6 @@ def build(env: Parts, options: EnvOptions) -> None:
     electrical, losses = options.electrical, LossShares() if options.electrical.loss_map else None
     turbine = with_electrical(turbine, electrical.torque_lag, losses, electrical.shaft_damping)
     env.turbine = turbine
-
     check_variation(options.variation, options.wind, options.turbine, options.simulator)
     check_faults(options.faults, options.simulator, turbine)
     env.wind = WindSampler(turbine, options.wind)
@@ -194,11 +188,10 @@ def build(env: Parts, options: EnvOptions) -> None:
     base = options.controller.base
     runs = action.needs_controller or base not in (BASELINE, *ALIASES)
     controller = copy.deepcopy(make_controller(base, turbine)) if runs else None  # no two environments share its memory
-
     lidar = LidarTerm(turbine.rotor_diameter, options.observations.lidar, controller)
     residual = _residual_pitch(options, turbine, action)
     env.operation = Operation(
-        turbine, action, controller, residual, lidar.lidar, env.fidelity, step, count, _simulator_maker(env)
+        turbine, action, controller, residual, lidar.lidar, env.fidelity, (step, count), _simulator_maker(env)
     )  # fmt: skip
     env.terms = _terms(env, lidar, step)
     delay = _build_observer(env)
@@ -214,7 +207,6 @@ def build(env: Parts, options: EnvOptions) -> None:
     spaces_of.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
     spaces_of.observation_space = spaces.Box(env.observer.layout.low, env.observer.layout.high, dtype=np.float32)
     env.to_reward = _scalar
-
     if options.rewards.vector:
         env.reward_names = (*(term.name for term in env.reward_terms), "termination")
         env.reward_space = spaces.Box(-np.inf, np.inf, (len(env.reward_names),), np.float32)
@@ -311,7 +303,7 @@ def _running_start(env: Parts) -> RunningStart | None:
     return RunningStart(env.turbine, env.fidelity, env.limits.overspeed, level)
 
 
-def _twin(env: Parts) -> Parts:
+def _twin(env: Parts) -> WindTurbineEnv:
     """The turbine under the base controller alone, simulated as this one: it gets the winds that are drawn here."""
     options, turbine, limits = env.options, env.turbine, env.limits
     observed = options.observations

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.turbines import Turbine
 
-__all__ = ["canary_of", "control_step", "environment_canary"]
-
 MakeEnv: TypeAlias = "Callable[..., WindTurbineEnv]"
 """Makes an environment of its arguments: that class, which stands above this module."""
 _STEP = 0.1  # Control step of the episodes of a large turbine [s]
@@ -165,7 +163,7 @@ def _demands(run: _Run) -> Canary:
             if k == 0:
                 controller.start(readings, demand)
             demand = controller.step(readings, env.control_dt)
-        rows = {"torque": [demand.generator_torque], "yaw rate": [demand.yaw_rate]}
+        rows: dict[str, Iterable[float]] = {"torque": [demand.generator_torque], "yaw rate": [demand.yaw_rate]}
         rows["pitch"] = np.broadcast_to(demand.pitch, turbine.n_blades)
         canary |= {f"controllers/{name} {of}": canary_text(numbers) for of, numbers in rows.items()}
     return canary
@@ -187,7 +185,6 @@ class _Run:
         self.observations: list[NDArray[np.float32]] = [observation]
         self.signals: list[Signals] = [env.signals]
         self.outcomes: list[tuple[float, float, bool]] = []  # reward, cost and termination of each step
-
         rng, size = np.random.default_rng(2), env.layout.action.size
         for _ in range(round(time / env.control_dt)):
             observation, reward, terminated, _, info = env.step(rng.uniform(-1.0, 1.0, size))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,11 +28,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Computed", "FromSignals", "InFixedFrame",
-    "Observable", "Observed", "Sensors", "Situation", "blade_static_moment",
-]  # fmt: skip
-
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
     "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances", "model_fit",
@@ -53,17 +48,13 @@ _WASHED_SCALES = {"root_edge_moment_mean": 0.4, "root_edge_moment_tilt": 0.3, "r
 
 
 class Sensors:
-    """Sensors with a memory: wind vane, anemometer, wind estimator, pitch for its rate.
+    """Sensors with a memory: wind vane, anemometer, wind estimator, pitch for its rate."""
 
-    Attributes
-    ----------
-    wind_speed, yaw_error : float
-        Filtered readings of the nacelle's anemometer and vane [m/s, rad].
-    pitch, pitch_before : list of float
-        Of each blade now and a control step before [rad].
-    dt : float
-        Length of that step [s], infinite before the first one.
-    """
+    wind_speed: float  #: filtered reading of the nacelle's anemometer [m/s]
+    yaw_error: float  #: filtered reading of the nacelle's vane [rad]
+    pitch: list[float]  #: of each blade now [rad]
+    pitch_before: list[float]  #: and a control step before [rad]
+    dt: float  #: length of that step [s], infinite before the first one
 
     def __init__(self, estimator: WindEstimator | None = None):
         self.estimator: Any = estimator
@@ -88,63 +79,41 @@ class Sensors:
 
 
 class Situation:
-    """All that can be observed at an instant; the readers of channels take it.
+    """All that can be observed at an instant of an `wt_gym.envs.operation.Operation`; readers of channels take it."""
 
-    Attributes
-    ----------
-    operation : wt_gym.envs.operation.Operation
-        Has demands, set points, base controller, lidar and power reference.
-    signals : Signals
-        Readings of the agent.
-    action : numpy.ndarray, shape (n_act,)
-        The last one.
-    offsets : numpy.ndarray or None, shape (n_signals,)
-        Of the sensors, at a start.
-    """
-
-    signals: Signals
-    action: np.ndarray
-    offsets: np.ndarray | None = None
+    signals: Signals  #: readings of the agent
+    action: np.ndarray  #: shape (n_act,), the last one
+    offsets: np.ndarray | None = None  #: shape (n_signals,), of the sensors, at a start
 
     def __init__(self, operation: Any, sensors: Sensors):
+
         self.operation, self.sensors = operation, sensors
 
 
 @dataclass(frozen=True)
-class FromSignals:
-    """Value of a signal of the simulator, by its name."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class InFixedFrame:
-    """Coordinate of a signal of the blades in the frame that does not turn."""
-
-    signal: str  #: Without the number of the blade
-    part: int  #: Place in `wt_gym.control.sensors.FIXED_FRAME`
-
-
-@dataclass(frozen=True)
-class Computed:
-    """Value of a function of a `Situation`, or one of several values that it gives at once."""
-
-    function: Callable[[Situation], Any]  #: At the top level of a module, so that an observer can be pickled
-    index: int | None = None  #: Place among the values
-    estimates: bool = False  #: It needs the wind estimator
-
-
-Reader: TypeAlias = FromSignals | InFixedFrame | Computed
-
-
-@dataclass(frozen=True)
 class Observed:
-    """A channel with its reader."""
+    """A channel and how it is read: a signal of the simulator, a coordinate of one in the fixed frame, or computed.
+
+    Attributes
+    ----------
+    signal : str
+        Of the simulator; with a ``part`` without the number of the blade.
+    part : int, optional
+        Place in `wt_gym.control.sensors.FIXED_FRAME`.
+    function : callable, optional
+        Of a `Situation`, at the top level of a module, so that an observer can be pickled.
+    index : int, optional
+        Place among the values that the function gives at once.
+    """
 
     channel: Channel
-    reader: Reader
-    circular: bool = False  #: It is a direction: with noise it is wrapped around the circle
-    washed: bool = False  #: It passes a high-pass filter
+    signal: str = ""
+    part: int | None = None
+    function: Callable[[Situation], Any] | None = None
+    index: int | None = None
+    estimates: bool = False  #: the function needs the wind estimator
+    circular: bool = False  #: it is a direction: with noise it is wrapped around the circle
+    washed: bool = False  #: it passes a high-pass filter
 
 
 def _mean(of_blades: Sequence[float] | np.ndarray) -> float:
@@ -282,7 +251,8 @@ class Observable:
         Parameters
         ----------
         choice : sequence of str
-            Groups and single channels, as of `wt_gym.envs.observations.Observer`.
+            `OBSERVATION_GROUPS` and single channels, in any order; groups come in the order of that tuple, then
+            single channels as named.
 
         Raises
         ------
@@ -341,8 +311,8 @@ class Observable:
         Those of a rotor that turns clockwise. The channel of the mean pitch stands for the pitch of each blade.
         """
         rows = [*self._rotor(), *self._power(), *self._blades(), *self._tower(), *self._more()]
-        found = {one.reader.name: one.channel for one in rows if isinstance(one.reader, FromSignals)}
-        found |= {one.channel.name: one.channel for one in self._every_fixed_frame() if one.reader.part == 0}  # type: ignore[union-attr]
+        found = {one.signal: one.channel for one in rows if one.signal}
+        found |= {one.channel.name: one.channel for one in self._every_fixed_frame() if one.part == 0}
         found |= {one.channel.name: one.channel for one in self._wind()}
         pitch = self._pitch_forms()[0][0].channel
         return found | {f"pitch_{b + 1}": pitch for b in range(self._turbine.n_blades)}
@@ -358,14 +328,13 @@ class Observable:
 
     def _signal(self, name: str, *row: Any) -> Observed:
         """A signal of the simulator; the row is that of `Channel` behind the name, from the unit to the description."""
-        return Observed(replace(Channel(name, *row), parity=self._parities[name]), FromSignals(name))
+        return Observed(replace(Channel(name, *row), parity=self._parities[name]), name)
 
     def _computed(
-        self, function: Callable[[Situation], Any], name: str, *row: Any, parity: int = EVEN, circular: bool = False,
-        **reading: Any,
-    ) -> Observed:  # fmt: skip
-        """A function of the situation; the row is that of `Channel` behind the name, the rest goes to `Computed`."""
-        return Observed(replace(Channel(name, *row), parity=parity), Computed(function, **reading), circular)
+        self, function: Callable[[Situation], Any], name: str, *row: Any, parity: int = EVEN, **reading: Any
+    ) -> Observed:
+        """A function of the situation; the row is that of `Channel` behind the name, the rest goes to `Observed`."""
+        return Observed(replace(Channel(name, *row), parity=parity), function=function, **reading)
 
     def _per_blade(self, function: Callable[[Situation], Any] | None, name: str, *row: Any) -> list[Observed]:
         """The same channel for every blade; without a function the signal of that name."""
@@ -465,7 +434,7 @@ class Observable:
         for k, (part, (middle, scale)) in enumerate(zip(FIXED_FRAME, (mean, cyclic, cyclic), strict=True)):
             row = (unit, middle * size, scale * size, -20 * size, 20 * size, 0.005 * size)
             channel = Channel(f"{name}_{part}", *row, f"{text}, {part} of the blades")
-            channels.append(Observed(channel, InFixedFrame(name, k)))
+            channels.append(Observed(channel, name, k))
         return channels
 
     def _out_of_plane(self) -> list[Observed]:

@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
-__all__ = ["DRAW_ORDER", "FEATURE_OPTIONS", "EpisodeStarts", "RunningStart"]
-
 DRAW_ORDER = ("variation", "wind", "start", "power_reference", "fault", "dial")
 """Order of the draws of an episode: another one would give every seed another episode."""
 FEATURE_OPTIONS = {"power_reference": "power_reference", "fault": "fault_kinds", "dial": "dial_weights"}
@@ -76,9 +74,14 @@ class EpisodeStarts:
     """
 
     def __init__(
-        self, turbine: Turbine, winds: WindSampler, terms: Mapping[str, Term], running: RunningStart | None,
-        count: int | None = None, starter: StartsTurbine | None = None,
-    ):  # fmt: skip
+        self,
+        turbine: Turbine,
+        winds: WindSampler,
+        terms: Mapping[str, Term],
+        running: RunningStart | None,
+        count: int | None = None,
+        starter: StartsTurbine | None = None,
+    ):
         self._turbine, self._winds, self.running, self._count = turbine, winds, running, count
         self._starter = starter
         draws: dict[str, Any] = {name: term.draw for name, term in terms.items() if hasattr(term, "draw")}

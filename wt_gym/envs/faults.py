@@ -51,8 +51,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.turbines import Turbine
 
-__all__ = ["FAULT_KINDS", "NO_FAULT", "SIZES", "SIZE_RANGES", "FaultOptions", "FaultTerm", "check_faults"]
-
 NO_FAULT, ALL = "none", "all"
 """Kind of an episode in which nothing breaks, and what stands for all kinds."""
 FAULT_KINDS = (

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from wt_gym.control import Channel
     from wt_gym.turbines import Turbine
 
-__all__ = ["DRIFTING", "InstrumentTable", "Instruments", "PitchGain"]
-
 TIME_CONSTANT = 10.0
 """Time constant of the mean about which deviations are multiplied [s]."""
 
@@ -82,8 +80,6 @@ class InstrumentTable:
     noise : numpy.ndarray, shape (n_noisy,)
         Standard deviations at level 1, in the units of the signals, with the sign of an image for a rotor that turns
         counter-clockwise.
-    wind_noise, lidar_noise : float
-        Of the anemometer and of a reading of the lidar [m/s].
     """
 
     def __init__(self, turbine: Turbine, channels: Mapping[str, Channel], lidar_noise: float):
@@ -127,19 +123,9 @@ class Instruments:
         Readings of the lidar.
     seed : int
         Of the noise.
-
-    Attributes
-    ----------
-    readings : Signals
-        The last ones.
-    offset : numpy.ndarray, shape (n_signals,)
-        Of the signals, in their units.
-    instant : (float, float)
-        Time and yaw of the nacelle at which they were taken [s, rad]; the lidar has looked there and then.
     """
 
-    readings: Signals
-    instant: tuple[float, float]
+    instant: tuple[float, float]  #: time and yaw of the last readings [s, rad]; the lidar has looked there and then
 
     def __init__(
         self, table: InstrumentTable, level: float, delay: int, shifts: Mapping[str, float], n_seen: int, seed: int
@@ -176,8 +162,7 @@ class Instruments:
             if true > 0.0:
                 share = max(true + speed, 0.0) / true  # a cup turns one way
                 values[place["wind_x"]], values[place["wind_y"]] = share * x, share * y
-        self.readings = Signals(values, signals.n_blades)
-        return self.readings
+        return Signals(values, signals.n_blades)
 
     def seen(self, look: NDArray[np.float64]) -> NDArray[np.float64]:
         """Readings of the lidar for a look, in the order of its readings [m/s]."""

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Channel, Lidar
     from wt_gym.turbines import Turbine
 
-__all__ = ["EnvLayout", "ObservationLayout", "layout_of"]
-
 
 class ObservationLayout:
     """Order, scales and ranges of an observation vector.

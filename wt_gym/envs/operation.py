@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import BladeIce, Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["OWN", "Operation", "make_simulator", "simulator_maker"]
-
 OWN = "wt_gym"
 """Name of the simulator of this package."""
 _SIMULATORS = (OWN, "openfast")
@@ -106,15 +104,22 @@ def simulator_maker(
 
 
 def _openfast(
-    options: dict[str, Any], longest: Callable[[], float | None], turbine: Turbine, inflow: Inflow,
+    options: dict[str, Any],
+    longest: Callable[[], float | None],
+    turbine: Turbine,
+    inflow: Inflow,
     fidelity: str | Fidelity,
-) -> TurbineSimulator:  # fmt: skip
+) -> TurbineSimulator:
     """OpenFAST for a turbine; its wind lasts as long as episodes do."""
     from wt_gym.bridges.openfast import OpenFASTSimulator
 
     duration = longest()
     lasting = {} if duration is None else {"duration": duration}
     return OpenFASTSimulator(turbine, inflow, fidelity, **lasting | options)
+
+
+def _no_instruments(_: object) -> None:
+    """Exact readings."""
 
 
 class Operation(Stateful):
@@ -128,7 +133,7 @@ class Operation(Stateful):
         Filters of residual pitch.
     lidar : Lidar
         Whose readings are observed, and read by a controller that has one.
-    step, count : float, int
+    steps : (float, int)
         Step of the simulator [s], and number of such steps in a control step.
     make : callable
         Makes the simulator, see `make_simulator`; called at the first start of each plant.
@@ -162,17 +167,15 @@ class Operation(Stateful):
         residual: ResidualPitch | None,
         lidar: Lidar,
         fidelity: str | Fidelity,
-        step: float,
-        count: int,
+        steps: tuple[float, int],
         make: SimulatorMaker,
     ):
         self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
         self.lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
-        self.step, self.count = step, count
+        self.step, self.count = steps
         self._supervised = supervisor_of(controller) is not None
         self._lidar_is_read = controller is not None and lidar_of(controller) is not None
-        self.make_instruments: Callable[[DrawnVariation], Instruments | None]  # set by a variation
-
+        self.make_instruments: Callable[[DrawnVariation], Instruments | None] = _no_instruments
         self._simulators: dict[tuple[int, BladeIce | None], TurbineSimulator] = {}
         self._filters: list[Callable[[Signals], Signals]] = []
 
@@ -182,10 +185,7 @@ class Operation(Stateful):
         """Start simulator and controller."""
         start = beginning.start
         simulator = self._enter(beginning.wind, beginning.plant, beginning.faults)
-        self.pitch_gain = self.instruments = self.reference = None
-        for equip in hooks(beginning.drawn.values(), "equip"):
-            equip(self)
-        self._resolve()
+        self._equip(beginning)
         self.signals = simulator.reset(
             rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=beginning.yaw,
             generator_torque=start.generator_torque, tower_top=start.tower_top, wake_thrust=start.wake_thrust,
@@ -224,6 +224,13 @@ class Operation(Stateful):
         if drive_faults != self._drive_faults:
             simulator.faults = self._drive_faults = drive_faults
         return simulator
+
+    def _equip(self, beginning: Beginning) -> None:
+        """Take what is drawn of features."""
+        self.pitch_gain = self.instruments = self.reference = None
+        for equip in hooks(beginning.drawn.values(), "equip"):
+            equip(self)
+        self._resolve()
 
     def _resolve(self) -> None:
         """Filters that the readings of the episode pass: response to pitch, then failing sensors."""

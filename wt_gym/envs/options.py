@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -188,23 +189,6 @@ class ElectricalOptions(Options):
 STARTS = ("running", "steady")
 """States with which an episode in turbulence starts."""
 RENDER_MODES = ("rgb_array",)
-GROUPS: dict[str, type[Options]] = {
-    group.title: group
-    for group in (
-        WindOptions,
-        ActionOptions,
-        ObservationOptions,
-        RewardOptions,
-        LimitOptions,
-        ControllerOptions,
-        GridOptions,
-        DialOptions,
-        ElectricalOptions,
-        FaultOptions,
-        Variation,
-    )
-}
-"""Groups by the argument that takes them."""
 _BASE = "controller"  # the one argument that takes a group or the value of a field of it
 _ID = "env_id"
 
@@ -302,12 +286,16 @@ class EnvOptions(Options):
             If something is given twice, or has no meaning.
         """
         flat = flat_arguments(values)
-        fields: dict[str, Any] = {name: flat[name] for name in _PLAIN if name in flat}
+        parts: dict[str, Any] = {name: flat[name] for name in _PLAIN if name in flat}
         for title, group in GROUPS.items():
-            fields[title] = group(**{one.name: flat[one.flat] for one in options_of(group) if one.flat in flat})
-        return cls(**fields)
+            parts[title] = group(**{one.name: flat[one.flat] for one in options_of(group) if one.flat in flat})
+        return cls(**parts)
 
 
+GROUPS: dict[str, type[Options]] = {
+    one.name: type(one.default) for one in fields(EnvOptions) if isinstance(one.default, Options)
+}
+"""Groups by the argument that takes them."""
 _FLAT: dict[str, tuple[str, Option]] = {
     one.flat: (title, one) for title, group in GROUPS.items() for one in options_of(group)
 }
@@ -381,16 +369,12 @@ def flat_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
                 f"the environment got an unexpected keyword argument {name!r}{did_you_mean(name, known, '.')} Its "
                 f"arguments are {', '.join(known)}"
             )
-    for title, group in GROUPS.items():
-        if title not in groups:
-            continue
+    for title in (one for one in GROUPS if one in groups):
+        group, value = GROUPS[title], groups[title]
         if title == _BASE and title in registered:
             flat[title] = registered[title]  # the mapping stood in its place
-        value = groups[title]
         given = value.given if isinstance(value, group) else group.named(value)
-        for one in options_of(group):
-            if one.name not in given:
-                continue
+        for one in (each for each in options_of(group) if each.name in given):
             if one.flat in flat and not _same(registered, one.flat, flat[one.flat]):
                 raise ValueError(
                     f"{one.flat} must be given once, got {title}.{one.name} = {shown(given[one.name])} and {one.flat} "

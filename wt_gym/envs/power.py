@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
-
-__all__ = ["AZIMUTHS", "RINGS", "DiscWind", "Power", "available_power", "disc_points", "efficiency"]
 
 RINGS, AZIMUTHS = np.sqrt([0.25, 0.75]), 2.0 * np.pi * np.arange(6) / 6
 """Points of equal area of a rotor disc: radii over that of the rotor [-], azimuths [rad]."""
@@ -107,6 +106,7 @@ class DiscWind:
         return x / len(self._disc), y / len(self._disc)
 
 
+@dataclass(eq=False)
 class Power:
     """Electrical power plus what is stored in the rotor, less the power that wind and turbine allow.
 
@@ -133,16 +133,16 @@ class Power:
         Electrical power over rated power from which on more power costs [-].
     """
 
-    def __init__(
-        self, weight: float = 1.0, time_constant: float = DISC_TIME, overload: float = 1.03, name: str = "power"
-    ):
-        self.weight, self.time_constant, self.overload, self.name = weight, time_constant, overload, name
-        self._started = False
+    weight: float = 1.0
+    time_constant: float = DISC_TIME
+    overload: float = 1.03
+    name: str = "power"
+    _disc: DiscWind | None = field(default=None, init=False)
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode: the filter of the wind begins with the wind of the first step."""
         drivetrain = turbine.drivetrain
-        self._started, self._wind_speed = True, math.nan
+        self._wind_speed = math.nan
         self._rated_power, self._rated_speed = drivetrain.rated_power, drivetrain.rated_rotor_speed
         self._half_inertia = 0.5 * rotor_inertia(turbine) * efficiency(turbine)
         self._power_factor = _power_factor(turbine)
@@ -150,7 +150,7 @@ class Power:
 
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
-        if not self._started:
+        if self._disc is None:
             self.reset(transition.turbine, transition.before)
         before, after, dt = transition.before, transition.after, transition.dt
         power = 0.5 * (self._paid(before["generator_power"]) + self._paid(after["generator_power"]))
@@ -169,8 +169,9 @@ class Power:
 
     def _available(self, transition: Transition) -> float:
         """Available power over rated power [-]."""
+        disc = cast("DiscWind", self._disc)
         if math.isnan(self._wind_speed):
-            self._wind_speed = self._disc.begin(transition.inflow, transition.before)
-        speed = self._disc.advance(transition.inflow, transition.after, transition.dt)
-        self._wind_speed += self._disc.gain * (speed - self._wind_speed)
+            self._wind_speed = disc.begin(transition.inflow, transition.before)
+        speed = disc.advance(transition.inflow, transition.after, transition.dt)
+        self._wind_speed += disc.gain * (speed - self._wind_speed)
         return min(1.0, self._power_factor * self._wind_speed**3 / self._rated_power)

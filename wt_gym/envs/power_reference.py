@@ -23,7 +23,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Options, as_pair, option, option_record, options_of, shown
 from wt_gym.control import Channel
 from wt_gym.control.design import rotor_inertia
-from wt_gym.envs.channels import Computed, Observed
+from wt_gym.envs.channels import Observed
 from wt_gym.envs.power import available_power, efficiency
 from wt_gym.envs.terms import Term
 
@@ -42,11 +42,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "AHEAD", "DRAWN", "RAMP_RATE", "REFERENCE_KINDS", "GridOptions", "PowerReference", "PowerReferenceTerm",
-    "PowerTracking", "regulation_signal",
-]  # fmt: skip
 
 AHEAD = (2.0, 5.0, 10.0)
 """Times for which the reference is known in advance [s]: a schedule, not a regulation signal, is."""
@@ -305,28 +300,24 @@ class PowerReferenceTerm(Term):
         """Demand, error and stores of energy, all of which a controller knows; the forecast of a schedule apart."""
         rated, half = self._turbine.drivetrain.rated_power, 0.5 * rotor_inertia(self._turbine)
         factor, full = available_power(self._turbine, 1.0), half * self._turbine.drivetrain.rated_rotor_speed**2
-        demanded = ("W", 0.8 * rated, 0.15 * rated, 0.0, 2 * rated, 0.0)
-        rows: list[tuple[Computed, str, tuple[Any, ...], str]] = [
-            (Computed(demanded_power, 0), "demanded_power", demanded, "power that is asked for"),
-            (Computed(power_error), "power_error", ("W", 0.0, 0.05 * rated, -2 * rated, 2 * rated, 5e-3 * rated),
-             "electrical power less what is asked for"),
-            (Computed(partial(power_headroom, factor, 1.5 * rated), estimates=True), "power_headroom",
-             ("W", 0.1 * rated, 0.25 * rated, -2 * rated, 2 * rated, 0.0),
-             "power that the estimated wind allows less what is asked for"),
-            (Computed(partial(rotor_energy, half)), "rotor_energy", ("J", full, 0.2 * full, 0.0, 4 * full, 2e-3 * full),
-             "kinetic energy of rotor and generator"),
-        ]  # fmt: skip
-        rows += [
-            (
-                Computed(demanded_power, k),
-                f"demanded_power_in_{ahead:g}_s",
-                demanded,
-                f"power that is asked for in {ahead:g} s",
-            )
-            for k, ahead in enumerate(AHEAD, start=1)
+        demand = ("W", 0.8 * rated, 0.15 * rated, 0.0, 2 * rated, 0.0)
+        error = ("W", 0.0, 0.05 * rated, -2 * rated, 2 * rated, 5e-3 * rated, "electrical power less what is asked for")
+        headroom = ("W", 0.1 * rated, 0.25 * rated, -2 * rated, 2 * rated, 0.0,
+                    "power that the estimated wind allows less what is asked for")  # fmt: skip
+        energy = ("J", full, 0.2 * full, 0.0, 4 * full, 2e-3 * full, "kinetic energy of rotor and generator")
+        forecast = {f"demanded_power_in_{t:g}_s": f"power that is asked for in {t:g} s" for t in AHEAD}
+        demands = [
+            Observed(Channel(name, *demand, text), function=demanded_power, index=k)
+            for k, (name, text) in enumerate({"demanded_power": "power that is asked for", **forecast}.items())
         ]
-        observed = [Observed(Channel(name, *row, text), reader) for reader, name, row, text in rows]
-        return {"power_reference": observed[: -len(AHEAD)], "power_forecast": observed[-len(AHEAD) :]}
+        allowed = partial(power_headroom, factor, 1.5 * rated)
+        present = [
+            demands[0],
+            Observed(Channel("power_error", *error), function=power_error),
+            Observed(Channel("power_headroom", *headroom), function=allowed, estimates=True),
+            Observed(Channel("rotor_energy", *energy), function=partial(rotor_energy, half)),
+        ]
+        return {"power_reference": present, "power_forecast": demands[1:]}
 
 
 def demanded_power(situation: Situation) -> list[float]:
@@ -370,6 +361,7 @@ def regulation_signal(rng: np.random.Generator) -> tuple[list[float], list[float
     return (REGULATION_STEP * np.arange(count)).tolist(), signal.tolist()
 
 
+@dataclass(eq=False)
 class PowerTracking:
     """Penalty on the tracking error, with the kinetic energy of the rotor as a store that is to be given back.
 
@@ -394,11 +386,12 @@ class PowerTracking:
         f [-].
     """
 
-    needs_reference = True
-
-    def __init__(self, weight: float = 0.0, scale: float = 0.05, missing: float = 1.1, name: str = "power_tracking"):
-        self.weight, self.scale, self.missing, self.name = weight, scale, missing, name
-        self._started = False
+    weight: float = 0.0
+    scale: float = 0.05
+    missing: float = 1.1
+    name: str = "power_tracking"
+    needs_reference: ClassVar[bool] = True
+    _started = False
 
     @property
     def worst_rate(self) -> float:
@@ -412,9 +405,7 @@ class PowerTracking:
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode."""
-        drivetrain = turbine.drivetrain
-        self._started = True
-        self._unit = self.scale * drivetrain.rated_power
+        self._started, self._unit = True, self.scale * turbine.drivetrain.rated_power
         self._half_inertia = 0.5 * rotor_inertia(turbine) * efficiency(turbine)
         self._full = self._half_inertia * max(signals["rotor_speed"], 0.0) ** 2
 

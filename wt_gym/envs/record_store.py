@@ -48,11 +48,6 @@ if TYPE_CHECKING:
     from wt_gym.wind import TurbulentInflow
 
 
-__all__ = [
-    "CATALOG", "FOLDER", "RecordedTurbine", "StartFile", "digest_of_turbine", "dimensions", "find_record",
-    "make_record", "record_canary", "recorded_speeds", "user_folder", "user_record_digest",
-]  # fmt: skip
-
 _log = logging.getLogger(__name__)
 _T = TypeVar("_T")
 FOLDER = Path(__file__).parent / "starts"
@@ -321,9 +316,8 @@ class RecordedTurbine:
     @property
     def key(self) -> str:
         """Digest of all on which the runs depend, besides the program."""
-        return fingerprint(load_turbine(self.turbine), self.run_fidelity, self.controller, self.level, self.runs, PLAN)[
-            :16
-        ]
+        turbine = load_turbine(self.turbine)
+        return fingerprint(turbine, self.run_fidelity, self.controller, self.level, self.runs, PLAN)[:16]
 
     def canary(self) -> Canary:
         """Canary of the record."""
@@ -367,8 +361,6 @@ def make_record(
 
     Parameters
     ----------
-    path : pathlib.Path
-        Of the file.
     pieces : pathlib.Path
         Folder of the runs that are done: they are not made again. With the file they are removed.
     report : callable

@@ -23,11 +23,6 @@ if TYPE_CHECKING:
 
     Part: TypeAlias = str | RewardTerm | Callable[[Transition], float]
 
-__all__ = [
-    "DEFAULT_WEIGHTS", "ActuatorUse", "FunctionTerm", "Overspeed", "RewardOptions", "TipDeflection", "TowerLoad",
-    "compose", "reset", "total", "worst_rate",
-]  # fmt: skip
-
 
 class FunctionTerm:
     """A rate of reward that a function gives for a step.
@@ -249,9 +244,12 @@ def _term(part: Part) -> RewardTerm:
 
 
 def reset(
-    terms: Iterable[RewardTerm], turbine: Turbine, signals: Signals, averaged: Signals | None = None,
+    terms: Iterable[RewardTerm],
+    turbine: Turbine,
+    signals: Signals,
+    averaged: Signals | None = None,
     demanded_power: float | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Let the terms that remember something forget it.
 
     Parameters

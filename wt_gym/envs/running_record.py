@@ -39,33 +39,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "PLAN", "WINDOWS", "ControllerForm", "Instants", "Record", "RecordingPlan", "RowLayout", "Start",
-    "StartRecorder", "kind_of", "rotor_wind", "time_scale",
-]  # fmt: skip
-
-
-@dataclass(frozen=True)
-class ControllerMemory:
-    """Memory of a controller that ran before the start of an episode."""
-
-    kind: str  #: Module and name of its class
-    memory: Memory  #: Parameters included
-    changing: NDArray[np.bool_]  #: shape (n_parts,), parts that are no parameters
-
-    def put(self, controller: Controller) -> None:
-        """Put it into a controller of that kind and with those parameters, or into such a base of it; into no other."""
-        inner: Any = controller
-        while inner is not None and kind_of(inner) != self.kind:
-            inner = getattr(inner, "base", None)
-        values, sizes = (None, None) if inner is None else memory_of(inner)
-        if values is None or not np.array_equal(sizes, self.memory.sizes):
-            return
-        # a number that the first step sets, as the step of a filter, is none before
-        fixed = np.repeat(~self.changing, sizes) & ~np.isnan(values)
-        if np.allclose(values[fixed], self.memory.values[fixed], rtol=1e-6, atol=0.0, equal_nan=True):
-            remember(inner, self.memory, self.changing)
-
 
 def kind_of(controller: Controller) -> str:
     """Module and name of the class of a controller."""
@@ -95,7 +68,7 @@ class Start:
     motion: np.ndarray | None = None
     wake_thrust: float | None = None  #: Mean thrust of the air in the time before, to which the wake belongs [N]
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
-    memory: ControllerMemory | None = None  #: Of the controller that ran before
+    memory: ControllerForm | None = None  #: Of the controller that ran before
     trail: np.ndarray | None = None  #: shape (n_channels,), means of the signals before; NaN where not recorded
 
     def mirrored(self, n_blades: int) -> Start:
@@ -182,7 +155,6 @@ class RowLayout(NamedTuple):
     def of(cls, n_blades: int, n_motion: int) -> RowLayout:
         """RowLayout for so many blades and numbers of the motion of the structure."""
         n_signals, n_means = (sum(len(_places(n_blades)[name]) for name in names) for names in (_RECORDED, AVERAGED))
-
         counts = n_signals, n_signals, 4, n_means, 2, _N_KNOWN, 1, n_motion
         ends = np.cumsum(counts).tolist()
         parts = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
@@ -281,13 +253,23 @@ class ControllerForm(NamedTuple):
         """Recorded numbers of some memories (n_memories, n_numbers)."""
         return np.array([memory.values[: len(self.values)][self._recorded] for memory in memories])
 
-    def memory(self, numbers: NDArray[np.float64]) -> ControllerMemory | None:
+    def memory(self, numbers: NDArray[np.float64]) -> ControllerForm | None:
         """Memory with recorded numbers (n_numbers,)."""
-        if not self.kind:
-            return None
         values = self.values.copy()
         values[self._recorded] = numbers
-        return ControllerMemory(self.kind, Memory(values, self.sizes), self.changing)
+        return self._replace(values=values) if self.kind else None
+
+    def put(self, controller: Controller) -> None:
+        """Put it into a controller of that kind and with those parameters, or into such a base of it; into no other."""
+        inner: Any = controller
+        while inner is not None and kind_of(inner) != self.kind:
+            inner = getattr(inner, "base", None)
+        if inner is None or not np.array_equal((present := memory_of(inner)).sizes, self.sizes):
+            return
+        # a number that the first step sets, as the step of a filter, is none before
+        fixed = np.repeat(~self.changing, self.sizes) & ~np.isnan(present.values)
+        if np.allclose(present.values[fixed], self.values[fixed], rtol=1e-6, atol=0.0, equal_nan=True):
+            remember(inner, Memory(self.values, self.sizes), self.changing)
 
     @property
     def _recorded(self) -> NDArray[np.bool_]:

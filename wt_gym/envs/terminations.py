@@ -41,11 +41,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "COST_NAMES", "IDLE_POWER", "LEAST_SPELL", "PITCH_TRAVEL", "Costs", "EpisodeLength", "IdleClock",
-    "LimitOptions", "Limits", "registered_limit", "standstill_limit", "tip_clearance", "violated",
-]  # fmt: skip
-
 PITCH_TRAVEL = "pitch_travel"
 COST_LIMITS = {PITCH_TRAVEL: "rad/d", "rotor_speed": "-", "tip_clearance": "m", "tower_acceleration": "m/s^2"}
 """Names and units of the limits beyond which steps cost."""
@@ -308,9 +303,14 @@ class IdleClock(Term):
         self.advance(step.after, step.dt, step.inflow, controller, faults, step.demanded_power)
 
     def advance(
-        self, signals: Signals, dt: float, inflow: Inflow | None, controller: Controller | None = None,
-        faults: Iterable[object] = (), demanded: float | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        signals: Signals,
+        dt: float,
+        inflow: Inflow | None,
+        controller: Controller | None = None,
+        faults: Iterable[object] = (),
+        demanded: float | None = None,
+    ) -> None:
         """Count a step that led to signals, of length ``dt`` [s], with a demanded power [W].
 
         Nothing is computed while the turbine makes power.
@@ -323,9 +323,13 @@ class IdleClock(Term):
             self.total += dt if before >= LEAST_SPELL else self.time
 
     def _has_reason(
-        self, signals: Signals, inflow: Inflow | None, controller: Controller | None, faults: Iterable[object],
+        self,
+        signals: Signals,
+        inflow: Inflow | None,
+        controller: Controller | None,
+        faults: Iterable[object],
         demanded: float | None,
-    ) -> bool:  # fmt: skip
+    ) -> bool:
         """Return True where wind, grid, fault or controller explain that there is no power."""
         if demanded is not None and demanded < self._least:
             return True

@@ -18,11 +18,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import BladeIce, Turbine
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "Beginning", "EnvSnapshot", "HighPass", "Plant", "Request", "RewardTerm", "Stateful", "Term", "Transition",
-    "bounded_square", "hooks",
-]  # fmt: skip
-
 
 class Stateful:
     """Something that remembers values within an episode, for snapshots."""

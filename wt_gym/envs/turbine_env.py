@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.simulation.contract import SimulatorMaker
 
-__all__ = ["WindTurbineEnv", "turbine_env_of"]
-
 
 class WindTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
     __doc__ = manual()
@@ -112,7 +110,6 @@ class WindTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray], Stateful, Parts
         super().reset(seed=seed)
         longest = self.length.longest(self.spec, self.outer_steps)
         beginning = self.starts.draw(self.np_random, options, longest, self.np_random_seed, seed is not None)
-
         self._begin(beginning)
         observation, saturated = self._observe()
         info = self._info(saturated, tip_clearance(self.signals))
@@ -235,8 +232,7 @@ class WindTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray], Stateful, Parts
         """All from which the episode continues bit for bit: simulator, controller, filters, reward, random state.
 
         For planning: take one, try actions, `restore` it. An episode that is over is kept as such: after restoring it
-        `step` asks for a reset, and `render` shows its last instant. With a ``render_mode`` the course of the signals
-        in the picture is kept too.
+        `step` asks for a reset, and `render` shows its last instant.
 
         Raises
         ------

@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.wind import Inflow, TurbulenceBox
 
-__all__ = ["MOST_FILES", "MOST_NUMBERS", "Course", "Twin", "kept_course", "store_course"]
-
 MOST_NUMBERS = 8_000_000
 """Rewards in memory, 64 MB; the course that was asked for longest ago goes first."""
 MOST_FILES = 4096
@@ -94,8 +92,15 @@ class Course:
                 self._numbers.extend([terms[name] for name in self.names])
                 self.ended = ended
 
-    def load(self, path: Path) -> None:
-        """Take over what stands in a file, if there is one and it is sound."""
+    @property
+    def path(self) -> Path | None:
+        """File; None without a key, or a cache of the user."""
+        return None if self.key is None else cached_file("twins", self.key[:2], f"{self.key}.npz")
+
+    def load(self) -> None:
+        """Take over what stands in its file, if there is one and it is sound."""
+        if (path := self.path) is None:
+            return
 
         def read(path: Path) -> tuple[Any, bool]:
             with np.load(path, allow_pickle=False) as file:
@@ -111,8 +116,10 @@ class Course:
         rows, ended = content
         self._numbers, self.ended, self._kept = array("d", rows.ravel().tolist()), ended, len(rows)
 
-    def save(self, path: Path) -> None:
+    def save(self) -> None:
         """Write what has been added since it was read or written; a file that cannot be written costs another run."""
+        if (path := self.path) is None:
+            return
         with _one_writes:  # turbines in several threads may have the same course
             with _lock:
                 rows, ended = np.array(self._numbers).reshape(-1, len(self.names)), self.ended
@@ -130,9 +137,8 @@ def kept_course(key: str, names: tuple[str, ...]) -> Course:
         if key in _courses:
             _courses.move_to_end(key)
             return _courses[key]
-    course, path = Course(key, names), _path(key)
-    if path is not None:
-        course.load(path)
+    course = Course(key, names)
+    course.load()
     with _lock:
         course = _courses.setdefault(key, course)  # another thread may have been faster
         _courses.move_to_end(key)
@@ -141,18 +147,6 @@ def kept_course(key: str, names: tuple[str, ...]) -> Course:
             _, oldest = _courses.popitem(last=False)
             total -= len(oldest) * len(oldest.names)
     return course
-
-
-def store_course(course: Course) -> None:
-    """Keep a course on the disk, as far as it has been recorded."""
-    path = None if course.key is None else _path(course.key)
-    if path is not None:
-        course.save(path)
-
-
-def _path(key: str) -> Path | None:
-    """File of a key, None if there is no place for it."""
-    return cached_file("twins", key[:2], f"{key}.npz")
 
 
 def _tidy(folder: Path) -> None:
@@ -193,7 +187,6 @@ class Twin(Term):
     def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
         self._described = _description(env)
-
         self._beginning: Beginning | None = None
         self._simulated: Course | None = None  # in which the environment stands
         self._steps = 0  # that it has made there
@@ -203,14 +196,13 @@ class Twin(Term):
         self.keep()
         drawn = {name: one for name, one in beginning.drawn.items() if hasattr(one, "key")}
         self._beginning = replace(beginning, drawn=drawn)
-        key = self._key(self._beginning)
-        names = tuple(term.name for term in self.env.reward_terms)
+        key, names = self._key(self._beginning), tuple(term.name for term in self.env.reward_terms)
         self.course = Course(None, names) if key is None else kept_course(key, names)
 
     def keep(self) -> None:
         """Keep what was recorded in this episode for other processes."""
         if self._beginning is not None:
-            store_course(self.course)
+            self.course.save()
 
     def adjust(self, reward: float, terms: dict[str, float], step: int, _: float) -> tuple[float, dict[str, float]]:
         """Take off what the controller alone earns in the same step."""

@@ -44,11 +44,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.turbines.model import PitchSystem, Tower
 
-__all__ = [
-    "CHOICES", "HELD_BACK", "PRESETS", "RANGES", "STRUCTURAL", "TRAIN", "DrawnVariation", "Plants", "Variation",
-    "VariationTerm", "check_variation",
-]  # fmt: skip
-
 NO_SENSOR = ""
 """Among the sensors that may be dead: none is."""
 STRUCTURAL = ("tower_frequency", "tower_damping", "blade_stiffness", "air_density", "drive_lag", "pitch_rate")

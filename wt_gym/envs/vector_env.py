@@ -25,8 +25,6 @@ from wt_gym.envs.turbine_env import WindTurbineEnv
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-__all__ = ["WindTurbineVectorEnv"]
-
 
 class Outcome(NamedTuple):
     """Result of a step of one turbine."""
@@ -91,7 +89,6 @@ class WindTurbineVectorEnv(PlainSpec, gym.vector.VectorEnv):
         self.layout = first.layout
         self.observation_names, self.observation_units = first.observation_names, first.observation_units
         self.action_names, self.action_units = first.action_names, first.action_units
-
         self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = first.observation_space, first.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -103,7 +100,6 @@ class WindTurbineVectorEnv(PlainSpec, gym.vector.VectorEnv):
         self._over = np.ones(num_envs, dtype=np.bool_)  # episodes that have ended or not begun
         self._begun = False
         self._no_reward = np.zeros(first.reward_space.shape, np.float32) if hasattr(first, "reward_space") else 0.0
-
         self._threads = min(threads or _processors(), num_envs)
         self._pool = self._make_pool()
 
@@ -252,11 +248,9 @@ class WindTurbineVectorEnv(PlainSpec, gym.vector.VectorEnv):
         options = dict(options or {})
         given = options.pop("reset_mask", None)
         mask = np.ones(self.num_envs, dtype=np.bool_) if given is None else np.asarray(given)
-
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
             raise ValueError(f"reset_mask must be {self.num_envs} bools, one of them true at least, got {mask!r}")
         chosen = np.flatnonzero(mask)
-
         infos: dict[str, Any] = {}
         for k, (observation, info) in zip(chosen, self.reset_each(seeds, options, chosen), strict=True):
             self._observations[k] = observation
@@ -264,7 +258,7 @@ class WindTurbineVectorEnv(PlainSpec, gym.vector.VectorEnv):
         return self._observations.copy(), infos
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Advance every turbine by a control step.
+        """Advance every turbine by a control step; an action that is refused moves none.
 
         Parameters
         ----------
@@ -281,7 +275,7 @@ class WindTurbineVectorEnv(PlainSpec, gym.vector.VectorEnv):
         Raises
         ------
         wt_gym.base.errors.ActionError
-            If an action is refused; no turbine has moved.
+            If an action is refused.
         gymnasium.error.ResetNeeded
             If an episode has ended that nothing resets.
         """

@@ -41,12 +41,6 @@ from wt_gym.wind.turbulent import speed_path
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "EVALUATION_WIND_SEEDS", "FASTEST_WIND", "GUSTS", "KINDS", "LARGEST_WIND_SEED", "SLOWEST_TURBULENCE",
-    "SUFFIXES", "TRAINING_WIND_SEEDS", "TRANSIENTS", "TURBULENCE", "EpisodeWind", "WindOptions", "WindSampler",
-    "is_wind_file",
-]  # fmt: skip
-
 TRAINING_WIND_SEEDS = tuple(range(1, 25))
 """Wind seeds from which training episodes draw by default."""
 
@@ -92,7 +86,6 @@ def own_winds(given: Any) -> tuple[Any, ...]:
     alone = isinstance(given, str | Mapping) or not isinstance(given, Iterable)
     several: tuple[Any, ...] = (given,) if alone else tuple(given)
     wrong = [one for one in several if not (isinstance(one, Inflow | Mapping) or is_wind_file(one))]
-
     if wrong or not several:
         refused = wrong[0] if len(wrong) == 1 else wrong or given
         raise InflowError(f"inflow must be one of {_ALLOWED}, got {shown(refused)}{did_you_mean(refused, KINDS)}")
@@ -348,9 +341,10 @@ def _state(key: str) -> tuple[tuple[int, int] | None, ...]:
 @lru_cache(maxsize=1024)
 def _found(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> WindFile:
     wind = _wind(key, state, size)
-    record, is_series = (wind, True) if isinstance(wind, SeriesInflow) else (wind.box, False)
-    periodic = not is_series and wind.box.periodic
-    return WindFile(key, size, wind.mean_speed, wind.hub_height, wind.description, record.duration, periodic, is_series)
+    of_all = key, size, wind.mean_speed, wind.hub_height, wind.description
+    if isinstance(wind, SeriesInflow):
+        return WindFile(*of_all, wind.duration, periodic=False, is_series=True)
+    return WindFile(*of_all, wind.box.duration, wind.box.periodic, is_series=False)
 
 
 @lru_cache(maxsize=8)  # a file of ten minutes takes some ten to a hundred megabytes
@@ -419,20 +413,18 @@ class WindSampler:
 
     def __init__(self, turbine: Turbine, options: WindOptions):
         self._turbine, self._options = turbine, options
-        self._kind: str | Callable[..., Inflow] | tuple[Inflow | WindFile, ...]
         kind: Any = options.inflow
-        self._kind = kind if options.made_here or callable(kind) else self._own_inflows(kind)
-        self._directions, self._wander, self._swing = as_pair(options.direction), options.wander, options.swing
+        self._kind: str | Callable[..., Inflow] | tuple[Inflow | WindFile, ...] = (
+            kind if options.made_here or callable(kind) else self._own_inflows(kind)
+        )
+        self._directions = as_pair(options.direction)
         exponent = NORMAL_SHEAR if options.shear_exponent is None else options.shear_exponent
         roughness = options.roughness_length
         self._profile = {"shear_exponent": exponent} if roughness is None else {"roughness_length": roughness}
-
         self._to_hub = self._share_at_hub(options.reference_height)
         self._class = self._box_class = options.turbulence_class or turbine.turbulence_class
-        self._pool = options.seeds
         self._gusts = tuple(form for name in GUSTS if name in options.gusts for form in _FORMS[name])
         self.turbulent = options.turbulent
-        self._whose = options.turbulence
         self._model = "ETM" if isinstance(kind, str) and kind == "gusts" else options.turbulence_model
         self.parks = options.extreme
         self.speeds: tuple[float, float]
@@ -453,7 +445,7 @@ class WindSampler:
             means = [inflow.mean_speed for inflow in self._kind]
             self.speeds = (min(means), max(means))
         self.seeds: tuple[int, ...] | None
-        self.seeds = (self._pool if self.turbulent else ()) if isinstance(self._kind, str) else None
+        self.seeds = (self._options.seeds if self.turbulent else ()) if isinstance(self._kind, str) else None
 
     @property
     def label(self) -> str:
@@ -483,7 +475,7 @@ class WindSampler:
     @property
     def _turns(self) -> bool:
         """A direction is drawn."""
-        return self._wander is not None or self._directions[0] != self._directions[1]
+        return self._options.wander is not None or self._directions[0] != self._directions[1]
 
     @property
     def _all_files(self) -> bool:
@@ -531,7 +523,7 @@ class WindSampler:
             If a fixed value is not allowed, or belongs to a wind that has none.
         """
         # Always three draws, so that fixing one of them leaves the others as they were.
-        drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self.speeds), rng.choice(self._pool), rng.random()
+        drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self.speeds), rng.choice(self._options.seeds), rng.random()
         self._refuse_useless(wind_speed, wind_seed, time_offset)
         if not isinstance(self._kind, str):
             if callable(self._kind):
@@ -544,7 +536,6 @@ class WindSampler:
         if gust is not None or not self.turbulent:
             return self._turned(EpisodeWind(gust or self._steady(speed), speed, -1, 0.0), rng, heading)
         seed = int(drawn_seed if wind_seed is None else wind_seed)
-
         if self._kind == "path":
             if time_offset is None:
                 time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * PATH_BOX[1]
@@ -577,7 +568,7 @@ class WindSampler:
     @property
     def turbulence_key(self) -> tuple[Any, ...]:
         """Properties of `turbulence` beside turbine, speed and seed."""
-        return self._class, self._model, self._whose, sorted(self._profile.items())
+        return self._class, self._model, self._options.turbulence, sorted(self._profile.items())
 
     def given(self, inflow: Any, **options: Any) -> EpisodeWind:
         """Take a wind from outside, a file from its beginning, in place of one of its own.
@@ -614,7 +605,7 @@ class WindSampler:
     ) -> EpisodeWind:
         """Turbulence along a path from a speed on."""
         steps = _LONGEST_PATH if length is None else length
-        times, speeds = speed_path(rng, *self.speeds, self._swing, steps, start=speed)
+        times, speeds = speed_path(rng, *self.speeds, self._options.swing, steps, start=speed)
         made_at, duration = PATH_BOX
         box = self._make_box(made_at, seed, duration=duration)
         slow = np.maximum(speeds, _SLOWEST_NTM)
@@ -636,13 +627,13 @@ class WindSampler:
 
     def _turned(self, wind: EpisodeWind, rng: np.random.Generator, heading: float = 0.0) -> EpisodeWind:
         """Give the wind its direction, against a heading [rad]."""
-        if self._directions == (0.0, 0.0) and self._wander is None:
+        if self._directions == (0.0, 0.0) and self._options.wander is None:
             return wind if heading == 0.0 else replace(wind, inflow=TurningInflow.by(wind.inflow, heading))
         start = heading + float(rng.uniform(*self._directions))
-        if self._wander is None:
+        if self._options.wander is None:
             turned = TurningInflow.by(wind.inflow, start)
         else:
-            deviation, time_constant = self._wander
+            deviation, time_constant = self._options.wander
             turned = TurningInflow.wandering(wind.inflow, start, deviation, time_constant, WANDERING, rng)
         return replace(wind, inflow=turned)
 
@@ -680,7 +671,10 @@ class WindSampler:
 
     def _make_box(self, made_at: float, seed: int, duration: float = 600.0) -> TurbulenceBox:
         """Turbulence as it is synthesized at a speed."""
-        turbine, make = self._turbine, TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
+        turbine, make = (
+            self._turbine,
+            TurbulenceBox.mann if self._options.turbulence == "mann" else TurbulenceBox.kaimal,
+        )
         return make(made_at, turbine.hub_height, turbine.rotor_diameter, self._box_class, seed=seed, duration=duration)
 
     def _checked_speed(self, speed: Any) -> float:

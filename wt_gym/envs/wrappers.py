@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
-__all__ = ["SafetyFilter", "VectorReward"]
-
 PROTECTION = "protection"
 """Objective of the terms that no factor of a dial is for, and of the penalty for an early end."""
 _END = "termination"
@@ -54,11 +52,6 @@ class VectorReward(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         episode as -1. A mapping: names of objectives to those of their terms; others, and the penalty for an early end,
         are `PROTECTION`.
 
-    Attributes
-    ----------
-    objectives : tuple of str
-        Names of the components.
-
     Raises
     ------
     ValueError
@@ -79,7 +72,7 @@ class VectorReward(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         else:
             kinds = self._kinds(objectives)
         self._index = {term: k for k, terms in enumerate(kinds.values()) for term in terms}
-        self.objectives = tuple(kinds)
+        self.objectives = tuple(kinds)  # names of the components
         inner = cast(Any, plain)
         inner.reward_space = spaces.Box(-np.inf, np.inf, (len(kinds),), np.float32)
         inner.reward_dim = len(kinds)
