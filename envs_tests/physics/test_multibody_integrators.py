@@ -27,13 +27,20 @@ from wt_gym.multibody.integrators.schemes import (
     make_integrator,
     method_of,
 )
-from wt_gym.multibody.integrators.stability import predicted_growth
+from wt_gym.multibody.integrators.stability import hamming_matrix, predicted_growth
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.simulation import Fidelity
 from wt_gym.structure.flexible_body import FlexibleBody
 
 IMPLICIT = [("newmark", {}), ("generalized_alpha", {"rho_inf": 0.8}), ("generalized_alpha", {"rho_inf": 0.0})]
 EVERY = [("hamming", {}), *IMPLICIT]
+
+
+def test_hamming_matches_its_formulas():
+    """The compiled step has the roots of the written scheme with f evaluated again at the final state."""
+    for h in (0.3, 0.9):
+        expected = spectral_radius(hamming_matrix(1j * h, 3))
+        assert spectral_radius(amplification(make_integrator("hamming", oscillator(), h), h)) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("n_corrections", [0, 3])

@@ -438,7 +438,7 @@ class Options:
     """Name of the record in messages; argument of the environment that takes it."""
     objects: ClassVar[dict[str, type]] = {}
     """Classes whose objects have a form in JSON, their arguments, by the fields that take them."""
-    error: ClassVar[type[ValueError]] = ValueError
+    error: ClassVar[type[Exception]] = ValueError
     """Class of the errors about values."""
     prefix: ClassVar[str] = ""
     """Beginning of the flat names of fields that have none of their own."""
