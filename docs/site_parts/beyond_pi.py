@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import fault_study
 import numpy as np
 from dial_front import covered
 from study_pages import DATA, read_json
 from task_scores import STORM_CONTROLLER, half_width
-
-from wt_gym.experiment.benchmark_tasks import load_task
 
 _SUPERVISED = "discon+supervisor:averaging=60"
 _ROSCO_MODES = tuple(f"discon+derate_{mode}" for mode in ("torque", "speed", "pitch"))
@@ -76,18 +75,10 @@ def _dial():
 
 def _faults():
     """In how many faults the gain is kept."""
-    runs = read_json(DATA / "fault_study.json")["runs"]
-    task = load_task("load-reduction-15")
-    found = {(run["condition"], run["agent"], run["wind"]): run["metrics"] for run in runs}
-
-    def gain(agent, condition):
-        winds = {wind for of, _, wind in found if of == condition}
-        return np.mean([task.improvement(found[condition, agent, w], found[condition, "discon", w]) for w in winds])
-
-    faults = sorted({run["condition"] for run in runs} - {"nominal"})
-
-    def kept(agent):
-        return sum(gain(agent, fault) >= _KEPT * gain(agent, "nominal") for fault in faults)
-
-    first, second = kept("linear_optimal"), kept("linear_optimal+fault_supervisor")
+    gain = fault_study.gains(read_json(fault_study.RECORD))
+    faults = {condition for condition, _ in gain} - {"nominal"}
+    first, second = (
+        sum(gain[fault, agent] >= _KEPT * gain["nominal", agent] for fault in faults)
+        for agent in ("linear_optimal", "linear_optimal+fault_supervisor")
+    )
     return f"at least {_KEPT:.0%} of the gain in {second} of {len(faults)} faults; without the supervisor in {first}"

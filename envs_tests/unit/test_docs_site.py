@@ -85,7 +85,9 @@ class TestSite:
             html = (site / "reference" / "api" / f"{page.stem}.html").read_text(encoding="utf-8")
             modules = re.findall(r"automodule:: (\S+)", page.read_text(encoding="utf-8"))
             for module in set(modules):
-                names = import_module(module).__all__
+                public = import_module(module)
+                made = [name for name, value in vars(public).items() if getattr(value, "__module__", "") == module]
+                names = getattr(public, "__all__", [name for name in made if name[0] != "_"])
                 constants = re.findall(r'<span class="pre">(\w+)</span>', html)
                 assert not [n for n in names if f'id="{module}.{n}"' not in html and n not in constants], module
 

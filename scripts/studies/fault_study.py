@@ -60,25 +60,30 @@ def run(folder: Path, names: list[str]) -> None:
     write_text_whole(RECORD, with_runs(record) + "\n")
 
 
+def gains(record: dict) -> dict[tuple[str, str], float | None]:
+    """Mean gain by condition and agent, over the reference in the same winds; None where a run ended early."""
+    improvement, runs = load_task(COST_TASK).improvement, {}
+    for row in record["runs"]:
+        runs.setdefault((row["condition"], row["agent"]), {})[row["wind"]] = row["metrics"]
+    found = {}
+    for (condition, agent), mine in runs.items():
+        pairs = [(metrics, runs[condition, REFERENCE][wind]) for wind, metrics in mine.items()]
+        complete = all(own and base for own, base in pairs)
+        found[condition, agent] = float(np.mean([improvement(*pair) for pair in pairs])) if complete else None
+    return found
+
+
 def table(record: dict) -> str:
     """Markdown of the record."""
-    improvement = load_task(COST_TASK).improvement
     by = {(row["condition"], row["agent"], row["wind"]): row for row in record["runs"]}
-    winds = list(dict.fromkeys(row["wind"] for row in record["runs"]))
+    winds, gain = list(dict.fromkeys(row["wind"] for row in record["runs"])), gains(record)
     others = [agent for agent in AGENTS if agent != REFERENCE]
 
-    def pairs(condition: str, agent: str, base: tuple[str, str]) -> list[tuple[dict, dict]]:
-        """Metrics of an agent and a base in the winds that both came through."""
-        both = [(by[condition, agent, wind]["metrics"], by[(*base, wind)]["metrics"]) for wind in winds]
-        return [(mine, theirs) for mine, theirs in both if mine and theirs]
-
     def change(condition: str, agent: str, base: tuple[str, str]) -> str:
-        values = [relative_change(mine[FLAP], theirs[FLAP]) for mine, theirs in pairs(condition, agent, base)]
+        """Mean change of the flap DEL over the winds that both came through."""
+        pairs = [(by[condition, agent, wind]["metrics"], by[(*base, wind)]["metrics"]) for wind in winds]
+        values = [relative_change(mine[FLAP], theirs[FLAP]) for mine, theirs in pairs if mine and theirs]
         return percent(np.mean(values), 0) if values else "–"
-
-    def gain(condition: str, agent: str) -> float | None:
-        values = [improvement(mine, theirs) for mine, theirs in pairs(condition, agent, (condition, REFERENCE))]
-        return float(np.mean(values)) if len(values) == len(winds) else None
 
     rows = []
     for condition in dict.fromkeys(row["condition"] for row in record["runs"]):
@@ -89,7 +94,7 @@ def table(record: dict) -> str:
             text = (CONDITIONS | FAULT_CONDITIONS)[condition].text
             cells = [text, change(condition, REFERENCE, (NOMINAL, REFERENCE))]
         for agent in others:
-            own, nominal = gain(condition, agent), gain(NOMINAL, agent)
+            own, nominal = gain[condition, agent], gain[NOMINAL, agent]
             ended = sum(by[condition, agent, wind]["ending"] != "time" for wind in winds)
             cells += [
                 f"{ended} of {len(winds)} ended" if own is None else percent(own, 1),
